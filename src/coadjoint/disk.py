@@ -1,4 +1,4 @@
-"""Files and folders on the disk: a file is there whole or not at all, and forced to the disk before it counts.
+"""Durable and atomic files and folders: a file is complete or absent, and is synced to disk before it counts.
 
 All that stored runs and folders of results write goes through the operations here, in the order in which they are
 called. `before` is called before each of them.
@@ -9,9 +9,12 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from coadjoint.errors import FileError
 
 PARTIAL = ".partial"
 """How the hidden name of something ends that is being written or removed; whoever holds the folder may remove it."""
@@ -104,3 +107,31 @@ def _remove_all(path: Path) -> None:
     elif path.exists() or path.is_symlink():
         before("remove", path)
         path.unlink()
+
+
+@contextmanager
+def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary neighbour to write to, which takes the name `path` when the block ends well and is gone if not.
+
+    Raises FileError where the folder does not exist or cannot be written to.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise FileError(f"The folder {target.parent} does not exist: make it first.")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"The file {target} could not be written: {error.strerror or error}.") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> Path:
+    """Write `text` as UTF-8, whole or not at all; raises FileError."""
+    with atomic_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(path)

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from coadjoint.cli import comparing, identify, importing, stability, stored, terminal, viewing
+from coadjoint.cli import comparing, identify, importing, results_folder, stability, terminal, viewing
 from coadjoint.cli.commands import Vehicles
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.report.comparison import Comparison
@@ -54,7 +54,7 @@ def test_a_folder_of_several_runs_is_not_one_run():
 
 def test_two_runs_are_compared_in_the_order_in_which_they_are_given(monkeypatch, capsys):
     datasets = {Path("one"): "first", Path("two"): "second"}
-    monkeypatch.setattr(stored, "recordings", lambda source: {"run": SimpleNamespace(dataset=datasets[source])})
+    monkeypatch.setattr(results_folder, "recordings", lambda source: {"run": SimpleNamespace(dataset=datasets[source])})
 
     def compare(first, second, names):
         assert (first, second, names) == ("first", "second", ("one", "two"))
@@ -223,29 +223,29 @@ def test_a_folder_without_trajectories_says_what_it_holds(tmp_path, files, says)
     for name in files:
         (tmp_path / name).touch()
     with pytest.raises(FileError, match=says):
-        stored.recordings(tmp_path)
+        results_folder.recordings(tmp_path)
     with pytest.raises(FileError, match=says):
-        stored.cards(tmp_path)
+        results_folder.cards(tmp_path)
 
 
 def test_a_run_that_failed_at_its_first_step_says_why(tmp_path):
     (tmp_path / SUMMARY).write_text(json.dumps({"failure": "Newton did not converge.", "card": "a card"}))
     with pytest.raises(FileError, match=r"has no good step.*: Newton did not converge\.$"):
-        stored.recordings(tmp_path)
-    assert stored.cards(tmp_path) == ["a card", "Newton did not converge."]
+        results_folder.recordings(tmp_path)
+    assert results_folder.cards(tmp_path) == ["a card", "Newton did not converge."]
     (tmp_path / SUMMARY).write_text(json.dumps({"card": "a card"}))
-    assert stored.cards(tmp_path) == ["a card"]
+    assert results_folder.cards(tmp_path) == ["a card"]
 
 
 @pytest.mark.parametrize("text", ["[1]", '"a"', "3"])
 def test_a_summary_that_is_no_table_was_not_written_here(tmp_path, text):
     (tmp_path / SUMMARY).write_text(text)
     with pytest.raises(FileError, match="was not written by coadjoint"):
-        stored.summary(tmp_path)
+        results_folder.summary(tmp_path)
 
 
 def test_the_figures_of_a_run_are_those_that_its_file_lists(tmp_path):
-    assert stored.figures_asked(tmp_path) is None
+    assert results_folder.figures_asked(tmp_path) is None
     for text, asked in (
         ('[output]\nfigures = ["energy"]', ["energy"]),
         ("[output]\nfigures = []", None),
@@ -253,7 +253,7 @@ def test_the_figures_of_a_run_are_those_that_its_file_lists(tmp_path):
         ('output = "a"', None),
     ):
         (tmp_path / RUN_FILE).write_text(text)
-        assert stored.figures_asked(tmp_path) == asked
+        assert results_folder.figures_asked(tmp_path) == asked
 
 
 def test_columns_are_as_wide_as_their_widest_cell_and_heads_may_be_left_out(capsys):

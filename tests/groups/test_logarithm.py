@@ -10,7 +10,7 @@ import scipy.linalg
 
 import coadjoint as co
 from coadjoint.errors import GroupError
-from coadjoint.groups.matrix_logarithm import logarithm
+from coadjoint.groups.matrix_functions import logarithm
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, generator
 

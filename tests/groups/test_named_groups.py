@@ -10,7 +10,7 @@ import scipy.linalg
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, GroupError
-from coadjoint.groups.matrix_exponential import REACH, exponential, exponential_minus_one
+from coadjoint.groups.matrix_functions import REACH, exponential, exponential_minus_one
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import element, generator
 

@@ -17,7 +17,7 @@ from coadjoint.identification.channels import Channels
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.fitting import lost
 from coadjoint.identification.least_squares import Solution
-from coadjoint.identification.setting import setting
+from coadjoint.identification.problem import setting
 from coadjoint.identification.unknowns import unknowns
 
 TRUTH = {"lag": 0.25, "rate": 3.0, "drag": 0.4}

@@ -17,7 +17,7 @@ from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
-from coadjoint.identification.setting import setting
+from coadjoint.identification.problem import setting
 from coadjoint.identification.unknowns import unknowns
 from coadjoint.vehicles.logs import write_log
 

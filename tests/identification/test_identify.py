@@ -17,7 +17,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError, CoadjointError, LagrangianError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
-from coadjoint.identification.setting import setting
+from coadjoint.identification.problem import setting
 from coadjoint.identification.unknowns import unknowns
 
 SYSTEM: Any = torpedo()

@@ -17,6 +17,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
+from coadjoint.identification.problem import setting
 from coadjoint.identification.process_noise import (
     Knots,
     Wander,
@@ -27,8 +28,8 @@ from coadjoint.identification.process_noise import (
     prediction_errors,
     wander_errors,
 )
-from coadjoint.identification.process_noise_model import _units, wandering, without
-from coadjoint.identification.setting import setting
+from coadjoint.identification.process_noise_estimate import _units
+from coadjoint.identification.process_noise_model import wandering, without
 from coadjoint.identification.unknowns import unknowns
 
 KNOTS = Knots(("a", "b"), np.array([0, 1]), np.array([0, 1]), 0.5, 12)

@@ -15,8 +15,8 @@ from coadjoint.groups import attitude
 from coadjoint.identification import Log, identify, rotations, synthetic_log
 from coadjoint.identification.channels import ATTITUDE, VEHICLE, Channels
 from coadjoint.identification.fit import Fit
+from coadjoint.identification.problem import setting
 from coadjoint.identification.sensor_model import sensing
-from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
 
 SYSTEM: Any = torpedo()

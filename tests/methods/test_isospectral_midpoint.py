@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, GroupError, LagrangianError
-from coadjoint.groups import matrix_coordinates
+from coadjoint.groups import matrix_elements
 from coadjoint.kernels.newton.fixed_point import AGEING, FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.methods import isospectral_midpoint
@@ -135,7 +135,7 @@ def test_a_step_from_unknowns_that_are_off_turns_the_momentum_by_g(large, monkey
 @pytest.mark.long
 def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
     """On U(8), with a basis out of reach."""
-    monkeypatch.setattr(matrix_coordinates, "LARGEST_BASIS", 0)
+    monkeypatch.setattr(matrix_elements, "LARGEST_BASIS", 0)
     system, start = system_on(co.Un(8), quantities={"enstrophy": lambda state: state.mu @ state.mu})
     method = co.IsospectralMidpoint()
     run = co.simulate(system, start, dt=H, steps=20, method=method)

@@ -17,7 +17,7 @@ from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.scene import Body, Member, Scene, plain, quaternions
-from coadjoint.plotting.staged import scene
+from coadjoint.plotting.scene_of_runs import scene
 from coadjoint.simulation.recording import SavedRun
 from made_runs import VEHICLE, dataset
 

@@ -13,8 +13,8 @@ from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
 from coadjoint.plotting.plots import Plots
-from coadjoint.plotting.reported import svgs
-from coadjoint.plotting.staged import scene
+from coadjoint.plotting.report_figures import svgs
+from coadjoint.plotting.scene_of_runs import scene
 from coadjoint.report.numbers import Sourced
 from coadjoint.report.page import Contents
 from coadjoint.report.page import page as report

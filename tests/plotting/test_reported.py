@@ -6,7 +6,7 @@ import pytest
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.plots import figure_names
-from coadjoint.plotting.reported import caption, chosen, svgs
+from coadjoint.plotting.report_figures import caption, chosen, svgs
 from made_runs import VEHICLE, dataset
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from coadjoint.errors import FileError
 from coadjoint.manifest import MANIFEST, Manifest
-from coadjoint.report.beside import keep_beside
+from coadjoint.report.companion_files import keep_beside
 from coadjoint.report.folder import INPUTS, RUN_FILE, SUMMARY, UNFINISHED, claimed, kept_inputs, require_free
 
 RUN = "[run]\ndt = 0.01\n"

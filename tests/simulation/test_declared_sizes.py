@@ -295,7 +295,7 @@ def test_files_that_are_too_large_for_their_kind_are_refused(tmp_path):
     for file, size in ((mesh, 33_000_000), (folder / "manifest.json", 1 << 27), (folder / "summary.json", 1 << 27)):
         with file.open("wb") as opened:
             opened.truncate(size)  # of holes, which take no room on the disk
-    from coadjoint.cli.stored import summary
+    from coadjoint.cli.results_folder import summary
     from coadjoint.manifest import Manifest
 
     for reading in (lambda: read_mesh(mesh), lambda: Manifest.read(folder), lambda: summary(folder)):

@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import LagrangianError, StepError
-from coadjoint.mechanics.version import version
+from coadjoint.mechanics.identity import version
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ GROUPS: dict[str, tuple[Any, Any]] = {
 MIDPOINT = "methods/test_isospectral_midpoint.py::"
 FIELDS = "methods/test_isospectral_fields.py::"
 BLOCKS = FIELDS + "test_a_step_is_that_of_block_matrices"
-COORDINATES = "groups/test_matrix_coordinates.py::test_without_a_basis_the_axioms_hold"
+COORDINATES = "groups/test_matrix_elements.py::test_without_a_basis_the_axioms_hold"
 STEP = co.IsospectralMidpoint(carry_g=False)
 
 

@@ -10,7 +10,7 @@ from scipy.special import ellipj
 
 import coadjoint as co
 from coadjoint.models import catalogue
-from coadjoint.models.integrable import INTEGRABLE
+from coadjoint.models.catalogue_entries import INTEGRABLE
 
 METHODS = [co.LeftRectangle(co.Exponential()), co.Midpoint(co.Cayley()), co.Trapezoidal(co.Cayley())]
 

@@ -12,9 +12,9 @@ from coadjoint.errors import StepError
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import version
 from coadjoint.methods import Galerkin, LeftRight, Method, Suzuki4
 from coadjoint.methods.program import Constants, StepProgram
 

@@ -123,7 +123,7 @@ class Plot:
     """Print the files as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.stored import figures_asked, recordings
+        from coadjoint.cli.results_folder import figures_asked, recordings
         from coadjoint.plotting.plots import save_figures
         from coadjoint.report.folder import make
 
@@ -148,7 +148,7 @@ class Info:
     """Print the summary as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.stored import cards, summary
+        from coadjoint.cli.results_folder import cards, summary
 
         if self.json:
             terminal.json(summary(self.source))

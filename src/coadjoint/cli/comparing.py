@@ -29,9 +29,9 @@ class Compare:
     """Print the comparison as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.stored import recordings
+        from coadjoint.cli.results_folder import recordings
+        from coadjoint.disk import write_text
         from coadjoint.plotting.plots import save_figures
-        from coadjoint.plotting.whole_file import write_text
         from coadjoint.report.comparison import compare
         from coadjoint.report.folder import make
         from coadjoint.report.summary import to_json

@@ -35,7 +35,7 @@ class Import:
     """Print the report as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.plotting.whole_file import write_text
+        from coadjoint.disk import write_text
         from coadjoint.report.summary import to_json
         from coadjoint.vehicles.importing import import_vehicle
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import platform
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib import metadata
 from typing import Annotated
 
 import tyro
 
+import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
@@ -17,10 +20,9 @@ from coadjoint.cli.importing import Import
 from coadjoint.cli.reporting import Report
 from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
-from coadjoint.cli.stopping import status, stoppable, word
 from coadjoint.cli.sweeping import Sweep
+from coadjoint.cli.termination import status, stoppable, word
 from coadjoint.cli.verifying import Verify
-from coadjoint.cli.versions import unexpected, versions
 from coadjoint.cli.viewing import View
 from coadjoint.errors import CoadjointError, StepError, printable
 from coadjoint.interrupts import deferred_interrupts
@@ -123,3 +125,24 @@ def run() -> None:
 
 if __name__ == "__main__":
     run()
+
+
+NAMED = {"jax": "JAX", "llvmlite": "llvmlite", "numpy": "NumPy"}
+
+
+def versions() -> str:
+    """`coadjoint 0.1.0 with Python 3.11.7, JAX 0.10.2, llvmlite 0.50.0, NumPy 2.4.6`."""
+    packages = ", ".join(f"{name} {metadata.version(package)}" for package, name in NAMED.items())
+    return f"coadjoint {coadjoint.__version__} with Python {platform.python_version()}, {packages}"
+
+
+def unexpected(error: Exception) -> str:
+    """What is said of an error that nobody foresaw: what it is, with which versions, and what to report."""
+    first = (str(error).strip().split("\n") or [""])[0]
+    what = f"{type(error).__name__}: {first}" if first else type(error).__name__
+    return (
+        f"coadjoint met an error that it did not expect, {what}\n"
+        f"This is {versions()}.\n"
+        "Please report it: these lines, the command, the file that it was given, and what it prints with "
+        "COADJOINT_TRACEBACK=1 set, which tells where."
+    )

@@ -30,8 +30,8 @@ class Report:
     """Print the file's name as JSON, and nothing else."""
 
     def __call__(self) -> int:
+        from coadjoint.disk import write_text
         from coadjoint.errors import ArgumentError
-        from coadjoint.plotting.whole_file import write_text
         from coadjoint.report.folder import make
         from coadjoint.report.page import page
 
@@ -47,14 +47,14 @@ class Report:
 
 def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Contents:
     """What the report of a folder says; raises FileError and ArgumentError."""
-    from coadjoint.cli import stored
+    from coadjoint.cli import results_folder
     from coadjoint.report.folder import RUN_FILE, SUMMARY
     from coadjoint.report.numbers import numbers
     from coadjoint.report.page import Contents
     from coadjoint.texts import text_of
 
-    runs = stored.recordings(folder)
-    summary = stored.summary(folder) if (folder / SUMMARY).exists() else {}
+    runs = results_folder.recordings(folder)
+    summary = results_folder.summary(folder) if (folder / SUMMARY).exists() else {}
     settings = text_of(folder / RUN_FILE) if (folder / RUN_FILE).exists() else ""
     files, state = _files(folder)
     return Contents(
@@ -91,14 +91,14 @@ def _command(folder: Path, summary: dict[str, Any]) -> str:
 
 def _listed(folder: Path) -> tuple[str, ...]:
     """The figures that the run file lists, without films, which no page of pictures shows."""
-    from coadjoint.cli import stored
+    from coadjoint.cli import results_folder
     from coadjoint.plotting.plots import figure_names
 
-    return tuple(name for name in stored.figures_asked(folder) or () if name in figure_names(films=False))
+    return tuple(name for name in results_folder.figures_asked(folder) or () if name in figure_names(films=False))
 
 
 def _drawn(runs: dict[str, Any], wanted: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    from coadjoint.plotting.reported import svgs
+    from coadjoint.plotting.report_figures import svgs
 
     labels = list(runs) if len(runs) > 1 else None
     return svgs([run.dataset for run in runs.values()], wanted, labels)
@@ -121,7 +121,7 @@ def _files(folder: Path) -> tuple[list[tuple[str, int, str]], str]:
 def _player(runs: dict[str, Any]) -> str:
     from coadjoint.plotting.entries import entries
     from coadjoint.plotting.player import Player
-    from coadjoint.plotting.staged import scene
+    from coadjoint.plotting.scene_of_runs import scene
 
     labels = list(runs) if len(runs) > 1 else None
     return Player(scene(entries(list(runs.values()), labels)))._repr_html_()

@@ -6,7 +6,7 @@ import signal
 import sys
 from contextlib import suppress
 
-from coadjoint.cli.stopping import status, stoppable, word
+from coadjoint.cli.termination import status, stoppable, word
 
 
 def run() -> int:

@@ -39,12 +39,12 @@ class View:
     """Print the file's name as JSON, and nothing else; nothing is opened."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.stored import recordings
+        from coadjoint.cli.results_folder import recordings
+        from coadjoint.disk import write_text
         from coadjoint.errors import ArgumentError
         from coadjoint.plotting.entries import entries
         from coadjoint.plotting.player import page
-        from coadjoint.plotting.staged import scene
-        from coadjoint.plotting.whole_file import write_text
+        from coadjoint.plotting.scene_of_runs import scene
         from coadjoint.report.folder import make
 
         if not self.sources:

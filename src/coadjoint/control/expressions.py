@@ -9,7 +9,7 @@ from typing import Any
 from coadjoint.control.library import casadi
 from coadjoint.errors import LagrangianError
 from coadjoint.kernels.expressions.expression import Expr, reachable
-from coadjoint.kernels.expressions.tables import Table
+from coadjoint.kernels.expressions.operations import Table
 
 SAME = ("sign", "floor", "ceil", "sqrt", "exp", "log", "log1p", "expm1", "sin", "cos", "tan", "sinh", "cosh", "tanh",
         "asin", "acos", "atan", "asinh", "acosh", "atanh", "atan2", "erf", "lt", "le", "eq", "ne")  # fmt: skip

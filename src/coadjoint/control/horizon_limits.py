@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.control.arrival import Quadratic
+from coadjoint.control.arrival_cost import Quadratic
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import Tables, with_jacobian
 from coadjoint.control.window import HorizonMotion, Window

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.control.arrival import Arrival, Quadratic
-from coadjoint.control.estimable import prior_directions, require_convex, require_estimable
+from coadjoint.control.arrival_cost import Arrival, Quadratic
 from coadjoint.control.horizon_limits import HorizonLimits
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.numbers import number
 from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.requirements import prior_directions, require_convex, require_estimable
 from coadjoint.control.resolution import JudgedMotions
 from coadjoint.control.transcription import transcribe
 from coadjoint.control.window import HorizonMotion, Seen, Window

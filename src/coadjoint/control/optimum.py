@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.control.boundary_conditions import moved_start
-from coadjoint.control.conditions import SolvedProgram
+from coadjoint.control.conditions import SolvedProgram, deviations
 from coadjoint.control.inputs_between import at_end, flown_inputs
 from coadjoint.control.library import casadi
-from coadjoint.control.likelihood import deviations
 from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.transcription import Split, Transcription

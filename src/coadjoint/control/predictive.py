@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.control.controllable import changing_names, require_controllable, steps_of
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.mpc_solution import MpcSolution, Record
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.quadratic import QuadraticSolver, StageLayout
+from coadjoint.control.requirements import changing_names, require_controllable, steps_of
 from coadjoint.control.resolution import JudgedMotions
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import transcribe

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from coadjoint.control.controllable import steps_of
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
 from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.requirements import steps_of
 from coadjoint.control.solve import solve
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State

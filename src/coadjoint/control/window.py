@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.control.arrival import Arrival, Part, Quadratic, cleaned, least_to, require_finite
+from coadjoint.control.arrival_cost import Arrival, Part, Quadratic, cleaned, least_to, require_finite
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import LinearSteps, Steps, Tables, with_hessian, with_jacobian
 from coadjoint.control.tangents import Tangents

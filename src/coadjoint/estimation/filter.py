@@ -17,9 +17,9 @@ from scipy.stats import chi2
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
 from coadjoint.estimation.filtered import Filtered, filtered
+from coadjoint.estimation.history import Past
 from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.numbers import float64, is_number, numbers
-from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample, judged_log, judged_members
 from coadjoint.estimation.timetable import (

@@ -1,4 +1,4 @@
-"""What a filter estimated over a log."""
+"""The estimates of a filter over a log, and the true states to compare them with."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.process import Process
+from coadjoint.estimation.timetable import SAME
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.simulation.run import Run
 
 FAR = 10.0
 """By how many times a mean NIS may differ from what is expected before the printed line says so."""
@@ -134,3 +138,29 @@ def filtered(
         plan.times, rows(plan.rows, count, size), np.sqrt(np.maximum(variances, 0.0)), covariances, nis, process.names,
         process, every, of,
     )  # fmt: skip
+
+
+def states_at(truth: Any, times: np.ndarray, system: System) -> State | None:
+    """The states of `truth`, a run of `co.simulate` or states with an axis of nodes, at `times`, (K,) s; None where it
+    is neither.
+
+    Raises ArgumentError where they are not of the places of `system`, or not of these times.
+    """
+    if isinstance(truth, Run):
+        begin, end = truth.records.t[[0, -1]]
+        if times[0] < begin - SAME or times[-1] > end + SAME:
+            raise ArgumentError(
+                f"Argument `truth` is a run from {begin:g} s to {end:g} s, but the filter has nodes from "
+                f"{times[0]:g} s to {times[-1]:g} s: end both alike."
+            )
+        truth = truth.at(times)
+    if not isinstance(truth, State):
+        return None
+    if truth.places != system.places or np.shape(truth.t) != np.shape(times):
+        raise ArgumentError(
+            f"Argument `truth` must be {len(times)} states of the system of the filter, one for each node, but is "
+            f"{shown(truth)}."
+        )
+    if not np.max(np.abs(truth.t - times)) < SAME:
+        raise ArgumentError("Argument `truth` has states of other times than the nodes: give the run itself.")
+    return truth

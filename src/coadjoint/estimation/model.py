@@ -11,23 +11,23 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, GroupError, StepError, shown
-from coadjoint.estimation.drifting import DriftingParameters
+from coadjoint.estimation.augmented_state import DriftingParameters
 from coadjoint.estimation.drifts import Drift
+from coadjoint.estimation.filtered import states_at
 from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.process import Process, spread
 from coadjoint.estimation.stepping import ModelSteps
-from coadjoint.estimation.truth import states_at
-from coadjoint.groups.measured import logarithms
+from coadjoint.groups.element_statistics import logarithms
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram

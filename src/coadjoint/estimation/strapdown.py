@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.drifting import Drifting
+from coadjoint.estimation.augmented_state import Drifting
 from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative
 from coadjoint.estimation.extended_poses import (
     ExtendedPose,

@@ -3,11 +3,11 @@
 from coadjoint.groups.classical import GLn, SLn, SOn, Sp
 from coadjoint.groups.complex_form import complex_form, real_form
 from coadjoint.groups.direct_product import DirectProduct
+from coadjoint.groups.element_statistics import mean
 from coadjoint.groups.group import LieGroup
 from coadjoint.groups.heisenberg import Heisenberg
 from coadjoint.groups.interpolation import Spline, geodesic
 from coadjoint.groups.matrix_group import MatrixGroup
-from coadjoint.groups.measured import mean
 from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.power import Power
 from coadjoint.groups.quaternions import SU2, UnitQuaternion

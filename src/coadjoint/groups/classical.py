@@ -9,9 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array
-from coadjoint.groups.matrix_coordinates import MatrixCoordinates, require_room, require_size, unit
-from coadjoint.groups.matrix_elements import MatrixElements, singular
-from coadjoint.groups.matrix_logarithm import logarithm
+from coadjoint.groups.matrix_elements import (
+    MatrixCoordinates,
+    MatrixElements,
+    require_room,
+    require_size,
+    singular,
+    unit,
+)
+from coadjoint.groups.matrix_functions import logarithm
 
 
 class _Quadratic(MatrixElements):

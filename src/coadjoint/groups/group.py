@@ -15,8 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import GroupError
-from coadjoint.groups.matrix_exponential import exponential
-from coadjoint.groups.matrix_logarithm import logarithm
+from coadjoint.groups.matrix_functions import exponential, logarithm
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 Element = Any

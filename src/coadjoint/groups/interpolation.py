@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups.element_statistics import logarithms, stacked
 from coadjoint.groups.group import Array, Element, LieGroup
-from coadjoint.groups.measured import logarithms, stacked
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 
 _ITERATIONS = 30

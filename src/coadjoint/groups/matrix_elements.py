@@ -1,11 +1,12 @@
-"""What all groups share whose elements are their own matrices."""
+"""Groups whose elements are matrices, and those among them whose coordinates are entries of the matrix."""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.errors import GroupError, shown
+from coadjoint.groups.group import Array, Element, LieGroup
 
 
 class MatrixElements(LieGroup):
@@ -37,3 +38,98 @@ def singular(matrix: Array) -> Array:
     """
     values = jnp.linalg.svd(matrix, compute_uv=False)
     return ~(values[-1] > len(values) * np.finfo(float).eps * values[0])
+
+
+DENSE = 60
+"""The most dimensions with which ad and hat go by the basis: such systems run as native code, which it suits."""
+LARGEST_BASIS = 2**31
+"""The most bytes that a basis may take."""
+
+
+class MatrixCoordinates(LieGroup):
+    """A group of which `hat`, `vee`, Ad, ad and their duals are written with matrices, without a basis.
+
+    Up to DENSE dimensions they are those of the basis all the same. A subclass gives `dim`, `matrix_size`, `_matrices`,
+    the basis, and the closed forms `_hat`, `_vee`, `_Ad`, `_Ad_dual`, `_ad` and `_ad_dual`.
+    """
+
+    @property
+    def dense(self) -> bool:
+        """Whether the group is small enough for a basis."""
+        return self.dim <= DENSE
+
+    @property
+    def basis(self) -> np.ndarray:
+        """The basis, (dim, N, N), built when asked for; raises GroupError where it takes more than 2 GiB."""
+        require_room(self)
+        return self._matrices()
+
+    def basis_sizes(self) -> np.ndarray:
+        return np.ones(self.dim)
+
+    def _matrices(self) -> np.ndarray:
+        raise NotImplementedError
+
+    def _hat(self, xi: Array) -> Array:
+        raise NotImplementedError
+
+    def _vee(self, matrix: Array) -> Array:
+        raise NotImplementedError
+
+    def _Ad(self, g: Element, xi: Array) -> Array:
+        raise NotImplementedError
+
+    def _Ad_dual(self, g: Element, mu: Array) -> Array:
+        raise NotImplementedError
+
+    def _ad(self, xi: Array, eta: Array) -> Array:
+        raise NotImplementedError
+
+    def _ad_dual(self, xi: Array, mu: Array) -> Array:
+        raise NotImplementedError
+
+    def hat(self, xi: Array) -> Array:
+        return super().hat(xi) if self.dense else self._hat(xi)
+
+    def vee(self, matrix: Array) -> Array:
+        return super().vee(matrix) if self.dense else self._vee(matrix)
+
+    def Ad(self, g: Element, xi: Array) -> Array:
+        return super().Ad(g, xi) if self.dense else self._Ad(g, xi)
+
+    def Ad_dual(self, g: Element, mu: Array) -> Array:
+        return super().Ad_dual(g, mu) if self.dense else self._Ad_dual(g, mu)
+
+    def ad(self, xi: Array, eta: Array) -> Array:
+        return super().ad(xi, eta) if self.dense else self._ad(xi, eta)
+
+    def ad_dual(self, xi: Array, mu: Array) -> Array:
+        return super().ad_dual(xi, mu) if self.dense else self._ad_dual(xi, mu)
+
+
+def require_room(group: LieGroup) -> None:
+    """Raise GroupError where the basis of a group would take more than 2 GiB."""
+    size = 8 * group.dim * group.matrix_size**2
+    if size > LARGEST_BASIS:
+        raise GroupError(
+            f"The basis of {group!r} would take {size / 1e9:.3g} GB of memory: use `hat` and `vee` of the group, which "
+            "need none, and co.IsospectralMidpoint() or, where it fits, co.Cayley() as difference map."
+        )
+
+
+def require_size(group: str, size: object, least: int) -> None:
+    """Raise GroupError unless a size is a whole number from `least`."""
+    if not isinstance(size, (int, np.integer)) or isinstance(size, bool) or size < least:
+        raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {shown(size)}.")
+
+
+def unit(size: int, i: int, j: int) -> np.ndarray:
+    """The matrix (size, size) with one entry 1, at (i, j)."""
+    found = np.zeros((size, size))
+    found[i, j] = 1.0
+    return found
+
+
+def diagonal(matrix: Array) -> Array:
+    """The diagonal of a matrix (N, N), by a slice, which transposes to a slice."""
+    return matrix.reshape(-1)[:: matrix.shape[0] + 1]

@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
-from coadjoint.groups.matrix_exponential import exponential_minus_one
+from coadjoint.groups.matrix_functions import exponential_minus_one
 from coadjoint.groups.power import require_one_matrix
 from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, versine_ratio
 from coadjoint.kernels.trace.evaluate import evaluate

@@ -12,8 +12,8 @@ from jax import lax
 
 from coadjoint.groups.complex_form import real_form
 from coadjoint.groups.group import Array
-from coadjoint.groups.matrix_coordinates import MatrixCoordinates, diagonal, require_size
-from coadjoint.groups.matrix_logarithm import logarithm
+from coadjoint.groups.matrix_elements import MatrixCoordinates, diagonal, require_size
+from coadjoint.groups.matrix_functions import logarithm
 
 _HALF = 0.5**0.5
 """√½, a number of Python's, with which single precision stays what it is."""

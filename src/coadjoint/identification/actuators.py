@@ -20,7 +20,7 @@ import numpy as np
 
 from coadjoint.identification.sampling import StepsBetween
 from coadjoint.kernels.packing import layout, rows
-from coadjoint.kernels.run.recursion import NativeRecursion
+from coadjoint.kernels.run.function import NativeRecursion
 from coadjoint.kernels.trace.jaxprs import used_by_each
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import applied

@@ -15,13 +15,13 @@ from coadjoint.identification.arguments import require_arguments, require_named,
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
 from coadjoint.identification.commands import require_commands, require_current
 from coadjoint.identification.fitting import fitted
-from coadjoint.identification.implausible import wild
 from coadjoint.identification.log import Log
+from coadjoint.identification.log_checks import wild
+from coadjoint.identification.problem import setting
 from coadjoint.identification.process_noise_model import wandering
 from coadjoint.identification.result import Identification, judged
 from coadjoint.identification.sampling import Between
 from coadjoint.identification.sensor_model import GROUPS, Attitude, sensing
-from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.state import State

@@ -9,8 +9,8 @@ import numpy as np
 from coadjoint.identification import rotations
 from coadjoint.identification.coloured import neighbours, whitened
 from coadjoint.identification.least_squares import Estimates
+from coadjoint.identification.problem import Setting
 from coadjoint.identification.process_noise import Normal, Wander, likeliest, normal_equations, prediction_errors
-from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.unknowns import Unknown
 

@@ -10,8 +10,8 @@ from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.identification.coloured import LONGEST, SHORTEST, Channel, Neighbours, correlation_time, whitened
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.least_squares import Estimates, Solution, least_squares, reduced, step
+from coadjoint.identification.problem import Setting
 from coadjoint.identification.sampling import FEWEST_STEPS
-from coadjoint.identification.setting import Setting
 from coadjoint.identification.smoothing import noise as rough_noise
 
 ATTEMPTS = 3

@@ -12,8 +12,8 @@ import numpy as np
 from coadjoint.clocks import other_unit
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.identification.channels import POSITION, UNITS, VELOCITY
-from coadjoint.identification.implausible import implausible
 from coadjoint.identification.kinematics import undecided
+from coadjoint.identification.log_checks import implausible
 
 
 @dataclass(frozen=True)

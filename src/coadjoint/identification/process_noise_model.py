@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy import stats
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
 from coadjoint.identification.channels import is_vehicle
-from coadjoint.identification.process_noise import Knots, posterior, wander_errors
 from coadjoint.identification.unknowns import _arrays, _parsed
 from coadjoint.mechanics.copies import replaced
 from coadjoint.mechanics.forces import Forces
@@ -21,34 +19,11 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
 
-if TYPE_CHECKING:
-    from coadjoint.identification.fit import Fit
-    from coadjoint.identification.least_squares import Estimates
-
 NAME = "process_noise"
 """Of the parameter and of the force that a system is given."""
 
 AXES = ("X", "Y", "Z", "K", "M", "N")
 GROUPS = {"force": AXES[:3], "torque": AXES[3:]}
-
-
-class ProcessNoise(NamedTuple):
-    """What wanders: its standard deviation, in the `unit` of what it is, "" where nobody told it, its correlation time,
-    s, and what it was at the times of the log, as the whole log tells; NaN where the log is not fitted.
-
-    `errors`: standard deviations of `values` at the strength that was found. `deviation_interval`,
-    `correlation_time_interval`: (low, high) at the level of the identification, from the curvature of the restricted
-    likelihood by the logarithms; 0 to infinite of what stands at the end of what is sought, as the time of a random
-    walk and the deviation of what does not wander.
-    """
-
-    deviation: float
-    correlation_time: float
-    values: np.ndarray
-    errors: np.ndarray
-    deviation_interval: tuple[float, float]
-    correlation_time_interval: tuple[float, float]
-    unit: str
 
 
 class Moved(NamedTuple):
@@ -103,41 +78,6 @@ def without(system: System) -> System:
     rest = Forces(names, forces.functions[: len(names)]) if names else None
     numbers = {name: value for name, value in parameters.asdict().items() if name != NAME}
     return replaced(system, parameters=Parameters(**numbers), forces=rest)
-
-
-def wandered(fit: Fit, place: Estimates, level: float) -> dict[str, ProcessNoise]:
-    """What each component was, from the knots of all segments, and how sure that is."""
-    knots, wander, samples = fit.shooting.knots, fit.wander, fit.shooting.samples
-    given = fit.normal_equations(place)
-    if knots is None or wander is None or given is None:
-        return {}
-    covariance = posterior(given, knots, wander).covariance
-    errors, half = np.sqrt(np.einsum("sxx->sx", covariance)), stats.norm.isf((1 - level) / 2)
-    strength = wander_errors(given, knots, fit.longest_time, wander)
-    at = np.clip((samples.steps_away * samples.h / knots.spacing + 1e-9).astype(int), 0, knots.count - 1)
-    rows, units, found = samples.rows, _units(fit.shooting.unknowns.system, knots), {}
-    for c, label in enumerate(knots.labels):
-        along = np.full((2, len(fit.log)), np.nan)
-        for row, x in zip(along, (place.own[:, fit.shooting.size :], errors), strict=True):
-            row[rows[rows >= 0]] = x.reshape(len(x), knots.count, -1)[np.arange(len(x))[:, None], at, c][rows >= 0]
-        s, tau = float(wander.deviation[c]), float(wander.time[c])
-        of_s, of_tau = (
-            (float(value * np.exp(-half * error)), float(value * np.exp(half * error)))
-            for value, error in ((s, strength.deviation[c]), (tau, strength.time[c]))
-        )
-        found[label] = ProcessNoise(s, tau, along[0], along[1], of_s, of_tau, units[c])
-    return found
-
-
-def _units(system: System, knots: Knots) -> list[str]:
-    """Of each component, as the system knows them."""
-    assert system.parameters is not None
-    first = _arrays(system.parameters).get(NAME, (-6, None))[0]
-    pushed = dict(enumerate(["N"] * 3 + ["N m"] * 3, start=first))
-    told = dict(system.units)
-    places = dict(zip(knots.component.tolist(), knots.places.tolist(), strict=True))
-    units = [pushed.get(places[c]) or told.get(label.partition("[")[0], "") for c, label in enumerate(knots.labels)]
-    return ["" if unit == "1" else unit for unit in units]
 
 
 def _pushed(system: System) -> System:

@@ -1,7 +1,8 @@
-"""What an identification found, how sure it is, and what is doubtful about it."""
+"""The result of an identification: parameters, their uncertainty, and warnings about both."""
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,31 +13,16 @@ from coadjoint.identification import diagnostics
 from coadjoint.identification.equalities import SIGN
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.fitting import Fitted
-from coadjoint.identification.gaps import gaps
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
 from coadjoint.identification.misfit import Misfit, misfits, sentences
-from coadjoint.identification.process_noise_model import ProcessNoise, wandered, without
+from coadjoint.identification.process_noise_estimate import ProcessNoise, wandered
+from coadjoint.identification.process_noise_model import without
+from coadjoint.identification.unknowns import Estimate
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
 """Directions with this singular value or less are not determined at all; 1 is a parameter that no start can undo."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter: what was found, its interval and standard error, and where the search began."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-    standard_error: float
-    prior: float
-
-    def covers(self, truth: float) -> bool:
-        """Whether the interval holds a value."""
-        return self.low <= truth <= self.high
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -78,9 +64,7 @@ class Identification:
         return self.estimates[name if name in self.estimates else next(tied, name)]
 
     def __str__(self) -> str:
-        from coadjoint.identification.card import card
-
-        return card(self)
+        return summary_table(self)
 
     def __repr__(self) -> str:
         return f"<Identification of {', '.join(self.estimates)}; print it for the card>"
@@ -170,7 +154,7 @@ def judged(found: Fitted, level: float) -> Identification:
         settled=not found.unsettled,
         warnings=(
             *fit.log.notes,
-            *gaps(fit.log, shooting.samples),
+            *diagnostics.gaps(fit.log, shooting.samples),
             *sentences(fit.log, innovations, missed),
             *warnings,
         ),
@@ -220,3 +204,37 @@ def _lag_one(off: np.ndarray, there: np.ndarray) -> float:
     both = there[:, 1:] & there[:, :-1]
     total = float(np.sum(off**2)) / max(int(there.sum()), 1)
     return float(np.sum((off[:, 1:] * off[:, :-1])[both]) / max(int(both.sum()), 1) / total) if total > 0 else 0.0
+
+
+def summary_table(found: Identification) -> str:
+    """What `print(found)` shows."""
+    log = found.log
+    width = max(9, *map(len, (*found.estimates, *found.process_noise)))
+    lines = [
+        f"Identification of {found.system.name}",
+        f"  log       {len(log)} samples over {log.duration:g} s, {len(found.simulated)} columns",
+        f"  fit       {found.segments} segments, dt = {found.dt:g} s, {found.iterations} iterations",
+        "",
+        f"  {'parameter':<{width}}  {'estimate':>11}  {f'{found.level:.0%} interval':^25}  {'before':>11}",
+    ]
+    for name, e in found.estimates.items():
+        lines.append(f"  {name:<{width}}  {e.value:>11.5g}  {e.low:>11.5g} .. {e.high:<10.5g}  {e.prior:>11.5g}")
+    lines += ["", f"  {'column':<{width}}  {'noise':>11}   {'':<10}  lag-one correlation"]
+    for name, sigma in found.noise.items():
+        unit = log.units.get(name, "")
+        known = "given" if name in found.assumed else "estimated"
+        time = found.correlation_times.get(name, 0.0)
+        after = f"   over {time:.3g} s" if time else ""
+        value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
+        lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}{after}")
+    if found.process_noise:
+        interval = f"{found.level:.0%} interval"
+        lines += ["", f"  {'wanders':<{width}}  {'deviation':>11}  {interval:^25}  correlation time"]
+    for name, one in found.process_noise.items():
+        low, high = (f"{value:.4g} {one.unit}".rstrip() for value in one.deviation_interval)
+        time = "{:.3g} s, {:.3g} .. {:.3g} s".format(one.correlation_time, *one.correlation_time_interval)
+        value = f"{one.deviation:.4g} {one.unit}".rstrip()
+        lines.append(f"  {name:<{width}}  {value:>11}  {low:>11} .. {high:<10}  {time}")
+    for warning in found.warnings:
+        lines += ["", *textwrap.wrap(warning, 100, initial_indent="  ! ", subsequent_indent="    ")]
+    return "\n".join(lines)

@@ -206,3 +206,19 @@ def _parsed(text: Any, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, t
     if len(index) != len(shape) or any(i >= size for i, size in zip(index, shape, strict=True)):
         raise ArgumentError(f"`{text}` is no entry of `{name}`, which has shape {shape}, counted from 0.")
     return name, index
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: what was found, its interval and standard error, and where the search began."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    standard_error: float
+    prior: float
+
+    def covers(self, truth: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= truth <= self.high

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.kernels.trace.forked import require_own_xla
+from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Point, node

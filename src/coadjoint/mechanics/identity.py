@@ -1,14 +1,74 @@
-"""What a system is apart from its numbers: the same in every process, where nothing else than the library made it."""
+"""The identity of a system apart from its numbers, equal in every process, and the version of the user's functions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from coadjoint.errors import LagrangianError
+from coadjoint.kernels.trace.digest import digest, opaque
 from coadjoint.kernels.trace.identity import Traced
+from coadjoint.kernels.trace.jaxprs import jaxpr_of
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.internal_rule import InternalRule
+from coadjoint.mechanics.internal_state import applied
 from coadjoint.mechanics.signals import Signal
+from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import IMPURE, in_words
+
+OPAQUE = " opaque"
+
+_UNREAD = {
+    "forces": "The forces",
+    "discrete_lagrangian": "The discrete Lagrangian",
+    "group_lagrangian": "The discrete Lagrangian in group form",
+}
+"""Functions that `system.state` has not read."""
+
+
+def version(system: System, state: State, *more: Callable[[State], Any], pure: bool = True) -> str:
+    """A digest of what the user's functions do now, `more` functions of a state included.
+
+    A function that reads a global number is another function when that number has changed: what has been traced and
+    compiled for it must not be used again. Unless they are known to be `pure`, forces and Λ are read twice: raises
+    LagrangianError where the readings differ. It ends in OPAQUE where a function holds another, such as a derivative of
+    its own, that is not seen by tracing it.
+    """
+    s = state
+    arguments = (s.g, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal, system.parameters)
+
+    def at(name: str) -> Callable[..., Any]:
+        def function(g, xi, n, nu, a, t, inputs, internal, parameters):
+            here = replace_parameters(system, parameters)
+            if name == "forces":
+                return here.body_forces(here.motion(xi, n, nu, a, t, inputs, internal))
+            if name == "internal":
+                there = state.replace(g=g, xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
+                return tuple(applied(here, there, t))
+            if name == "hamiltonian":
+                return here.reduced_hamiltonian(xi, n, nu, a, t, inputs, internal)
+            if name == "lagrangian":
+                return here.reduced_lagrangian(xi, n, nu, a, t, inputs, internal)
+            if name == "group_lagrangian":
+                return here.reduced_group_lagrangian(g, n, nu, a, t, t, inputs, internal)
+            return here.reduced_discrete_lagrangian(xi, n, nu, a, t, t, inputs, internal)
+
+        return function
+
+    # A function of its own each time: JAX remembers what it has traced, and a function may have changed.
+    others = [jaxpr_of(lambda at, function=function: function(at), state)[0] for function in more]
+    functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces", "internal")
+    given = [name for name in functions if getattr(system, name) is not None]
+    for name in () if pure else filter(_UNREAD.get, given):
+        with in_words(_UNREAD[name]):
+            readings = [digest(jaxpr_of(at(name), *arguments)[0]) for _ in range(2)]
+        if readings[0] != readings[1]:
+            raise LagrangianError(IMPURE.format(_UNREAD[name]))
+    read = [*(jaxpr_of(at(name), *arguments)[0] for name in given), *others]
+    return digest(*read) + (OPAQUE if any(map(opaque, read)) else "")
+
 
 NUMBERS = ("parameters", "checks")
 """The fields of a system that say nothing of what its functions do."""

@@ -15,10 +15,10 @@ from coadjoint.groups.group import Array
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
+from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.invariance import Invariance, is_right, places_of
-from coadjoint.mechanics.memory_check import require_room
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions

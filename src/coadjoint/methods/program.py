@@ -16,12 +16,11 @@ from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
-from coadjoint.mechanics.identity import parts
+from coadjoint.mechanics.identity import OPAQUE, parts
 from coadjoint.mechanics.internal_state import advanced, at_node, stepped
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import OPAQUE
 from coadjoint.mechanics.work_balance import entered, with_jump
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 
 from coadjoint.extensions import Registry
 from coadjoint.lazy import lazy
+from coadjoint.models.catalogue_entries import HAMILTONIAN, INTEGRABLE, LINKS
 from coadjoint.models.entry import MOVING, TURNING, UP, CatalogueEntry
-from coadjoint.models.hamiltonian import HAMILTONIAN
-from coadjoint.models.integrable import INTEGRABLE
-from coadjoint.models.links import LINKS
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
 if TYPE_CHECKING:

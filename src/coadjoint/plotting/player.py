@@ -1,4 +1,4 @@
-"""A page that plays a scene in space: one file, with everything inside, that needs no network."""
+"""A page that plays a scene in space: one file without network access, also as the cell of a notebook."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
+from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
+from coadjoint.plotting.entries import entries
 from coadjoint.plotting.scene import Scene, plain
-from coadjoint.plotting.whole_file import write_text
+from coadjoint.plotting.scene_of_runs import scene
 
 _SCRIPTS = ("three.min.js", "plan.js", "scene.js", "player.js")
 _FRAME = """<iframe srcdoc="{page}" title="{title}" sandbox="allow-scripts"
@@ -61,3 +64,12 @@ def _frame() -> tuple[str, str, str]:
 
 def _text(name: str) -> str:
     return files("coadjoint.plotting").joinpath("page", name).read_text(encoding="utf-8")
+
+
+def cell(card: str, run: Any) -> str:
+    """The HTML of a cell; without a player where nothing of the run moves in space."""
+    told = f'<pre style="white-space:pre-wrap">{escape(card)}</pre>'
+    try:
+        return told + Player(scene(entries([run], None)))._repr_html_()
+    except ArgumentError:
+        return told

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from coadjoint.errors import ArgumentError
 from coadjoint.extensions import import_string
-from coadjoint.plotting.figures import ADDED
+from coadjoint.plotting.registries import ADDED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,7 +116,7 @@ class Plots:
         """
         from coadjoint.plotting.entries import entries
         from coadjoint.plotting.player import Player
-        from coadjoint.plotting.staged import scene
+        from coadjoint.plotting.scene_of_runs import scene
 
         made = Player(scene(entries([self.dataset, *others], labels), bodies, z_down, hull))
         if path is not None:

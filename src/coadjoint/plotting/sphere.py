@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from coadjoint.disk import atomic_file
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.plotting.style import COLUMN, PAGE, canvas, save, style
-from coadjoint.plotting.whole_file import whole_file
 
 __all__ = ["animation", "spectra", "vorticity_map"]
 
@@ -86,7 +86,7 @@ def animation(
             figure.canvas.draw()
             pictures.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").quantize(128))  # pyright: ignore[reportAttributeAccessIssue]
     pause = [1000 // PER_SECOND] * (len(nodes) - 1) + [1500]
-    with whole_file(target) as temporary:
+    with atomic_file(target) as temporary:
         pictures[0].save(temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=pause, loop=0)
     return target
 

@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from coadjoint.disk import atomic_file
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting.whole_file import whole_file
 
 COLUMN = 3.5
 """Width of a figure in one column of a journal, in inches."""
@@ -131,7 +131,7 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int | None = None) -
         raise ArgumentError(
             f"A figure's file must end in {', '.join('.' + name for name in sorted(known))}, but is {target.name}."
         )
-    with whole_file(target) as temporary, style(), laid_out(figure, ending == "png" and dpi in (None, figure.dpi)):
+    with atomic_file(target) as temporary, style(), laid_out(figure, ending == "png" and dpi in (None, figure.dpi)):
         figure.savefig(temporary, format=ending, dpi=dpi or "figure")
     return target
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.scene_registry import points_down
+from coadjoint.plotting.registries import points_down
 from coadjoint.plotting.style import COLOURS, COLUMN, PAGE, canvas, legend, time_axis
 
 _SENTENCE = (

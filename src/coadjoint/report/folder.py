@@ -20,7 +20,7 @@ from typing import Any
 from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
-from coadjoint.report.beside import beside
+from coadjoint.report.companion_files import beside
 from coadjoint.simulation.lock import Lock
 from coadjoint.texts import read_table
 

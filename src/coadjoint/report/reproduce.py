@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from coadjoint.disk import write_text
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.style import save
-from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import SUMMARY, claimed
 from coadjoint.report.reproduction import FIGURES, LABELS, Reproduction, compute
 from coadjoint.report.summary import to_json

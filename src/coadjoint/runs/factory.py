@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
-from coadjoint.report.beside import keep_beside, kept_that_is_read
+from coadjoint.report.companion_files import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.units import in_si, unknown
 

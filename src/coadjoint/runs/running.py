@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from coadjoint.disk import write_text
 from coadjoint.errors import FileError, StepError
 from coadjoint.log import logger
-from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import (
     RUN_FILE,
     SUMMARY,

@@ -27,10 +27,9 @@ from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.kernels.trace.library import library
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.identity import parts
+from coadjoint.mechanics.identity import OPAQUE, parts, version
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import OPAQUE, version
 from coadjoint.methods.program import StepProgram
 
 KEPT = 64

@@ -15,6 +15,7 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.internal_state import driven_warnings, internal_warnings, require_internal
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
@@ -22,7 +23,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import functions_known
 from coadjoint.mechanics.traced_once import Traced, tracing_once
-from coadjoint.mechanics.version import version
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read

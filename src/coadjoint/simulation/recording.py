@@ -53,7 +53,7 @@ class Recording:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the certificate, and the bodies moving in space where it has any."""
-        from coadjoint.plotting.cell import cell
+        from coadjoint.plotting.player import cell
 
         return cell(str(self), self)
 

@@ -22,13 +22,13 @@ from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.run.interruptible import Cut
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal_state import failure, require_internal
 from coadjoint.mechanics.members import count_members
 from coadjoint.mechanics.restart_checks import Keep, continued
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import version
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint

@@ -12,10 +12,9 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
-from coadjoint.groups.matrix_exponential import exponential_minus_one
+from coadjoint.groups.matrix_functions import exponential_minus_one
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.spaces.embedded import Embedded
-from coadjoint.spaces.space import checked_vector
+from coadjoint.spaces.space import Embedded, checked_vector
 
 ON_GROUP = 1e-9
 """How far outside its group a point may be by round-off."""

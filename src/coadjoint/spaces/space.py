@@ -1,7 +1,8 @@
 """The contract of a space on which a group acts: advected parameters live in one, additional dynamics in another.
 
 Points, velocities and momenta are flat arrays of the ambient coordinates, (ambient,). The diamond is minus the
-transpose of ξ ↦ ξ·x (P14, P45), so differentiation provides it for every group and space.
+transpose of ξ ↦ ξ·x (P14, P45), so differentiation provides it for every group and space. `Embedded` is the base of
+curved spaces: it gives an orthonormal frame of each tangent space.
 """
 
 from __future__ import annotations
@@ -178,3 +179,22 @@ def checked_vector(value: Any, size: int, name: str) -> Array:
             raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
     return float64(value, f"Argument `{name}`")
+
+
+class Embedded(Space):
+    """A curved space in its ambient coordinates: velocities and momenta at x are in the span of its frame E(x)."""
+
+    flat = False
+
+    def frame(self, group: LieGroup, x: Array) -> Array:
+        """E, an orthonormal basis of T_xQ, (ambient, dim)."""
+        raise NotImplementedError
+
+    def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
+        return self.frame(group, x) @ y
+
+    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
+        return self.frame(group, x).T @ b
+
+    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
+        return self.project(group, x, legendre)

@@ -12,9 +12,8 @@ from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.spaces.embedded import Embedded
 from coadjoint.spaces.representations import Defining, Representation
-from coadjoint.spaces.space import checked_vector, random_motion
+from coadjoint.spaces.space import Embedded, checked_vector, random_motion
 
 
 @dataclass(frozen=True)

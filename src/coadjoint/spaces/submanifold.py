@@ -16,9 +16,8 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.overrides import in_words
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.spaces.embedded import Embedded
 from coadjoint.spaces.representations import Defining
-from coadjoint.spaces.space import Space, random_motion
+from coadjoint.spaces.space import Embedded, Space, random_motion
 
 ON_SPACE = 1e-9
 """How far a constraint may be from zero by round-off."""

@@ -11,8 +11,8 @@ from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.version import version
 from coadjoint.methods import Method, Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models.quantities import positive

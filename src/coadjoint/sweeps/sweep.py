@@ -14,11 +14,11 @@ import jax
 import numpy as np
 
 from coadjoint import disk
+from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.kernels.run.ensemble import cores
 from coadjoint.log import logger
 from coadjoint.manifest import Manifest
-from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import SUMMARY, UNFINISHED, claimed
 from coadjoint.report.summary import to_json, versions
 from coadjoint.runs.identity import IDENTITY, require_same

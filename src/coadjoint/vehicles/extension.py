@@ -6,7 +6,7 @@ Read by `coadjoint.extensions`; nothing is imported before it is used.
 from __future__ import annotations
 
 from coadjoint.models.entry import MOVING, CatalogueEntry
-from coadjoint.plotting.scene_registry import Staged
+from coadjoint.plotting.registries import AddedScene
 from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
 from coadjoint.vehicles.files.bodies import body_numbers
 
@@ -75,7 +75,7 @@ MODELS = {entry.name: entry for entry in _ENTRIES}
 """To `coadjoint.models.catalogue`."""
 
 SCENES = {
-    "vehicle": Staged(
+    "vehicle": AddedScene(
         "coadjoint.vehicles.figures.scenes:scene", "coadjoint.vehicles.figures.fitting:of_vehicle", down=True
     )
 }

@@ -11,12 +11,12 @@ from tests.torpedo import start, torpedo
 
 import coadjoint as co
 from coadjoint.identification.channels import VEHICLE, Channels
-from coadjoint.identification.observed import Observed
+from coadjoint.identification.observed_program import Observed
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import batch, gradient
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.version import version
+from coadjoint.mechanics.identity import version
 from coadjoint.methods.program import Constants, StepProgram
 
 SYSTEM = torpedo()

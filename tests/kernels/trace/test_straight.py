@@ -12,7 +12,7 @@ from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.kernels.trace.interpreter import Interpreter
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.kernels.trace.numeric import NUMERIC
-from coadjoint.kernels.trace.straight import Straight
+from coadjoint.kernels.trace.straight_line import Straight
 from coadjoint.kernels.untraceable import Untraceable
 
 NUMBERS = Interpreter(NUMERIC, CONTROL)

@@ -9,7 +9,7 @@ import pytest
 
 from coadjoint import vehicles
 from coadjoint.plotting.entries import entries
-from coadjoint.plotting.staged import scene
+from coadjoint.plotting.scene_of_runs import scene
 from coadjoint.vehicles.figures.shapes import geometry
 from made_runs import dataset
 

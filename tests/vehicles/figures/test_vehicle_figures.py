@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
 from coadjoint.plotting.plots import OWN, Plots, available, figure_names
-from coadjoint.plotting.staged import scene
+from coadjoint.plotting.scene_of_runs import scene
 from made_runs import VEHICLE, dataset
 
 OF_VEHICLES = set(figure_names(films=False)) - set(OWN)

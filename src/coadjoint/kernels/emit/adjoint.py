@@ -11,7 +11,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.differentiation import backward, forward
@@ -84,7 +84,7 @@ def assemble(adjoint: StepAdjoint) -> str:
     """
     module = ir.Module(name="coadjoint")
     pointer = DOUBLE.as_pointer()
-    signature = ir.FunctionType(ir.VoidType(), [pointer, pointer, pointer, WHOLE, *[pointer] * 4])
+    signature = ir.FunctionType(ir.VoidType(), [pointer, pointer, pointer, INT64, *[pointer] * 4])
     function = ir.Function(module, signature, name=NAME)
     for argument in function.args:
         if isinstance(argument.type, ir.PointerType):
@@ -95,24 +95,24 @@ def assemble(adjoint: StepAdjoint) -> str:
 
     def load(nodes: list[Expr], place: ir.Value, start: Any) -> None:
         for i, node in enumerate(nodes):
-            emit.bind(node, b.load(b.gep(place, [b.add(start, WHOLE(i))])))
+            emit.bind(node, b.load(b.gep(place, [b.add(start, INT64(i))])))
 
-    load(adjoint.plan.parameters, p, WHOLE(0))
-    load([adjoint.plan.h], h, WHOLE(0))
+    load(adjoint.plan.parameters, p, INT64(0))
+    load([adjoint.plan.h], h, INT64(0))
     emit.values(outer(_roots(adjoint), _varying(adjoint)))
     entry, loop, end = b.block, b.append_basic_block("loop"), b.append_basic_block("end")
-    b.cbranch(b.icmp_signed(">", steps, WHOLE(0)), loop, end)
+    b.cbranch(b.icmp_signed(">", steps, INT64(0)), loop, end)
     b.position_at_end(loop)
-    left = b.phi(WHOLE)
+    left = b.phi(INT64)
     left.add_incoming(steps, entry)
-    row = b.sub(left, WHOLE(1))
+    row = b.sub(left, INT64(1))
     with emit.scope():
-        load(adjoint.tape, rows, b.mul(row, WHOLE(len(adjoint.tape))))
-        load(adjoint.record_bar, record_bars, b.mul(row, WHOLE(len(adjoint.record_bar))))
-        load(adjoint.after_bar, state_bar, WHOLE(0))
+        load(adjoint.tape, rows, b.mul(row, INT64(len(adjoint.tape))))
+        load(adjoint.record_bar, record_bars, b.mul(row, INT64(len(adjoint.record_bar))))
+        load(adjoint.after_bar, state_bar, INT64(0))
         _write(adjoint, emit, (parameters_bar, h_bar, state_bar))
     left.add_incoming(row, b.block)
-    b.cbranch(b.icmp_signed(">", row, WHOLE(0)), loop, end)
+    b.cbranch(b.icmp_signed(">", row, INT64(0)), loop, end)
     b.position_at_end(end)
     b.ret_void()
     return str(module)
@@ -129,10 +129,10 @@ def _write(adjoint: StepAdjoint, emit: Emitter, places: tuple[ir.Value, ir.Value
     for i, (value, place) in enumerate(
         zip(sums, [parameters_bar] * len(adjoint.parameters_bar) + [h_bar], strict=True)
     ):
-        here = b.gep(place, [WHOLE(i if place is parameters_bar else 0)])
+        here = b.gep(place, [INT64(i if place is parameters_bar else 0)])
         b.store(b.fadd(b.load(here), value), here)
     for i, value in enumerate(emit.values(adjoint.state_bar)):
-        b.store(value, b.gep(state_bar, [WHOLE(i)]))
+        b.store(value, b.gep(state_bar, [INT64(i)]))
 
 
 def _roots(adjoint: StepAdjoint) -> list[Expr]:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.loops import DOUBLE, NUMBERS, WHOLE, Loops
+from coadjoint.kernels.emit.loops import DOUBLE, INT64, NUMBERS, Loops
 
 VOID = ir.VoidType()
 
@@ -31,7 +31,7 @@ def dense(module: ir.Module) -> DenseAlgebra:
 
 def _copy(module: ir.Module) -> Any:
     """copy(to, from, count)."""
-    f = Loops(module, "copy", VOID, NUMBERS, NUMBERS, WHOLE)
+    f = Loops(module, "copy", VOID, NUMBERS, NUMBERS, INT64)
     to, source, count = f.args
     with f.over(count) as i:
         f.put(to, i, f.at(source, i))
@@ -41,7 +41,7 @@ def _copy(module: ir.Module) -> Any:
 
 def _product(module: ir.Module) -> Any:
     """product(C, A, B, rows, inner, columns, strides of C, A, B, factor): C ← C + factor A B; zeros of A are passed."""
-    f = Loops(module, "product", VOID, *[NUMBERS] * 3, *[WHOLE] * 6, DOUBLE)
+    f = Loops(module, "product", VOID, *[NUMBERS] * 3, *[INT64] * 6, DOUBLE)
     C, A, B, rows, inner, columns, c, a, b, factor = f.args
     with f.over(rows) as i:
         row = f.times(i, c)
@@ -57,7 +57,7 @@ def _product(module: ir.Module) -> Any:
 
 def _transpose(module: ir.Module) -> Any:
     """transpose(to, from, rows, columns, stride of from): to (columns, rows)."""
-    f = Loops(module, "transpose", VOID, NUMBERS, NUMBERS, *[WHOLE] * 3)
+    f = Loops(module, "transpose", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     to, source, rows, columns, stride = f.args
     with f.over(rows) as i, f.over(columns) as j:
         f.put(to, f.add(f.times(j, rows), i), f.at(source, f.add(f.times(i, stride), j)))
@@ -70,10 +70,10 @@ def _solve(module: ir.Module) -> Any:
 
     A singular A leaves numbers that are not finite.
     """
-    f = Loops(module, "solve", VOID, NUMBERS, NUMBERS, *[WHOLE] * 4)
+    f = Loops(module, "solve", VOID, NUMBERS, NUMBERS, *[INT64] * 4)
     A, B, m, columns, a, b = f.args
     absolute = module.declare_intrinsic("llvm.fabs", [DOUBLE])
-    best, row = f.variable(DOUBLE, DOUBLE(0.0)), f.variable(WHOLE, WHOLE(0))
+    best, row = f.variable(DOUBLE, DOUBLE(0.0)), f.variable(INT64, INT64(0))
     with f.over(m) as k:
         f.b.store(DOUBLE(-1.0), best)
         with f.over(m, k) as i:
@@ -107,7 +107,7 @@ def _solve(module: ir.Module) -> Any:
 
 def _cholesky(module: ir.Module) -> Any:
     """cholesky(S, m): the lower half of S (m, m) becomes L with S = LLᵀ; not finite where S is not positive."""
-    f = Loops(module, "cholesky", VOID, NUMBERS, WHOLE)
+    f = Loops(module, "cholesky", VOID, NUMBERS, INT64)
     S, m = f.args
     root = module.declare_intrinsic("llvm.sqrt", [DOUBLE])
     total = f.variable(DOUBLE, DOUBLE(0.0))
@@ -128,7 +128,7 @@ def _cholesky(module: ir.Module) -> Any:
 
 def _cholesky_solve(module: ir.Module) -> Any:
     """cholesky_solve(L, B, m, columns, back): B (m, columns) ← L⁻¹B, or L⁻ᵀL⁻¹B where back is not 0."""
-    f = Loops(module, "cholesky_solve", VOID, NUMBERS, NUMBERS, *[WHOLE] * 3)
+    f = Loops(module, "cholesky_solve", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     L, B, m, columns, back = f.args
 
     def eliminate(i: Any, k: Any, entry: Any) -> None:
@@ -146,8 +146,8 @@ def _cholesky_solve(module: ir.Module) -> Any:
         with f.over(i) as k:
             eliminate(i, k, f.at(L, f.add(f.times(i, m), k)))
         divide(i)
-    with f.b.if_then(f.b.icmp_signed("!=", back, WHOLE(0))), f.over(m) as count:
-        i = f.b.sub(f.b.sub(m, WHOLE(1)), count)
+    with f.b.if_then(f.b.icmp_signed("!=", back, INT64(0))), f.over(m) as count:
+        i = f.b.sub(f.b.sub(m, INT64(1)), count)
         with f.over(m, f.add(i, 1)) as k:
             eliminate(i, k, f.at(L, f.add(f.times(k, m), i)))
         divide(i)

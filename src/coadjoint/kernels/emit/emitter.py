@@ -13,11 +13,11 @@ import numpy as np
 from llvmlite import ir
 
 from coadjoint.kernels.expressions.expression import Expr, reachable
-from coadjoint.kernels.expressions.tables import Table
+from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.untraceable import Untraceable
 
 DOUBLE = ir.DoubleType()
-WHOLE = ir.IntType(64)
+INT64 = ir.IntType(64)
 BIT = ir.IntType(1)
 
 FUSED = ("contract",)
@@ -54,7 +54,7 @@ class Emitter:
         self.width = width
         self.number = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
         self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
-        self.counter = WHOLE if width == 1 else ir.VectorType(WHOLE, width)
+        self.counter = INT64 if width == 1 else ir.VectorType(INT64, width)
         self._exact: set[Expr] | None = None
         self._scopes: list[dict[Expr, Any]] = [{}]
 
@@ -89,8 +89,8 @@ class Emitter:
     def counts(self, value: int) -> Any:
         """A whole number in every lane."""
         if self.width == 1:
-            return WHOLE(value)
-        return ir.Constant(self.counter, [WHOLE(value)] * self.width)
+            return INT64(value)
+        return ir.Constant(self.counter, [INT64(value)] * self.width)
 
     def any(self, mask: Any) -> Any:
         """Whether the mask holds in any lane."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from llvmlite import ir
 
-_DOUBLE, _WHOLE = ir.DoubleType(), ir.IntType(64)
+_DOUBLE, _INT64 = ir.DoubleType(), ir.IntType(64)
 _POINTER = _DOUBLE.as_pointer()
 _NAME = "gauss"
 
@@ -18,7 +18,7 @@ def gauss(module: ir.Module) -> ir.Function:
     known = module.globals.get(_NAME)
     if known is not None:
         return known
-    signature = ir.FunctionType(ir.VoidType(), [_POINTER, _POINTER, _WHOLE])
+    signature = ir.FunctionType(ir.VoidType(), [_POINTER, _POINTER, _INT64])
     function = ir.Function(module, signature, name=_NAME)
     function.linkage = "internal"
     for attribute in ("noinline", "nounwind"):
@@ -40,7 +40,7 @@ class _Gauss:
         """for i in range(start, end)"""
         b = self.b
         with b.goto_entry_block():
-            place = b.alloca(_WHOLE)
+            place = b.alloca(_INT64)
         b.store(start, place)
         head, body, after = (b.append_basic_block(name) for name in ("head", "body", "after"))
         b.branch(head)
@@ -49,7 +49,7 @@ class _Gauss:
         b.cbranch(b.icmp_signed("<", i, end), body, after)
         b.position_at_end(body)
         yield i
-        b.store(b.add(i, _WHOLE(1)), place)
+        b.store(b.add(i, _INT64(1)), place)
         b.branch(head)
         b.position_at_end(after)
 
@@ -71,10 +71,10 @@ class _Gauss:
         """The row at or below k with the largest element in column k."""
         b = self.b
         with b.goto_entry_block():
-            best, row = b.alloca(_DOUBLE), b.alloca(_WHOLE)
+            best, row = b.alloca(_DOUBLE), b.alloca(_INT64)
         b.store(b.call(self.magnitude, [b.load(self.entry(k, k))]), best)
         b.store(k, row)
-        with self.loop(b.add(k, _WHOLE(1)), self.n) as i:
+        with self.loop(b.add(k, _INT64(1)), self.n) as i:
             size = b.call(self.magnitude, [b.load(self.entry(i, k))])
             larger = b.fcmp_ordered(">", size, b.load(best))
             b.store(b.select(larger, size, b.load(best)), best)
@@ -82,8 +82,8 @@ class _Gauss:
         return b.load(row)
 
     def write(self) -> None:
-        b, n, one = self.b, self.n, _WHOLE(1)
-        with self.loop(_WHOLE(0), n) as k:
+        b, n, one = self.b, self.n, _INT64(1)
+        with self.loop(_INT64(0), n) as k:
             row = self.pivot(k)
             with self.loop(k, n) as j:
                 self.swap(self.entry(k, j), self.entry(row, j))
@@ -93,7 +93,7 @@ class _Gauss:
                 with self.loop(b.add(k, one), n) as j:
                     self.subtract(self.entry(i, j), factor, self.entry(k, j))
                 self.subtract(b.gep(self.x, [i]), factor, b.gep(self.x, [k]))
-        with self.loop(_WHOLE(0), n) as up:
+        with self.loop(_INT64(0), n) as up:
             i = b.sub(b.sub(n, one), up)
             place = b.gep(self.x, [i])
             with self.loop(b.add(i, one), n) as j:

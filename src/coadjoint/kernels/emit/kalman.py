@@ -10,7 +10,7 @@ from typing import Any
 from llvmlite import ir
 
 from coadjoint.kernels.emit.dense import VOID, DenseAlgebra, dense
-from coadjoint.kernels.emit.loops import DOUBLE, NUMBERS, WHOLE, WHOLES, Loops
+from coadjoint.kernels.emit.loops import DOUBLE, INT64, NUMBERS, WHOLES, Loops
 
 NAME = "filter"
 PREDICT, SET, CORRECT, SAVE = range(4)
@@ -25,8 +25,8 @@ FIELDS = (
 )
 """What the memory of a filter holds: sizes and addresses, whole numbers each."""
 
-_FUNCTION = ir.FunctionType(VOID, [*[NUMBERS] * 4, WHOLE]).as_pointer()
-_KERNEL = ir.FunctionType(VOID, [*[NUMBERS] * 3, WHOLE, WHOLE, *[NUMBERS] * 3, WHOLES]).as_pointer()
+_FUNCTION = ir.FunctionType(VOID, [*[NUMBERS] * 4, INT64]).as_pointer()
+_KERNEL = ir.FunctionType(VOID, [*[NUMBERS] * 3, INT64, INT64, *[NUMBERS] * 3, WHOLES]).as_pointer()
 
 
 def assemble() -> str:
@@ -34,10 +34,10 @@ def assemble() -> str:
     module = ir.Module(name="coadjoint")
     algebra = dense(module)
     predict, correct = _predict(module, algebra), _correct(module, algebra)
-    f = Loops(module, NAME, WHOLE, WHOLES, WHOLES, WHOLE, NUMBERS, NUMBERS, inside=False)
+    f = Loops(module, NAME, INT64, WHOLES, WHOLES, INT64, NUMBERS, NUMBERS, inside=False)
     memory, orders, count, data, output = f.args
     m = _Memory(f, memory)
-    failed = f.variable(WHOLE, WHOLE(0))
+    failed = f.variable(INT64, INT64(0))
     with f.over(count) as i:
         first = f.times(i, 4)
         order, *rest = (f.at(orders, f.add(first, k)) for k in range(4))
@@ -52,9 +52,9 @@ def assemble() -> str:
             f.b.store(f.b.call(correct, given), failed)
         with _when(f, order, SAVE):
             _save(f, m, algebra, output, rest)
-        with f.b.if_then(f.b.icmp_signed("!=", f.b.load(failed), WHOLE(0))):
+        with f.b.if_then(f.b.icmp_signed("!=", f.b.load(failed), INT64(0))):
             f.b.ret(i)
-    f.b.ret(WHOLE(-1))
+    f.b.ret(INT64(-1))
     return str(module)
 
 
@@ -76,13 +76,13 @@ class _Memory:
 
 
 def _when(f: Loops, order: Any, number: int) -> Any:
-    return f.b.if_then(f.b.icmp_signed("==", order, WHOLE(number)))
+    return f.b.if_then(f.b.icmp_signed("==", order, INT64(number)))
 
 
 def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[Any]) -> None:
     n, P, there = m.whole("errors"), m.numbers("P"), f.place(output, rest[1])
     f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.whole("size")])
-    with f.b.if_else(f.b.icmp_signed("!=", rest[2], WHOLE(0))) as (whole, diagonal):
+    with f.b.if_else(f.b.icmp_signed("!=", rest[2], INT64(0))) as (whole, diagonal):
         with whole:
             f.b.call(algebra.copy, [there, P, f.times(n, n)])
         with diagonal, f.over(n) as i:
@@ -91,13 +91,13 @@ def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[A
 
 def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
     """predict(memory, h): 0, or what failed."""
-    f = Loops(module, "predict", WHOLE, WHOLES, DOUBLE)
+    f = Loops(module, "predict", INT64, WHOLES, DOUBLE)
     memory, h = f.args
     m = _Memory(f, memory)
     size, row, after, y, x = m.whole("size"), m.numbers("row"), m.numbers("after"), m.numbers("y"), m.numbers("x")
     f.b.call(algebra.copy, [y, row, size])
     f.put(y, f.times(2, size), h)
-    with f.b.if_else(f.b.icmp_signed("!=", m.whole("implicit"), WHOLE(0))) as (implicit, explicit):
+    with f.b.if_else(f.b.icmp_signed("!=", m.whole("implicit"), INT64(0))) as (implicit, explicit):
         with implicit:
             _implicit(f, m, algebra, h)
         with explicit:
@@ -105,16 +105,16 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
             f.b.call(algebra.copy, [after, row, size])
             f.put(after, size, h)
             zeros = m.numbers("zeros")
-            m.call("step", _FUNCTION, [zeros, after, f.place(y, size), zeros, WHOLE(1)])
+            m.call("step", _FUNCTION, [zeros, after, f.place(y, size), zeros, INT64(1)])
             f.b.call(algebra.copy, [after, f.place(y, size), size])
     f.b.call(algebra.copy, [f.place(y, size), after, size])
-    m.call("tangent", _FUNCTION, [x, y, m.numbers("value"), m.numbers("J"), WHOLE(1)])
+    m.call("tangent", _FUNCTION, [x, y, m.numbers("value"), m.numbers("J"), INT64(1)])
     _carry(f, m, algebra, h)
     unknowns, n, k = m.whole("unknowns"), m.whole("errors"), m.whole("drifting")
     value, at = m.numbers("value"), f.add(unknowns, n)
     f.b.call(algebra.copy, [row, after, size])
     f.b.call(algebra.copy, [f.place(row, m.whole("state")), f.place(value, at), k])
-    f.b.ret(f.b.zext(_not_finite(f, m), WHOLE))
+    f.b.ret(f.b.zext(_not_finite(f, m), INT64))
     return f.function
 
 
@@ -128,8 +128,8 @@ def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     length = f.variable(DOUBLE, h)
     scratch, status = m.numbers("step_scratch"), m.wholes("status")
     with f.over(4) as i:
-        f.put(status, i, WHOLE(0))
-    m.call("step", _KERNEL, [parameters, length, after, WHOLE(1), WHOLE(1), scratch, scratch, scratch, status])
+        f.put(status, i, INT64(0))
+    m.call("step", _KERNEL, [parameters, length, after, INT64(1), INT64(1), scratch, scratch, scratch, status])
     x, of_unknowns = m.numbers("x"), m.wholes("of_unknowns")
     with f.over(m.whole("unknowns")) as i:
         f.put(x, i, f.at(after, f.at(of_unknowns, i)))
@@ -191,12 +191,12 @@ def _not_finite(f: Loops, m: _Memory) -> Any:
         f.b.store(f.b.fadd(f.b.load(total), f.at(P, f.times(i, f.add(n, 1)))), total)
     trace = f.b.load(total)
     wrong = f.b.fcmp_unordered("!=", f.b.fsub(trace, trace), DOUBLE(0.0))
-    return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.wholes("status"), 1), WHOLE(0)))
+    return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.wholes("status"), 1), INT64(0)))
 
 
 def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     """correct(memory, measurement, values, output): 0, or what failed; output: NIS, and 1 where it was used."""
-    f = Loops(module, "correct", WHOLE, WHOLES, WHOLE, NUMBERS, NUMBERS)
+    f = Loops(module, "correct", INT64, WHOLES, INT64, NUMBERS, NUMBERS)
     memory, measurement, values, output = f.args
     m = _Memory(f, memory)
     n, size = m.whole("errors"), f.at(m.wholes("sizes"), measurement)
@@ -205,7 +205,7 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     turns = f.b.inttoptr(f.at(m.wholes("turns"), measurement), NUMBERS)
     # A function leaves alone what is always 0.
     _clear(f, H, f.times(size, n))
-    f.b.call(function, [m.numbers("zeros"), row, nu, H, WHOLE(1)])
+    f.b.call(function, [m.numbers("zeros"), row, nu, H, INT64(1)])
     total = f.variable(DOUBLE, DOUBLE(0.0))
     with f.over(size) as i:
         difference = _shorter(f, f.b.fsub(f.at(values, i), f.at(nu, i)), f.at(turns, i))
@@ -214,7 +214,7 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     f.put(output, 0, DOUBLE(float("nan")))
     f.put(output, 1, DOUBLE(0.0))
     with f.b.if_then(f.b.fcmp_unordered("!=", f.b.load(total), DOUBLE(0.0))):
-        f.b.ret(WHOLE(0))
+        f.b.ret(INT64(0))
     HP, one = m.numbers("HP"), DOUBLE(1.0)
     R = f.b.inttoptr(R, NUMBERS)
     _clear(f, HP, f.times(size, n))
@@ -226,16 +226,16 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     f.b.call(algebra.cholesky, [S, size])
     e, nis = m.numbers("e"), f.variable(DOUBLE, DOUBLE(0.0))
     f.b.call(algebra.copy, [e, nu, size])
-    f.b.call(algebra.cholesky_solve, [S, e, size, WHOLE(1), WHOLE(0)])
+    f.b.call(algebra.cholesky_solve, [S, e, size, INT64(1), INT64(0)])
     with f.over(size) as i:
         f.b.store(f.plus(f.b.load(nis), f.at(e, i), f.at(e, i)), nis)
     f.put(output, 0, f.b.load(nis))
     gate = f.at(m.numbers("gates"), measurement)
     with f.b.if_then(f.b.fcmp_ordered(">", f.b.load(nis), gate)):
-        f.b.ret(WHOLE(0))
+        f.b.ret(INT64(0))
     f.put(output, 1, one)
     _apply(f, m, algebra, size, R)
-    f.b.ret(f.b.zext(_not_finite(f, m), WHOLE))
+    f.b.ret(f.b.zext(_not_finite(f, m), INT64))
     return f.function
 
 
@@ -254,7 +254,7 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> No
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)
     rows = m.numbers("W")  # Kᵀ = S⁻¹HP
     f.b.call(algebra.copy, [rows, HP, f.times(size, n)])
-    f.b.call(algebra.cholesky_solve, [S, rows, size, n, WHOLE(1)])
+    f.b.call(algebra.cholesky_solve, [S, rows, size, n, INT64(1)])
     f.b.call(algebra.transpose, [K, rows, size, n, n])
     f.b.call(algebra.product, [P, K, HP, n, size, n, n, size, n, minus])
     _clear(f, KR, f.times(n, size))
@@ -264,9 +264,9 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> No
     _symmetric(f, P, n)
     e = m.numbers("e")
     _clear(f, e, n)
-    f.b.call(algebra.product, [e, K, m.numbers("nu"), n, size, WHOLE(1), WHOLE(1), size, WHOLE(1), one])
+    f.b.call(algebra.product, [e, K, m.numbers("nu"), n, size, INT64(1), INT64(1), size, INT64(1), one])
     moved, width, row = m.numbers("moved"), m.whole("size"), m.numbers("row")
     f.b.call(algebra.copy, [moved, row, width])
     f.b.call(algebra.copy, [f.place(moved, width), e, n])
     zeros = m.numbers("zeros")
-    m.call("retract", _FUNCTION, [zeros, moved, row, zeros, WHOLE(1)])
+    m.call("retract", _FUNCTION, [zeros, moved, row, zeros, INT64(1)])

@@ -12,7 +12,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import FUSED, WHOLE, Emitter
+from coadjoint.kernels.emit.emitter import FUSED, INT64, Emitter
 
 LN2 = (0.6931471804855391, 7.440617110012397e-11)
 """ln 2 in two parts: a whole number below 2²⁰ times the first is exact."""
@@ -59,7 +59,7 @@ class _Lanes:
 
     def __init__(self, emit: Emitter):
         self.emit, self.b = emit, emit.builder
-        self.whole = ir.VectorType(WHOLE, emit.width)
+        self.whole = ir.VectorType(INT64, emit.width)
 
     def _given(self, x: Any) -> Any:
         return self.emit.constant(x) if isinstance(x, (int, float)) else x
@@ -107,7 +107,7 @@ class _Lanes:
         return x
 
     def integers(self, value: int) -> Any:
-        return ir.Constant(self.whole, [WHOLE(value)] * self.emit.width)
+        return ir.Constant(self.whole, [INT64(value)] * self.emit.width)
 
     def power_of_two(self, bits: Any) -> Any:
         """2ⁿ of the integer n in the last bits, −1022 ≤ n ≤ 1023."""

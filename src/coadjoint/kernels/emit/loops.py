@@ -8,8 +8,8 @@ from typing import Any
 
 from llvmlite import ir
 
-DOUBLE, WHOLE = ir.DoubleType(), ir.IntType(64)
-NUMBERS, WHOLES = DOUBLE.as_pointer(), WHOLE.as_pointer()
+DOUBLE, INT64 = ir.DoubleType(), ir.IntType(64)
+NUMBERS, WHOLES = DOUBLE.as_pointer(), INT64.as_pointer()
 FUSED = ("contract",)
 """A product that is added at once may be one instruction."""
 
@@ -31,7 +31,7 @@ class Loops:
 
     def whole(self, value: Any) -> Any:
         """A whole number as LLVM's."""
-        return WHOLE(value) if isinstance(value, int) else value
+        return INT64(value) if isinstance(value, int) else value
 
     def add(self, *values: Any) -> Any:
         """The sum of whole numbers."""
@@ -82,10 +82,10 @@ class Loops:
         before = b.block
         b.cbranch(b.icmp_signed("<", begin, stop), body, after)
         b.position_at_end(body)
-        index = b.phi(WHOLE)
+        index = b.phi(INT64)
         index.add_incoming(begin, before)
         yield index
-        following = b.add(index, WHOLE(1))
+        following = b.add(index, INT64(1))
         index.add_incoming(following, b.block)
         b.cbranch(b.icmp_signed("<", following, stop), body, after)
         b.position_at_end(after)

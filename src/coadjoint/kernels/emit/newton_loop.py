@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from coadjoint.kernels.emit.emitter import WHOLE, Emitter, outer
+from coadjoint.kernels.emit.emitter import INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StagePlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.expression import Expr
@@ -84,7 +84,7 @@ class StageLoop:
         b.position_at_end(head)
         old = [b.phi(emit.number) for _ in start]
         was, count = b.phi(emit.truth), b.phi(emit.counter)
-        trip = b.phi(WHOLE)
+        trip = b.phi(INT64)
         looped = self.stage.scheme.looped
         sizes = {g: b.phi(emit.number) for g in self._blocks_of(looped)} if len(self.stage.blocks) > 1 else {}
         last = _Progress(sizes, b.phi(emit.truth)) if sizes else None
@@ -99,14 +99,14 @@ class StageLoop:
         if emit.width > 1:
             new = [b.select(was, x, y) for x, y in zip(old, new, strict=True)]
             counted, now = b.select(was, count, counted), b.or_(was, now)
-        trips = b.add(trip, WHOLE(1))
+        trips = b.add(trip, INT64(1))
         open_lanes = emit.any(b.xor(now, emit.bit(True)))
-        more = b.and_(open_lanes, b.icmp_signed("<", trips, WHOLE(MAX_ITERATIONS)))
+        more = b.and_(open_lanes, b.icmp_signed("<", trips, INT64(MAX_ITERATIONS)))
         back = b.block
         b.cbranch(more, head, end)
         first = 0 if self.stage.scheme.first is None else 1
         incoming = [*zip(old, start, new, strict=True), (was, settled, now), (count, iterations, counted)]
-        for phi, value, again in [*incoming, (trip, WHOLE(first), trips)]:
+        for phi, value, again in [*incoming, (trip, INT64(first), trips)]:
             phi.add_incoming(value, before)
             phi.add_incoming(again, back)
         if last is not None:

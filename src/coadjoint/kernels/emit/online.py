@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from llvmlite import ir
 from llvmlite.ir.instructions import LoadInstr
 
-from coadjoint.kernels.emit.emitter import WHOLE
+from coadjoint.kernels.emit.emitter import INT64
 from coadjoint.kernels.emit.lanes import LaneEmitter
 from coadjoint.kernels.emit.newton_loop import finite
 from coadjoint.kernels.emit.plan import StepPlan
@@ -97,7 +97,7 @@ class _Online(StepFunction):
 
     def _observe_function(self, watched: Observing) -> ir.Function:
         """int64 observe(parameters, state, observations): the observations of a group, whether all are finite."""
-        kind = ir.FunctionType(WHOLE, [POINTER, POINTER, POINTER])
+        kind = ir.FunctionType(INT64, [POINTER, POINTER, POINTER])
         function = ir.Function(self.module, kind, name="observe")
         function.linkage = "internal"
         self.builder = b = ir.IRBuilder(function.append_basic_block("entry"))
@@ -111,41 +111,41 @@ class _Online(StepFunction):
             for lane in range(self.width):
                 self._number(out, lane * len(values) + i).store(_lane(b, value, lane, self.width))
         bad = b.xor(finite(emit, values), emit.bit(True))
-        b.ret(b.select(emit.any(bad), WHOLE(StatusFlag.NOT_FINITE), WHOLE(0)))
+        b.ret(b.select(emit.any(bad), INT64(StatusFlag.NOT_FINITE), INT64(0)))
         return function
 
     def _entry(self, observe: ir.Function, parameters: int, numbers: int, observations: int) -> None:
-        whole = WHOLE.as_pointer()
-        entry = ir.Function(self.module, ir.FunctionType(WHOLE, [whole, WHOLE, WHOLE, WHOLE]), name=NAME)
+        whole = INT64.as_pointer()
+        entry = ir.Function(self.module, ir.FunctionType(INT64, [whole, INT64, INT64, INT64]), name=NAME)
         context, first, last, steps = entry.args
         self.builder = b = ir.IRBuilder(entry.append_basic_block("entry"))
         self.emit = self.emitter(self.module, b, self.width)
-        given = {name: b.load(b.gep(context, [WHOLE(i)])) for i, name in enumerate(CONTEXT)}
+        given = {name: b.load(b.gep(context, [INT64(i)])) for i, name in enumerate(CONTEXT)}
         array = {name: b.inttoptr(given[name], POINTER) for name in CONTEXT if name != "parameter_stride"}
         before, head, end = b.block, b.append_basic_block("groups"), b.append_basic_block("end")
         b.cbranch(b.icmp_signed("<", first, last), head, end)
         b.position_at_end(head)
-        group, summary = b.phi(WHOLE), b.phi(WHOLE)
+        group, summary = b.phi(INT64), b.phi(INT64)
         p = b.gep(array["parameters"], [b.mul(group, given["parameter_stride"])])
-        s = b.gep(array["state"], [b.mul(group, WHOLE(numbers * self.width))])
-        status = b.gep(b.bitcast(array["status"], whole), [b.mul(group, WHOLE(4 * self.width))])
-        commands = b.gep(array["commands"], [b.mul(group, WHOLE(len(self.commanded) * self.width))])
-        out = b.gep(array["observations"], [b.mul(group, WHOLE(observations * self.width))])
+        s = b.gep(array["state"], [b.mul(group, INT64(numbers * self.width))])
+        status = b.gep(b.bitcast(array["status"], whole), [b.mul(group, INT64(4 * self.width))])
+        commands = b.gep(array["commands"], [b.mul(group, INT64(len(self.commanded) * self.width))])
+        out = b.gep(array["observations"], [b.mul(group, INT64(observations * self.width))])
         self._command(s, commands, status)
         nowhere = ir.Constant(POINTER, None)
-        b.call(self.step, [p, array["h"], s, WHOLE(1), steps, nowhere, nowhere, nowhere, status])
+        b.call(self.step, [p, array["h"], s, INT64(1), steps, nowhere, nowhere, nowhere, status])
         seen = b.call(observe, [p, s, out])
         failed = b.icmp_signed(">", self.load(status, 1, self.emit.counter), self.emit.counts(0))
-        told = b.select(self.emit.any(failed), WHOLE(StatusFlag.FAILED), WHOLE(0))
-        now, following = b.or_(summary, b.or_(seen, told)), b.add(group, WHOLE(1))
+        told = b.select(self.emit.any(failed), INT64(StatusFlag.FAILED), INT64(0))
+        now, following = b.or_(summary, b.or_(seen, told)), b.add(group, INT64(1))
         back = b.block
         b.cbranch(b.icmp_signed("<", following, last), head, end)
-        for phi, value, again in ((group, first, following), (summary, WHOLE(0), now)):
+        for phi, value, again in ((group, first, following), (summary, INT64(0), now)):
             phi.add_incoming(value, before)
             phi.add_incoming(again, back)
         b.position_at_end(end)
-        result = b.phi(WHOLE)
-        result.add_incoming(WHOLE(0), before)
+        result = b.phi(INT64)
+        result.add_incoming(INT64(0), before)
         result.add_incoming(now, back)
         b.ret(result)
 
@@ -159,7 +159,7 @@ class _Online(StepFunction):
             self.store(b.select(well, given, self.load(s, number)), s, number)
 
     def _number(self, pointer: Any, index: int) -> _Number:
-        return _Number(self.builder, self.builder.gep(pointer, [WHOLE(index)]))
+        return _Number(self.builder, self.builder.gep(pointer, [INT64(index)]))
 
 
 class _Number(NamedTuple):

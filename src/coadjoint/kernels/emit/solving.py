@@ -6,7 +6,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
 from coadjoint.kernels.emit.gauss import gauss
 from coadjoint.kernels.newton.increments import Increment
 
@@ -47,19 +47,19 @@ def _pivoted(emit: Emitter, matrix: dict[int, Any], right: list[Any], safe: Any,
     matrix: what is not zero, by its place in the rows end to end.
     """
     b, n, width = emit.builder, len(right), emit.width
-    function, cleared = gauss(emit.module), emit.module.declare_intrinsic("llvm.memset", [BYTES, WHOLE])
+    function, cleared = gauss(emit.module), emit.module.declare_intrinsic("llvm.memset", [BYTES, INT64])
     with b.goto_entry_block():
         a = b.alloca(DOUBLE, n * n)
         x = b.alloca(DOUBLE, n)
     results = list(delta)
     for lane in range(width):
         pick = (lambda v: v) if width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
-        b.call(cleared, [b.bitcast(a, BYTES), ir.IntType(8)(0), WHOLE(8 * n * n), ir.IntType(1)(0)])
+        b.call(cleared, [b.bitcast(a, BYTES), ir.IntType(8)(0), INT64(8 * n * n), ir.IntType(1)(0)])
         for place, values in ((a, matrix), (x, dict(enumerate(right)))):
             for i, value in values.items():
-                b.store(pick(value), b.gep(place, [WHOLE(i)]))
-        b.call(function, [a, x, WHOLE(n)])
-        solved = [b.load(b.gep(x, [WHOLE(i)])) for i in range(n)]
+                b.store(pick(value), b.gep(place, [INT64(i)]))
+        b.call(function, [a, x, INT64(n)])
+        solved = [b.load(b.gep(x, [INT64(i)])) for i in range(n)]
         if width == 1:
             return solved
         here = pick(safe)

@@ -12,7 +12,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.newton_loop import StageLoop, finite
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.substeps import Done, substeps
@@ -36,9 +36,9 @@ class StepFunction:
     def __init__(self, plan: StepPlan, width: int) -> None:
         self.plan, self.width = plan, width
         self.module = ir.Module(name="coadjoint")
-        whole = WHOLE.as_pointer()
+        whole = INT64.as_pointer()
         signature = ir.FunctionType(
-            ir.VoidType(), [POINTER, POINTER, POINTER, WHOLE, WHOLE, POINTER, POINTER, POINTER, whole]
+            ir.VoidType(), [POINTER, POINTER, POINTER, INT64, INT64, POINTER, POINTER, POINTER, whole]
         )
         function = ir.Function(self.module, signature, name=NAME)
         for argument in function.args:
@@ -60,7 +60,7 @@ class StepFunction:
 
     def _place(self, pointer: Any, index: Any, kind: Any) -> Any:
         kind = kind if kind is not None else self.emit.number
-        index = WHOLE(index) if isinstance(index, int) else index
+        index = INT64(index) if isinstance(index, int) else index
         typed = self.builder.bitcast(pointer, kind.as_pointer())
         return self.builder.gep(typed, [index])
 
@@ -82,18 +82,18 @@ class StepFunction:
         self.emit.bind(plan.h, self.load(h, 0))
         self.state = [self.variable(self.emit.number, self.load(s, i)) for i in range(len(plan.state))]
         self._begin(status)
-        self.done, self.row = self.variable(WHOLE, WHOLE(0)), self.variable(WHOLE, WHOLE(0))
-        self.due = self.variable(WHOLE, WHOLE(0))
+        self.done, self.row = self.variable(INT64, INT64(0)), self.variable(INT64, INT64(0))
+        self.due = self.variable(INT64, INT64(0))
         number = b.mul(records, every)
         self.every = every
         self.emit.keep_exact(reachable(self._results()))
         self.emit.values(outer(self._roots(), self._varying()))
         loop, end = b.append_basic_block("loop"), b.append_basic_block("end")
-        b.cbranch(self._opens(b.icmp_signed(">", number, WHOLE(0))), loop, end)
+        b.cbranch(self._opens(b.icmp_signed(">", number, INT64(0))), loop, end)
         b.position_at_end(loop)
         with self.emit.scope():
             self._step()
-        done = b.add(b.load(self.done), WHOLE(1))
+        done = b.add(b.load(self.done), INT64(1))
         b.store(done, self.done)
         b.cbranch(b.and_(b.icmp_signed("<", done, number), self.emit.any(b.load(self.alive))), loop, end)
         b.position_at_end(end)
@@ -231,21 +231,21 @@ class StepFunction:
             self._extremum(value, i, well)
         due = b.load(self.due)
         before, now, on = b.block, b.append_basic_block("record"), b.append_basic_block("recorded")
-        b.cbranch(b.icmp_signed("==", due, WHOLE(0)), now, on)
+        b.cbranch(b.icmp_signed("==", due, INT64(0)), now, on)
         b.position_at_end(now)
         row = b.load(self.row)
         with self.emit.scope():
             for values, out in ((done.record(), self.record_out), (observed, self.monitor_out)):
-                start = b.mul(row, WHOLE(len(values)))
+                start = b.mul(row, INT64(len(values)))
                 for i, value in enumerate(values):
-                    self.store(value, out, b.add(start, WHOLE(i)))
-        b.store(b.add(row, WHOLE(1)), self.row)
+                    self.store(value, out, b.add(start, INT64(i)))
+        b.store(b.add(row, INT64(1)), self.row)
         b.branch(on)
         b.position_at_end(on)
-        left = b.phi(WHOLE)
+        left = b.phi(INT64)
         left.add_incoming(due, before)
         left.add_incoming(self.every, now)
-        b.store(b.sub(left, WHOLE(1)), self.due)
+        b.store(b.sub(left, INT64(1)), self.due)
 
     def _extremum(self, value: Any, i: int, well: Any) -> None:
         """extrema[2i] and [2i + 1]: the least and the greatest value so far."""

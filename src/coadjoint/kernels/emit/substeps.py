@@ -9,7 +9,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
 from coadjoint.kernels.emit.plan import Inner, StepPlan
 
 
@@ -39,16 +39,16 @@ def substeps(
     before, head, end = b.block, b.append_basic_block("substep"), b.append_basic_block("substeps")
     b.branch(head)
     b.position_at_end(head)
-    number, state = b.phi(WHOLE), [b.phi(emit.number) for _ in start]
+    number, state = b.phi(INT64), [b.phi(emit.number) for _ in start]
     well, code, iterations = b.phi(emit.truth), b.phi(emit.counter), b.phi(emit.counter)
     certificates = [b.phi(emit.number) for _ in plan.certificates]
     with emit.scope():
-        emit.bind(inner.h, b.fmul(emit.values([plan.h])[0], _broadcast(emit, b.load(b.gep(table, [WHOLE(0), number])))))
+        emit.bind(inner.h, b.fmul(emit.values([plan.h])[0], _broadcast(emit, b.load(b.gep(table, [INT64(0), number])))))
         for symbol, value in zip(inner.state, state, strict=True):
             emit.bind(symbol, value)
         done = stages(idle if emit.width == 1 else b.or_(idle, b.xor(well, emit.bit(True))))
         first, on = b.append_basic_block("first"), b.append_basic_block("later")
-        b.cbranch(b.icmp_signed("==", number, WHOLE(0)), first, on)
+        b.cbranch(b.icmp_signed("==", number, INT64(0)), first, on)
         b.position_at_end(first)
         with emit.scope():
             for value, place in zip([*done.record(), *done.monitors()], kept, strict=True):
@@ -57,12 +57,12 @@ def substeps(
         b.position_at_end(on)
         largest = [emit.intrinsic("maximum", x, y) for x, y in zip(certificates, done.certificates, strict=True)]
     code_now, well_now = b.select(well, done.code, code), b.and_(well, done.well)
-    sum_now, following = b.add(iterations, done.iterations), b.add(number, WHOLE(1))
-    more = b.and_(b.icmp_signed("<", following, WHOLE(len(inner.fractions))), emit.any(well_now))
+    sum_now, following = b.add(iterations, done.iterations), b.add(number, INT64(1))
+    more = b.and_(b.icmp_signed("<", following, INT64(len(inner.fractions))), emit.any(well_now))
     back = b.block
     b.cbranch(more, head, end)
     nothing = [emit.constant(-math.inf)] * len(certificates)
-    carried = [(number, WHOLE(0), following), (well, emit.bit(True), well_now), (code, emit.counts(0), code_now)]
+    carried = [(number, INT64(0), following), (well, emit.bit(True), well_now), (code, emit.counts(0), code_now)]
     carried += [(iterations, emit.counts(0), sum_now), *zip(state, start, done.after, strict=True)]
     for phi, value, again in [*carried, *zip(certificates, nothing, largest, strict=True)]:
         phi.add_incoming(value, before)

@@ -14,7 +14,7 @@ from typing import Any
 from llvmlite import ir
 
 from coadjoint.kernels.emit.adjoint import tape
-from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.differentiation import directional, forward
@@ -76,7 +76,7 @@ def assemble(tangent: StepTangent, width: int) -> str:
     """
     module = ir.Module(name="coadjoint")
     pointer = DOUBLE.as_pointer()
-    signature = ir.FunctionType(ir.VoidType(), [pointer] * 3 + [WHOLE, pointer, WHOLE, pointer, pointer])
+    signature = ir.FunctionType(ir.VoidType(), [pointer] * 3 + [INT64, pointer, INT64, pointer, pointer])
     function = ir.Function(module, signature, name=NAME)
     for argument in function.args:
         if isinstance(argument.type, ir.PointerType):
@@ -90,30 +90,30 @@ def assemble(tangent: StepTangent, width: int) -> str:
 
     def load(nodes: list[Expr], array: Any, start: Any) -> None:
         for i, node in enumerate(nodes):
-            emit.bind(node, b.load(place(array, b.add(start, WHOLE(i))), align=8))
+            emit.bind(node, b.load(place(array, b.add(start, INT64(i))), align=8))
 
     def store(values: list[Any], array: Any, start: Any) -> None:
         for i, value in enumerate(values):
-            b.store(value, place(array, b.add(start, WHOLE(i))), align=8)
+            b.store(value, place(array, b.add(start, INT64(i))), align=8)
 
     def column(row: Any, number: Any) -> None:
-        load(tangent.parameters_dot, p_dot, b.mul(number, WHOLE(len(tangent.parameters_dot))))
-        here = b.mul(number, WHOLE(len(tangent.state_dot)))
+        load(tangent.parameters_dot, p_dot, b.mul(number, INT64(len(tangent.parameters_dot))))
+        here = b.mul(number, INT64(len(tangent.state_dot)))
         load(tangent.state_dot, s_dot, here)
         for increment, symbols in tangent.systems:
             for symbol, value in zip(symbols, increment_values(emit, increment), strict=True):
                 emit.bind(symbol, value)
-        seen = b.mul(b.add(b.mul(row, columns), number), WHOLE(len(tangent.record_dot)))
+        seen = b.mul(b.add(b.mul(row, columns), number), INT64(len(tangent.record_dot)))
         store(emit.values(tangent.record_dot), record_dot, seen)
         store(emit.values(tangent.after_dot), s_dot, here)
 
     def step(row: Any) -> None:
-        load(tangent.tape, rows, b.mul(row, WHOLE(len(tangent.tape) + len(tangent.record_dot))))
+        load(tangent.tape, rows, b.mul(row, INT64(len(tangent.tape) + len(tangent.record_dot))))
         emit.values(outer(_roots(tangent), _directions(tangent)))
         _loop(b, columns, emit, lambda number: column(row, number))
 
-    load(tangent.plan.parameters, p, WHOLE(0))
-    load([tangent.plan.h], h, WHOLE(0))
+    load(tangent.plan.parameters, p, INT64(0))
+    load([tangent.plan.h], h, INT64(0))
     emit.values(outer(_roots(tangent), {*tangent.tape, *_directions(tangent)}))
     _loop(b, steps, emit, step)
     b.ret_void()
@@ -123,13 +123,13 @@ def assemble(tangent: StepTangent, width: int) -> str:
 def _loop(b: ir.IRBuilder, count: ir.Value, emit: Emitter, body: Any) -> None:
     """body(i) for i from 0 to count."""
     before, loop, end = b.block, b.append_basic_block("loop"), b.append_basic_block("end")
-    b.cbranch(b.icmp_signed(">", count, WHOLE(0)), loop, end)
+    b.cbranch(b.icmp_signed(">", count, INT64(0)), loop, end)
     b.position_at_end(loop)
-    index = b.phi(WHOLE)
-    index.add_incoming(WHOLE(0), before)
+    index = b.phi(INT64)
+    index.add_incoming(INT64(0), before)
     with emit.scope():
         body(index)
-    following = b.add(index, WHOLE(1))
+    following = b.add(index, INT64(1))
     index.add_incoming(following, b.block)
     b.cbranch(b.icmp_signed("<", following, count), loop, end)
     b.position_at_end(end)

@@ -13,8 +13,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from coadjoint.kernels.expressions.operations import BINARY, UNARY
-from coadjoint.kernels.expressions.tables import Table
+from coadjoint.kernels.expressions.operations import BINARY, UNARY, Table
 from coadjoint.kernels.untraceable import TooLarge
 
 MAX_NODES = 125_000

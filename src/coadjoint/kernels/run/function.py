@@ -1,4 +1,4 @@
-"""A function of numbers and its Jacobian as machine code, for many rows of arguments at once."""
+"""Functions of numbers, their Jacobians and recursions as machine code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.run.machine import machine
 from coadjoint.kernels.trace.tracer import Tracer, flat
@@ -52,21 +52,21 @@ def assembled(given: Sequence[tuple[list[Any], int]], found: Sequence[tuple[Mapp
     """
     module = ir.Module(name="coadjoint")
     pointer = DOUBLE.as_pointer()
-    signature = ir.FunctionType(ir.VoidType(), [*[pointer] * (len(given) + len(found)), WHOLE])
+    signature = ir.FunctionType(ir.VoidType(), [*[pointer] * (len(given) + len(found)), INT64])
     function = ir.Function(module, signature, name=NAME)
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, 1)
     *arrays, rows = function.args
     loop, end = b.append_basic_block("loop"), b.append_basic_block("end")
     before = b.block
-    b.cbranch(b.icmp_signed(">", rows, WHOLE(0)), loop, end)
+    b.cbranch(b.icmp_signed(">", rows, INT64(0)), loop, end)
     b.position_at_end(loop)
-    row = b.phi(WHOLE)
-    row.add_incoming(WHOLE(0), before)
-    starts = [b.mul(row, WHOLE(stride)) for _, stride in [*given, *found]]
+    row = b.phi(INT64)
+    row.add_incoming(INT64(0), before)
+    starts = [b.mul(row, INT64(stride)) for _, stride in [*given, *found]]
 
     def place(number: int, index: int) -> Any:
-        return b.gep(arrays[number], [b.add(starts[number], WHOLE(index))])
+        return b.gep(arrays[number], [b.add(starts[number], INT64(index))])
 
     with emit.scope():
         for number, (nodes, _) in enumerate(given):
@@ -75,9 +75,33 @@ def assembled(given: Sequence[tuple[list[Any], int]], found: Sequence[tuple[Mapp
         for number, (results, _) in enumerate(found, len(given)):
             for i, result in zip(results, emit.values(results.values()), strict=True):
                 b.store(result, place(number, i))
-    following = b.add(row, WHOLE(1))
+    following = b.add(row, INT64(1))
     row.add_incoming(following, b.block)
     b.cbranch(b.icmp_signed("<", following, rows), loop, end)
     b.position_at_end(end)
     b.ret_void()
     return str(module)
+
+
+class NativeRecursion:
+    """x_{k+1} = function(x_k, u_k, c): x (n,), u (k,) and c (m,) are flat, and so is the value (n,).
+
+    Raises Untraceable, naming the primitive, if the function is outside the tracer's language.
+    """
+
+    def __init__(self, function: Callable[[Any, Any, Any], Any], x: np.ndarray, u: np.ndarray, c: np.ndarray) -> None:
+        tracer = Tracer()
+        symbols = [tracer.symbols(name, values) for name, values in (("x", x), ("u", u), ("c", c))]
+        value = flat(tracer.trace(function, *symbols))
+        given = [(flat(symbols[0]), x.size), (flat(symbols[1]), u.size), (flat(symbols[2]), 0)]
+        self._machine = machine(assembled(given, [(dict(enumerate(value)), x.size)]))
+        self.code = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
+
+    def __call__(self, x: np.ndarray, u: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """x_0, x_1, …, (steps + 1, n), from x_0 = x with u (steps, k)."""
+        u, c = np.ascontiguousarray(u, np.float64), np.ascontiguousarray(c, np.float64)
+        found = np.empty((len(u) + 1, x.size))
+        found[0] = x
+        # What a step finds is where the next one reads.
+        self.code(found.ctypes.data, u.ctypes.data, c.ctypes.data, found.ctypes.data + found.strides[0], len(u))
+        return found

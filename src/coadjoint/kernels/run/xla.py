@@ -15,7 +15,7 @@ from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.run.interruptible import Clock, Cut, PieceLength
-from coadjoint.kernels.trace.forked import require_own_xla
+from coadjoint.kernels.trace.fork_safety import require_own_xla
 
 CAPACITY = 1024
 """The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""

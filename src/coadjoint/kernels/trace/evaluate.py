@@ -12,11 +12,11 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.trace.control import CONTROL
-from coadjoint.kernels.trace.forked import require_own_xla
+from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.kernels.trace.interpreter import Interpreter
 from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of
 from coadjoint.kernels.trace.numeric import NUMERIC
-from coadjoint.kernels.trace.straight import Straight
+from coadjoint.kernels.trace.straight_line import Straight
 from coadjoint.kernels.untraceable import Untraceable
 
 _NUMBERS = Interpreter(NUMERIC, CONTROL)

@@ -11,7 +11,7 @@ import numpy as np
 from jax import lax
 
 from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
-from coadjoint.kernels.expressions.tables import Table
+from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
 from coadjoint.kernels.trace.movement import MOVEMENT, arranged, scatters
 from coadjoint.kernels.untraceable import Untraceable

@@ -68,10 +68,10 @@ class Interpreter:
         return [typed(r, jaxprs.dtype(v)) for r, v in zip(result, equation.outputs, strict=True)]
 
 
-WHOLE = frozenset(("add", "sub", "mul", "neg", "min", "max", "abs", "sign", "integer_pow", "clamp", "select_n"))
-WHOLE |= {"lt", "le", "gt", "ge", "eq", "ne", "convert_element_type", "reduce_sum", "reduce_max", "reduce_min"}
-WHOLE |= {"broadcast_in_dim", "reshape", "squeeze", "slice", "concatenate", "transpose", "copy", "gather"}
-WHOLE |= {"reduce_prod", "argmax", "argmin", "dynamic_slice", "square", "stack", "div", "rem", "and", "or"}
+ON_INTEGERS = frozenset(("add", "sub", "mul", "neg", "min", "max", "abs", "sign", "integer_pow", "clamp", "select_n"))
+ON_INTEGERS |= {"lt", "le", "gt", "ge", "eq", "ne", "convert_element_type", "reduce_sum", "reduce_max", "reduce_min"}
+ON_INTEGERS |= {"broadcast_in_dim", "reshape", "squeeze", "slice", "concatenate", "transpose", "copy", "gather"}
+ON_INTEGERS |= {"reduce_prod", "argmax", "argmin", "dynamic_slice", "square", "stack", "div", "rem", "and", "or"}
 """Primitives that mean the same for integers as for whole float64 numbers."""
 
 
@@ -81,7 +81,7 @@ def _check_types(equation: Equation) -> None:
         kind = jaxprs.dtype(variable).kind
         if kind == "c":
             raise Untraceable(equation.name, "on complex numbers")
-        if kind in "iu" and equation.name not in WHOLE and variable in equation.inputs[:1]:
+        if kind in "iu" and equation.name not in ON_INTEGERS and variable in equation.inputs[:1]:
             raise Untraceable(equation.name, "on integers that depend on values")
 
 

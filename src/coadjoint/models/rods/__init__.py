@@ -2,7 +2,7 @@
 
 from coadjoint.models.rods.cosserat import cosserat, planar
 from coadjoint.models.rods.pendulums import pendulums, pendulums_start, points, points_start
-from coadjoint.models.rods.section import round_section
+from coadjoint.models.rods.sections import round_section
 from coadjoint.models.rods.shapes import centerline, planar_start, start
 from coadjoint.models.rods.statics import equilibrium, modes
 

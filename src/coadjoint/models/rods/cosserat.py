@@ -19,7 +19,7 @@ from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
 from coadjoint.memory import most_that_fit, require_room
 from coadjoint.models.quantities import checked, not_negative, number, positive, positive_pair, vector
-from coadjoint.models.rods.layout import RodLayout
+from coadjoint.models.rods.sections import RodLayout
 from coadjoint.models.rods.strains import logarithm, straight
 from coadjoint.spaces import Dual, RelativePoses
 from coadjoint.spaces.links import GROUND

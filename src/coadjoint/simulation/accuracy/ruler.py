@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.groups import Power
-from coadjoint.groups.matrix_coordinates import MatrixCoordinates
+from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD

@@ -10,11 +10,11 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit.plan import specialised
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import known

@@ -14,7 +14,7 @@ from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.program import Code, Program, StatusFlag
 from coadjoint.kernels.run import xla
 from coadjoint.kernels.run.compiled import compiled
-from coadjoint.kernels.trace.forked import require_own_xla
+from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.simulation.steppers.buffers import Buffers
 
 

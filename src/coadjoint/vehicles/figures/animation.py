@@ -13,12 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.transforms import Affine2D
 
+from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.player import page
-from coadjoint.plotting.staged import scene
+from coadjoint.plotting.scene_of_runs import scene
 from coadjoint.plotting.style import COLOURS, canvas, style
-from coadjoint.plotting.whole_file import whole_file, write_text
 from coadjoint.vehicles.figures.navigation import draw_depth, draw_track
 from coadjoint.vehicles.logs.records import VehicleRecords
 
@@ -63,7 +63,7 @@ def _gif(runs: Sequence[Entry], target: Path, frames: int) -> Path:
             palette = palette or picture.quantize(64, dither=Image.Dither.NONE)
             pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
     pause = [1000 // PER_SECOND] * (frames - 1) + [1500]
-    with whole_file(target) as temporary:
+    with atomic_file(target) as temporary:
         pictures[0].save(temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=pause, loop=0)
     return target
 

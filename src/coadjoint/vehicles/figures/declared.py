@@ -2,46 +2,46 @@
 
 from __future__ import annotations
 
-from coadjoint.plotting.figures import Added
+from coadjoint.plotting.registries import AddedFigure
 
 _FIGURES = "coadjoint.vehicles.figures"
 FIGURES = {
-    "mission": Added(
+    "mission": AddedFigure(
         f"{_FIGURES}.mission:mission",
         f"{_FIGURES}.fitting:of_vehicle",
         "A vehicle's run on one page: track, depth, angles, speeds, rates, actuators, energy, current.",
         rank=0,
     ),
-    "track": Added(
+    "track": AddedFigure(
         f"{_FIGURES}.navigation:track",
         f"{_FIGURES}.fitting:of_vehicle",
         "The path of a vehicle seen from above, north up, with its start, its end and `way_points` (k, 2 or 3), m.",
         rank=1,
         caption="The path of the vehicle seen from above, north up, with its start, its end and its way points.",
     ),
-    "depth": Added(
+    "depth": AddedFigure(
         f"{_FIGURES}.navigation:depth",
         f"{_FIGURES}.fitting:of_vehicle",
         "The depth of a vehicle over time, downwards, with its set point.",
         rank=2,
     ),
-    "speeds": Added(
+    "speeds": AddedFigure(
         f"{_FIGURES}.motions:speeds",
         f"{_FIGURES}.fitting:of_vehicle",
         "Surge, sway and heave through the water with the set point of speed, and the rates of roll, pitch and yaw.",
         rank=3,
     ),
-    "actuators": Added(
+    "actuators": AddedFigure(
         f"{_FIGURES}.actuators:actuators",
         f"{_FIGURES}.fitting:of_actuators",
         "What every actuator does, what it was told, and its limits.",
     ),
-    "current": Added(
+    "current": AddedFigure(
         f"{_FIGURES}.motions:current",
         f"{_FIGURES}.fitting:of_current",
         "The velocity of the water where the vehicle is: north, east, down.",
     ),
-    "animation": Added(
+    "animation": AddedFigure(
         f"{_FIGURES}.animation:animation",
         f"{_FIGURES}.fitting:of_vehicle",
         """Write an animation of vehicles to `path`: `.gif`, track and depth in `frames` pictures, or `.html`.

@@ -14,9 +14,9 @@ import numpy as np
 
 from coadjoint.clocks import Jumps, Unsorted, clock, require_choices
 from coadjoint.csv_tables import Sheet, csv_text, read_sheet
+from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.log import Log
-from coadjoint.plotting.whole_file import whole_file, write_text
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.columns import written
 from coadjoint.vehicles.logs.headers import NAMES, Column, column
@@ -167,7 +167,7 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
 
         require_at_origin(log.positions, "A bag with /odometry")
         content = log_bytes(log)
-        with whole_file(path) as temporary:
+        with atomic_file(path) as temporary:
             temporary.write_bytes(content)
         return
     require_at_origin(log.positions, "A table")

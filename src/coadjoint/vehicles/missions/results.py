@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.csv_tables import csv_text
+from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths
 from coadjoint.plotting.plots import Plots, available, save_figures
-from coadjoint.plotting.whole_file import write_text
 from coadjoint.vehicles.figures.declared import FIGURES
 from coadjoint.vehicles.missions.legs import reached
 from coadjoint.vehicles.missions.sensors import counts, logs

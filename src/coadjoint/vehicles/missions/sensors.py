@@ -115,7 +115,7 @@ def observe(file: MissionFile, run: Run) -> None:
 
 def logs(dataset: Any, folder: Path) -> None:
     """Write `sensor_NAME.csv` for each sensor of a dataset to a folder."""
-    from coadjoint.plotting.whole_file import write_text
+    from coadjoint.disk import write_text
     from coadjoint.vehicles.readings.taken import read_sensors, sensor_text
 
     for name in read_sensors(dataset):

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from coadjoint.disk import atomic_file
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VELOCITY
 from coadjoint.identification.log import Log
 from coadjoint.models.quantities import not_negative, positive
-from coadjoint.plotting.whole_file import whole_file
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.bags.converted import GRAVITY, WaterAbove, fixes
@@ -58,7 +58,7 @@ def write_mcap(
     be written.
     """
     content = mcap_bytes(dataset, axes, origin, density, surface_pressure)
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         temporary.write_bytes(content)
 
 

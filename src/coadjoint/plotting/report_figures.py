@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting.figures import ADDED
 from coadjoint.plotting.plots import Plots, available, figure_names
-from coadjoint.plotting.scene_registry import points_down
+from coadjoint.plotting.registries import ADDED, points_down
 
 OWN = {
     "trajectory": "The path in space, and each of its coordinates over time.",

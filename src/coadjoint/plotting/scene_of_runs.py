@@ -11,8 +11,8 @@ from coadjoint.plotting import bodies
 from coadjoint.plotting.bodies import Solid
 from coadjoint.plotting.decimation import some
 from coadjoint.plotting.entries import Entry
+from coadjoint.plotting.registries import SCENES
 from coadjoint.plotting.scene import Scene, Shape
-from coadjoint.plotting.scene_registry import SCENES
 
 MOST = 20
 """The most members in a scene."""

@@ -13,7 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
-from coadjoint.identification.observed import Observed
+from coadjoint.identification.observed_program import Observed
 from coadjoint.identification.process_noise import KNOT, MOST, Knots
 from coadjoint.identification.process_noise_model import Moved
 from coadjoint.identification.sampling import Between, samples, steps_between
@@ -22,10 +22,10 @@ from coadjoint.identification.shooting import Reference, Shooting, require_input
 from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_scalar
-from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import StepProgram
 from coadjoint.simulation.simulate import simulate

@@ -9,7 +9,7 @@ from jax.extend.core import jaxprs_in_params
 
 import coadjoint as co
 from coadjoint.errors import GroupError
-from coadjoint.groups import matrix_coordinates
+from coadjoint.groups import matrix_elements
 from coadjoint.groups.axioms import require_group
 from coadjoint.groups.unitary import product, sum_of_parts
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -34,7 +34,7 @@ def _arguments(group, form, random):
 @pytest.mark.parametrize("group", KINDS, ids=repr)
 def test_without_a_basis_the_axioms_hold(group, monkeypatch):
     """Each closed form is the one that follows from the basis, also of a matrix outside the algebra."""
-    monkeypatch.setattr(matrix_coordinates, "DENSE", 0)
+    monkeypatch.setattr(matrix_elements, "DENSE", 0)
     require_group.__wrapped__(group)
     outside = generator("outside").normal(size=(group.matrix_size,) * 2)
     expected = np.linalg.lstsq(group.basis.reshape(group.dim, -1).T, outside.ravel(), rcond=None)[0]

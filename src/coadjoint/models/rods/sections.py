@@ -1,8 +1,10 @@
-"""Which sections a rod has, which of them an element joins, and what part of the rod's length each section carries."""
+"""The sections of a rod: stiffness, inertia, the elements that join them, and the length that each carries."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +12,33 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.groups.group import Array
+from coadjoint.models.quantities import positive
 from coadjoint.spaces.links import GROUND
+
+SHEAR = 0.9
+"""The share of a round section that carries shear."""
+
+
+def round_section(*, radius: Any, density: Any, young: Any, shear: Any) -> dict[str, Any]:
+    """EA, GA, GJ, EI, mass and inertia of a full round section, as `cosserat` takes them.
+
+    A = πr², I = πr⁴/4, J = 2I; of A, 0.9 carries shear.
+
+    radius: r, m. density: ρ, kg/m³. young, shear: the moduli E and G, N/m². Raises ArgumentError unless all are
+    positive. Source: Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966).
+    """
+    given = {"radius": radius, "density": density, "young": young, "shear": shear}
+    r, rho, E, G = (float(positive(value, name)) for name, value in given.items())
+    area, second = pi * r**2, pi * r**4 / 4
+    return {
+        "EA": E * area,
+        "GA": SHEAR * G * area,
+        "GJ": 2 * G * second,
+        "EI": E * second,
+        "mass": rho * area,
+        "inertia": (2 * rho * second, rho * second, rho * second),
+    }
+
 
 ENDS = ("free", "clamped", "both clamped", "ring")
 """Both ends free; the first one clamped; both clamped; or the last joined to the first."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from equations import Equations, Still
 
-from coadjoint.kernels.newton.structure import blocks, matching
+from coadjoint.kernels.newton.increments import blocks, matching
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native
 

@@ -1,4 +1,4 @@
-"""Columns of a log that cannot be what they are named: degrees as radians, heights as depths, values that are wild."""
+"""Checks of a log: columns whose values do not fit their names and units."""
 
 from __future__ import annotations
 
