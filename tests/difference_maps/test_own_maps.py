@@ -71,7 +71,7 @@ def test_a_fit_of_ones_own_does_not_replace_that_of_the_base():
         def _tau(self, group, xi):
             return group.exp((1 + 0.3 * jnp.sum(xi)) * xi)
 
-    assert "is no group difference map" in sentence_of(lambda: begin(Lopsided()))
+    assert "is not a group difference map" in sentence_of(lambda: begin(Lopsided()))
 
 
 def test_a_map_that_lacks_tau_is_told():

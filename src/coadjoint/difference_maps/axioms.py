@@ -1,4 +1,4 @@
-"""What a difference map of one's own must satisfy: Dτ(0) = 1, and closed forms that equal the derivation from τ."""
+"""The axioms of a user-defined difference map: Dτ(0) = 1, and closed forms that equal the derivation from τ."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def require_own_map(difference_map: DifferenceMap, group: LieGroup) -> None:
 def require_map(difference_map: DifferenceMap, group: LieGroup, *stamps: object) -> None:
     """Raise GroupError unless τ is a difference map on the group and its own forms equal the derived ones.
 
-    At random ξ inside the chart, relative 1e-9; `stamps` tell apart what compares equal.
+    At random ξ inside the chart, relative 1e-9; `stamps` distinguish objects that compare equal.
     """
     if not overrides(difference_map, DifferenceMap, "tau"):
         require_given(difference_map, DifferenceMap, ("_tau",))
@@ -69,8 +69,8 @@ def _points(difference_map: DifferenceMap, group: LieGroup) -> list[tuple[np.nda
             reach = evaluate(lambda xi: jnp.asarray(difference_map.chart(group, xi), dtype=float), xi)
         if np.shape(reach) != () or not 0 <= reach < np.inf:
             raise GroupError(
-                f"`chart` of {difference_map!r} must tell how far ξ lies in its chart, a number from 0 at ξ = 0 to 1 "
-                f"at the end, but is {np.asarray(reach).tolist()}."
+                f"`chart` of {difference_map!r} must measure how far ξ lies in its chart, from 0 at ξ = 0 to 1 at the "
+                f"boundary, but is {np.asarray(reach).tolist()}."
             )
         found.append((xi * part * min(2.0, 1 / max(float(reach), 1e-300)), chi / sizes, mu * sizes))
     return found

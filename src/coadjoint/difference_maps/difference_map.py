@@ -152,7 +152,7 @@ class DifferenceMap:
             )
         if not asymmetry <= 1e-8:
             raise GroupError(
-                f"{self!r} is no group difference map on {group!r}: τ(ξ)τ(−ξ) differs from e by {asymmetry:.1e}."
+                f"{self!r} is not a group difference map on {group!r}: τ(ξ)τ(−ξ) differs from e by {asymmetry:.1e}."
             )
 
 

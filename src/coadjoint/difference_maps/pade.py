@@ -18,7 +18,7 @@ from coadjoint.groups.group import Array, Element, transpose
 class Pade(DifferenceMap):
     """τ(ξ) = N(−ξ̂)⁻¹N(ξ̂), N(X) = Σ_j (2m−j)! m! / ((2m)! j! (m−j)!) Xʲ: e^ξ̂ up to ξ^{2m+1}.
 
-    order: m, a whole number from 1 to 8, by default 2; Pade(1) is the Cayley transform. It fits quadratic groups and
+    order: m, an integer from 1 to 8, by default 2; Pade(1) is the Cayley transform. It fits quadratic groups and
     their homogeneous extensions as that does, because N(−X)⁻¹N(X) keeps gᵀPg = P for every m. It is not its own squared
     map. With N = N(ξ̂) and M = N(−ξ̂), which commute, M (dτ_ξχ)^ N = (∂_χN) M − (∂_χM) N; (dτ⁻¹_ξ)* solves with the
     transpose of it. Raises ArgumentError for another order.

@@ -1,7 +1,7 @@
 """The secant of an action along a difference map: the operator A with H·v − H⁻¹·v = hξ·(A v), H = τ(hξ/2).
 
 A is an even function of the infinitesimal action, A = 1 + O(h²), and commutes with it. A discrete gradient that is
-taken between g and gH² needs it, because a chord of the orbit is no tangent vector.
+taken between g and gH² needs it, because a chord of the orbit is not a tangent vector.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ class Squared(DifferenceMap):
     dτ₂_ξ = ½ (1 + Ad_H) dσ_{ξ/2}, (dτ₂⁻¹_ξ)* = 2 (1 + Ad*_H)⁻¹ (dσ⁻¹_{ξ/2})*.
 
     half: σ, such as co.Cayley(). The exponential is its own squared map. Squared Cayley on SO(3) is the Cayley
-    transform of SU(2) and reaches π. Raises ArgumentError for what is no difference map.
+    transform of SU(2) and reaches π. Raises ArgumentError unless it is a DifferenceMap.
     """
 
     half: DifferenceMap

@@ -1,4 +1,4 @@
-"""What makes matrices a basis of a Lie algebra."""
+"""The conditions under which matrices are a basis of a Lie algebra."""
 
 from __future__ import annotations
 

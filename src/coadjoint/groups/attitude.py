@@ -3,7 +3,7 @@
 R takes body components to space components, v_space = R v_body. Everything is in radians and float64, NumPy in and
 NumPy out. Euler angles are separate arguments, in the order of the function's name, that broadcast against each other;
 vectors (..., 3), quaternions (..., 4) and matrices (..., 3, 3) have their own axes last. So `zyx(*zyx_angles(R))` is R
-for one matrix and for a whole trajectory. Quaternions are scalar first, (w, x, y, z), and compose like matrices.
+for one matrix and for a trajectory of them. Quaternions are scalar first, (w, x, y, z), and compose like matrices.
 Angular velocities are the body's: ω̂ = RᵀṘ. Every function raises ArgumentError for an argument that is not finite, has
 other last axes than documented, or does not broadcast with the others.
 """
@@ -29,7 +29,7 @@ def zxz(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike) -> np.ndarray:
     R = R_z(ψ) R_x(θ) R_z(φ): precession ψ, nutation θ, spin φ.
 
     psi, theta, phi: (...) rad. Returns R (..., 3, 3).
-    Source: Ono, Fiori & Peng (2025), Table 2. Which of ψ and φ is the outer angle its run, with ψ = φ, leaves open.
+    Source: Ono, Fiori & Peng (2025), Table 2. Its run has ψ = φ and does not show which of them is the outer angle.
     """
     psi, theta, phi = _broadcast(psi=psi, theta=theta, phi=phi)
     return _about(2, psi) @ _about(0, theta) @ _about(2, phi)
@@ -51,7 +51,7 @@ def zxz_angles(R: ArrayLike) -> Angles:
     """The ZXZ Euler angles (ψ, θ, φ) of a rotation matrix, with θ in [0, π], ψ and φ in [−π, π].
 
     φ = atan2(R₃₁, R₃₂), θ = atan2(√(R₃₁² + R₃₂²), R₃₃), and ψ from R R_z(φ)⁻¹ = R_z(ψ) R_x(θ).
-    Where sin θ ≤ 1e-12 only ψ ± φ is determined: φ is 0 there, and ψ takes the whole turn.
+    Where sin θ ≤ 1e-12 only ψ ± φ is determined: φ is 0 there, and ψ takes the complete turn.
 
     R: (..., 3, 3). Returns ψ, θ, φ, (...) rad each, which reproduce R. Raises ArgumentError unless R is a rotation.
     """
@@ -68,7 +68,7 @@ def zyx_angles(R: ArrayLike) -> Angles:
     """Yaw, pitch and roll of a rotation matrix, with pitch in [−π/2, π/2], yaw and roll in [−π, π].
 
     roll = atan2(R₃₂, R₃₃), pitch = atan2(−R₃₁, √(R₃₂² + R₃₃²)), and yaw from R R_x(roll)⁻¹ = R_z(yaw) R_y(pitch).
-    In gimbal lock, cos pitch ≤ 1e-12, only yaw ∓ roll is determined: roll is 0 there, and yaw takes the whole turn.
+    In gimbal lock, cos pitch ≤ 1e-12, only yaw ∓ roll is determined: roll is 0 there, and yaw takes the complete turn.
 
     R: (..., 3, 3). Returns (...) rad each, which reproduce R. Raises ArgumentError unless R is a rotation matrix.
     """

@@ -1,4 +1,4 @@
-"""The axioms of a Lie group, and what its members must be if its basis and its matrices are right."""
+"""The axioms of a Lie group, and the equations that its members must satisfy given its basis and its matrices."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DISTURBED = 1e-4
 def require_group(group: LieGroup, stamp: object = None) -> None:
     """Raise GroupError unless the group satisfies the axioms and its own forms equal the derived ones.
 
-    At random ξ, η with |ξ̂| from 0.3 to 1.8, relative 1e-9. `stamp` tells apart what compares equal.
+    At random ξ, η with |ξ̂| from 0.3 to 1.8, relative 1e-9. `stamp` distinguishes groups that compare equal.
     """
     require_given(group, LieGroup, GIVEN)
     _require_shapes(group)
@@ -35,7 +35,7 @@ def points(group: LieGroup) -> list[tuple[np.ndarray, ...]]:
 
     ξ, η, μ: (dim,); the exponentials: (N, N); the disturbance of the entries of an element: (N²,).
     """
-    import scipy.linalg  # a tenth of what a set-up takes
+    import scipy.linalg  # a tenth of the set-up time
 
     random, sizes = np.random.default_rng(1874), _sizes(group)
     found = []
@@ -63,7 +63,7 @@ def _norm(group: LieGroup, xi: np.ndarray) -> float:
 
 
 def _require_shapes(group: LieGroup) -> None:
-    """Raise GroupError where the basis is no algebra, or names and sizes do not fit it."""
+    """Raise GroupError unless the basis spans an algebra and names and sizes fit it."""
     kind = type(group).__name__
     with in_words(f"`basis` of {kind}"):
         basis = np.asarray(group.basis)
@@ -152,13 +152,13 @@ def _closed_forms(group: LieGroup, xi: Array, eta: Array, mu: Array, M: Array, g
         ),
     ]
     if overrides(group, LieGroup, "angle_squared") and group.angle_squared(xi) is not None:
-        says = "ad²(ad² + θ²)² = 0 and tr ad² = −2kθ² with a whole k, for ad = ad_ξ of unit size"
+        says = "ad²(ad² + θ²)² = 0 and tr ad² = −2kθ² with an integer k, for ad = ad_ξ of unit size"
         every.append(Identity("angle_squared", says, lambda: _spectrum(group, xi), lambda: np.ones(group.dim**2 + 1)))
     return [identity for identity in every if overrides(group, LieGroup, identity.member)]
 
 
 def _spectrum(group: LieGroup, xi: Array) -> Array:
-    """1 + A²(A² + θ²)² and 1 + tr A² + 2kθ², for A = ad_ξ in the unit of A; the trace tells θ² at first order."""
+    """1 + A²(A² + θ²)² and 1 + tr A² + 2kθ², for A = ad_ξ in the unit of A; the trace determines θ² to first order."""
     vector, _ = in_units(group)
     units = jnp.eye(group.dim) / vector(jnp.ones(group.dim))
     A = jax.vmap(lambda chi: vector(LieGroup.ad(group, xi, chi)), out_axes=1)(units)

@@ -44,9 +44,9 @@ class _Quadratic(MatrixElements):
 
 @dataclass(frozen=True)
 class SOn(MatrixCoordinates, _Quadratic):
-    """Rotations of ℝⁿ, n = `size`; an element is R (n, n); the basis E_ji − E_ij, i < j, turns e_i to e_j.
+    """The rotations of ℝⁿ, n = `size`; an element is R (n, n); the basis E_ji − E_ij, i < j, turns e_i to e_j.
 
-    size: n, a whole number from 2. Raises GroupError for another one.
+    size: n ≥ 2, an integer. Raises GroupError for other values.
     """
 
     size: int
@@ -108,7 +108,7 @@ class Sp(_Quadratic):
 
     The basis is [[A, 0], [0, −Aᵀ]], then [[0, B], [0, 0]] and [[0, 0], [B, 0]] with B symmetric, each by rows.
 
-    size: n, a whole number from 1. Raises GroupError for another one.
+    size: n ≥ 1, an integer. Raises GroupError for other values.
     """
 
     size: int
@@ -139,7 +139,7 @@ class GLn(MatrixElements):
 
     No basis is formed: ξ̂ is ξ by rows.
 
-    size: n, a whole number from 1. Raises GroupError for another one.
+    size: n ≥ 1, an integer. Raises GroupError for other values.
     """
 
     size: int
@@ -199,7 +199,7 @@ class SLn(MatrixCoordinates, MatrixElements):
 
     The basis is E_ii − E_nn, i < n, and E_ij, i ≠ j, by rows. The Cayley transform fits n = 2 only.
 
-    size: n, a whole number from 2. Raises GroupError for another one.
+    size: n ≥ 2, an integer. Raises GroupError for other values.
     """
 
     size: int

@@ -20,7 +20,7 @@ from coadjoint.groups.power import require_one_matrix
 class DirectProduct(LieGroup):
     """G₁ × … × G_m; an element is the tuple of its factors' elements, ξ the factors' coordinates end to end.
 
-    factors: groups, one at least, such as SO3(), SO2(). Raises GroupError for what is no Lie group.
+    factors: groups, one at least, such as SO3(), SO2(). Raises GroupError unless each is a LieGroup.
     """
 
     factors: tuple[LieGroup, ...]

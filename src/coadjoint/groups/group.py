@@ -26,10 +26,11 @@ Array = Any
 
 
 class LieGroup:
-    """A matrix Lie group G with algebra 𝔤; a new group gives its elements and basis, and what it can do better.
+    """A matrix Lie group G with algebra 𝔤; a new group defines its elements and basis, and faster operations if it has
+    any.
 
     To be given: `basis`, `identity`, `compose`, `inverse`, `matrix`, `from_matrix`, `tangent`. Groups are static,
-    hashable objects that compare by what they are.
+    hashable objects that compare by value.
     """
 
     @property
@@ -49,11 +50,11 @@ class LieGroup:
 
     @property
     def leaf_names(self) -> tuple[str, ...]:
-        """What the arrays of an element are called in a dataset."""
+        """The names of the arrays of an element in a dataset."""
         return ("g",)
 
     def basis_sizes(self) -> np.ndarray:
-        """The largest entry of every matrix of the basis, (dim,): the units in which coordinates are whole numbers."""
+        """The largest entry of every matrix of the basis, (dim,): the units in which coordinates are integers."""
         return np.max(np.abs(self.basis), axis=(1, 2), initial=0.0)
 
     def identity(self) -> Element:
@@ -81,7 +82,7 @@ class LieGroup:
         raise NotImplementedError
 
     def view(self, xi: Array) -> Array:
-        """ξ or μ (dim,) as the user's functions see it: as it is, but by links on `co.Power`."""
+        """ξ or μ (dim,) as the user's functions see it: unchanged, but by links on `co.Power`."""
         return xi
 
     def hat(self, xi: Array) -> Array:
@@ -129,7 +130,7 @@ class LieGroup:
         return xi
 
     def _log(self, g: Element) -> Array:
-        """That of the matrix; what a group can do better overrides it."""
+        """The logarithm of the matrix; groups with a closed form override it."""
         return self.vee(logarithm(self.matrix(g), orthogonal=_is_orthogonal(self)))
 
     def angle_squared(self, xi: Array) -> Array | None:
@@ -165,7 +166,7 @@ class LieGroup:
     def outside(self, g: Element) -> Array:
         """How far g is from G, one number, zero on G alone.
 
-        It is the defect and what no smooth equation sees, such as reflections. Zero where G was given no constraint.
+        It adds to the defect what no smooth equation sees, such as reflections. Zero where G was given no constraint.
         """
         return self.defect(g) if self.constrained else jnp.zeros(())
 
@@ -175,7 +176,8 @@ class LieGroup:
 
 
 _ON_GROUP = 1e-6
-"""How far an element may be from the group, and from that of its coordinates: drift and single precision."""
+"""The largest distance of an element from the group and from the element of its coordinates, for drift and single
+precision."""
 
 
 def require_solution(group: LieGroup, name: str, xi: Array, map_: Callable[[Array], Element], g: Element) -> None:
@@ -206,7 +208,7 @@ def transpose(linear, size: int, covector: Array) -> Array:
 
 
 def _tidy(array: np.ndarray) -> np.ndarray:
-    """Round-off next to whole and half numbers removed, so that zeros are recognised as structure."""
+    """The array without round-off next to multiples of ½, so that zeros are recognised as structure."""
     nearest = np.round(2 * array) / 2
     return np.where(np.abs(array - nearest) < 1e-13, nearest, array)
 

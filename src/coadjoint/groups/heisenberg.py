@@ -17,7 +17,7 @@ class Heisenberg(LieGroup):
 
     (x, y, z)(x′, y′, z′) = (x + x′, y + y′, z + z′ + x·y′); [(x, y, z), (x′, y′, z′)] = (0, 0, x·y′ − x′·y).
 
-    size: n, a whole number from 1, by default 1. Raises GroupError for another one.
+    size: n ≥ 1, an integer, by default 1. Raises GroupError for other values.
     """
 
     size: int = 1

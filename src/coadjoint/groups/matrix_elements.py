@@ -10,7 +10,7 @@ from coadjoint.groups.group import Array, Element, LieGroup
 
 
 class MatrixElements(LieGroup):
-    """A group whose elements are matrices (N, N) under multiplication; `basis` and what it can do better remain."""
+    """A group whose elements are matrices (N, N) under multiplication; subclasses add `basis` and faster operations."""
 
     def identity(self) -> Array:
         return jnp.eye(self.matrix_size)
@@ -34,22 +34,22 @@ class MatrixElements(LieGroup):
 def singular(matrix: Array) -> Array:
     """Whether a matrix (N, N) has no inverse to round-off: its least singular value is below Nε of the largest.
 
-    The determinant does not say: that of 0.01·I of 200 rows is 0 in float64.
+    The determinant does not show it: that of 0.01·I of 200 rows is 0 in float64.
     """
     values = jnp.linalg.svd(matrix, compute_uv=False)
     return ~(values[-1] > len(values) * np.finfo(float).eps * values[0])
 
 
 DENSE = 60
-"""The most dimensions with which ad and hat go by the basis: such systems run as native code, which it suits."""
+"""The largest dimension for which ad and hat use the basis: such systems run as native code, which this form suits."""
 LARGEST_BASIS = 2**31
-"""The most bytes that a basis may take."""
+"""The largest size of a basis, in bytes."""
 
 
 class MatrixCoordinates(LieGroup):
     """A group of which `hat`, `vee`, Ad, ad and their duals are written with matrices, without a basis.
 
-    Up to DENSE dimensions they are those of the basis all the same. A subclass gives `dim`, `matrix_size`, `_matrices`,
+    Up to DENSE dimensions they are nevertheless those of the basis. A subclass gives `dim`, `matrix_size`, `_matrices`,
     the basis, and the closed forms `_hat`, `_vee`, `_Ad`, `_Ad_dual`, `_ad` and `_ad_dual`.
     """
 
@@ -118,7 +118,7 @@ def require_room(group: LieGroup) -> None:
 
 
 def require_size(group: str, size: object, least: int) -> None:
-    """Raise GroupError unless a size is a whole number from `least`."""
+    """Raise GroupError unless a size is an integer of at least `least`."""
     if not isinstance(size, (int, np.integer)) or isinstance(size, bool) or size < least:
         raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {shown(size)}.")
 

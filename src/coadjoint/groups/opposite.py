@@ -18,7 +18,7 @@ class Opposite(LieGroup):
     Its left velocity g⁻¹·ġ is the right velocity ġg⁻¹ of G, and a right-invariant system on G is a left-invariant one
     on Gᵒᵖ; g ↦ g⁻¹ maps one group to the other. Its matrices are those of G, transposed.
 
-    group: G. Raises GroupError for what is no Lie group.
+    group: G. Raises GroupError unless it is a LieGroup.
     """
 
     group: LieGroup

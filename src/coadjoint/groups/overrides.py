@@ -65,7 +65,7 @@ class _Itself:
 
 
 def _key(definition: object) -> Hashable:
-    """What tells a definition from others: an array's numbers, the entries of a list, else the definition itself."""
+    """The key of a definition: the numbers of an array, the entries of a list, otherwise the definition itself."""
     if isinstance(definition, (np.ndarray, jax.Array)) and not definition.dtype.hasobject:
         return definition.dtype.str, definition.shape, np.asarray(definition).tobytes()
     if isinstance(definition, (list, tuple)):
@@ -87,14 +87,14 @@ def parts(thing: object, kind: type) -> Iterator[Any]:
 
 
 def stamp(thing: object, *bases: type) -> tuple[Any, ...]:
-    """What a verdict on an object depends on in addition to the object: its classes and the definitions of its own."""
+    """The classes of an object and the definitions of its own, on which a verdict depends in addition to the object."""
     base = next(base for base in bases if isinstance(thing, base))
     inner = [part for kind in bases for part in parts(thing, kind)]
     return type(thing), tuple(map(_key, own(thing, base))), tuple(stamp(part, *bases) for part in inner)
 
 
 def require_hashable(thing: object) -> None:
-    """Raise GroupError for an object that cannot be the key of what is computed once for it."""
+    """Raise GroupError for an object that cannot be the key of a cached result."""
     try:
         hash(thing)
     except TypeError as error:
@@ -132,7 +132,7 @@ def require_agreement(
         stated[:] = identities(*point)
         return [_pair(thing, where, identity) for identity in stated]
 
-    with in_words(f"A comparison of {_name(thing)}{where} with what is derived"):
+    with in_words(f"A comparison of {_name(thing)}{where} with the derived form"):
         function = tabulate(both, *points[0])
         rows = [function(*point) for point in points]
     for identity, *pairs in zip(stated, *rows, strict=True):

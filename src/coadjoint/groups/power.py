@@ -30,7 +30,7 @@ class Power(LieGroup):
     step are solved by it, with as many operations as there are links (`kernels.newton.coupled`), and at the start of a
     run it is compared with the equations.
 
-    Raises GroupError for what is no group, no number of links, or no coupling.
+    Raises GroupError unless `factor` is a LieGroup, `count` a number of links and `coupling` one of those listed.
     """
 
     factor: LieGroup
@@ -171,7 +171,7 @@ def require_one_matrix(group: LieGroup, what: str) -> None:
     if isinstance(group, Power):
         raise GroupError(
             f"{what} must not hold a power, but got {group!r}: take Power({what}(…), {group.count}), whose links are "
-            "such groups, with all that is no link in `additional` or `advected`."
+            "such groups, and everything else in `additional` or `advected`."
         )
 
 

@@ -39,8 +39,8 @@ def orthogonal_defect(R: Array) -> Array:
 def orthogonal_projection(R: Array) -> Array:
     """One step of Newton's iteration for the polar factor, R − ½R(RᵀR − I), (n, n): removes round-off quadratically.
 
-    With X = R − I, RᵀR − I = X + Xᵀ + XᵀX. Near the identity that rounds by a share of X; RᵀR rounds by a share of
-    1, finer below 1 than above, and what it leaves adds up over many steps.
+    With X = R − I, RᵀR − I = X + Xᵀ + XᵀX. Near the identity that rounds by a share of X; RᵀR rounds by a share of 1,
+    finer below 1 than above, and its rounding errors accumulate over many steps.
     """
     X = R - jnp.eye(R.shape[0])
     return R - 0.5 * R @ (X + X.T + X.T @ X)

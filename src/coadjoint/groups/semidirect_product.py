@@ -115,8 +115,8 @@ class SemidirectProduct(LieGroup):
         lower = jnp.concatenate([jnp.concatenate([corner, column], axis=1), jnp.eye(column.shape[0] + 1)[-1:]])
         if not extra:
             return lower
-        whole = jnp.zeros((size, size)).at[:extra, :extra].set(self.group.matrix(g[0]))
-        return whole.at[extra:, extra:].set(lower)
+        block = jnp.zeros((size, size)).at[:extra, :extra].set(self.group.matrix(g[0]))
+        return block.at[extra:, extra:].set(lower)
 
     def from_matrix(self, matrix: Array) -> Element:
         extra = self._extra

@@ -91,7 +91,7 @@ def arctangent_ratio(k: int, t: Array) -> Array:
 
     A₀ = arctan(τ)/τ of t = τ²; A_{k+1} = (1/(2k + 1) − A_k)/t; dA_k/dt = ½ ((2k + 1) A_{k+1} − 1/(1 + t)). Below
     t = 1/4 by Gauss's continued fraction, which is exact to round-off there, above it in closed form. The division
-    comes last: XLA computes anew what is no division wherever it is used.
+    comes last: XLA recomputes any other operation wherever its result is used.
     """
     near = t < _TANGENT_SWITCH
     inner, outer = jnp.where(near, t, 0.0), jnp.where(near, 1.0, t)

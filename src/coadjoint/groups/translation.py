@@ -15,7 +15,7 @@ from coadjoint.groups.group import Array, LieGroup
 class Translation(LieGroup):
     """ℝⁿ under addition; an element is a vector x (n,), as a matrix [[I, x], [0, 1]]; ad = 0.
 
-    size: n, a whole number from 0. Translation(0) is the group {e}, for mechanics on Q alone: with no ξ and no μ the
+    size: n ≥ 0, an integer. Translation(0) is the group {e}, for mechanics on Q alone: with no ξ and no μ the
     equations of every method are the discrete Euler–Lagrange equations of ℓ(ξ, n, ν) on the additional space.
 
     Raises GroupError for another size.

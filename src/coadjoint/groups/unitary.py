@@ -16,7 +16,7 @@ from coadjoint.groups.matrix_elements import MatrixCoordinates, diagonal, requir
 from coadjoint.groups.matrix_functions import logarithm
 
 _HALF = 0.5**0.5
-"""√½, a number of Python's, with which single precision stays what it is."""
+"""√½ as a Python float, which keeps single precision single."""
 
 
 class ComplexMatrix(NamedTuple):
@@ -177,7 +177,7 @@ class Un(_Unitary):
     r_ij i(E_ij + E_ji)/√2. This basis is orthonormal for Re tr(X†Y), so that μ as a matrix is that of its coordinates.
     `matrix`, `hat` and `vee` have the real form [[A, −B], [B, A]]; `parts` and `coordinates` have the parts.
 
-    size: n, a whole number from 1. Raises GroupError for another one.
+    size: n ≥ 1, an integer. Raises GroupError for other values.
     """
 
     size: int
@@ -206,7 +206,7 @@ class SUn(_Unitary):
     The basis is that of `Un` without the last matrix, and with i diag(1, …, 1, −k, 0, …)/√(k(k + 1)) for the kth on the
     diagonal. The Cayley transform fits n = 2 only: take U(n), with an energy that does not depend on the trace.
 
-    size: n, a whole number from 2. Raises GroupError for another one.
+    size: n ≥ 2, an integer. Raises GroupError for other values.
     """
 
     size: int

@@ -95,7 +95,7 @@ class StepProgram:
     method: Method
     observed: tuple[Monitor, ...] = ()
     version: str = ""
-    """A digest of the user's functions (`mechanics.version`): programs with other ones are other programs."""
+    """A digest of the user's functions (`mechanics.identity.version`): programs with other ones are other programs."""
     events: tuple[Callable[[State], Any], ...] = ()
     """Functions of a record whose zeros are located."""
     until: Callable[[State], Any] | None = None

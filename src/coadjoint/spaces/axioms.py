@@ -1,4 +1,5 @@
-"""What a space of one's own must satisfy: its own forms equal the derived ones, and a curved one is what it says."""
+"""The axioms of a user-defined space: its own forms equal the derived ones, and a curved one has the frame it
+declares."""
 
 from __future__ import annotations
 
@@ -66,7 +67,7 @@ def _require(space: Space, group: LieGroup) -> None:
 
 
 def _own(thing: object) -> bool:
-    """Whether an object, or what it holds, has a member of its own."""
+    """Whether an object, or one of its parts, overrides a member."""
     kinds = LieGroup, Space
     inner = (part for kind in kinds for part in parts(thing, kind))
     base = LieGroup if isinstance(thing, LieGroup) else Space
@@ -77,7 +78,7 @@ def _own(thing: object) -> bool:
 def require_space(space: Space, group: LieGroup, *stamps: object) -> None:
     """Raise GroupError unless the space carries an action and its own forms equal the derived ones, relative 1e-9.
 
-    `stamps` tell apart what compares equal.
+    `stamps` distinguish objects that compare equal.
     """
     require_given(space, Space, ("ambient", "act"))
     with in_words(f"`act` of {space!r} on {group!r}"):
@@ -128,7 +129,7 @@ def _nearest(space: Space, group: LieGroup, x: np.ndarray) -> tuple[np.ndarray, 
     if not best <= _ON_SPACE * unit:
         raise GroupError(
             f"No point of {space!r} was found from random ones by Newton's method for defect(x) = 0, so that its forms "
-            "cannot be compared with what is derived: mend `defect`, or give verify=False to co.System."
+            "cannot be compared with the derived ones: correct `defect`, or give verify=False to co.System."
         )
     return nearest, float(unit)
 
@@ -175,7 +176,7 @@ def _actions(
 def _flat(
     space: Space, group: LieGroup, xi: Array, eta: Array, x: Array, v: Array, b: Array, unit: Array
 ) -> list[Identity]:
-    """A flat space is its own tangent space: what it overrides changes nothing."""
+    """A flat space is its own tangent space: its overrides change nothing."""
     size = np.float64(space.ambient(group))
     every = [
         Identity("dim", "dim = ambient on a flat space", lambda: np.float64(space.dim(group)), lambda: size),
@@ -192,7 +193,7 @@ def _flat(
 def _curved(
     space: Space, group: LieGroup, xi: Array, eta: Array, x: Array, v: Array, b: Array, unit: Array
 ) -> list[Identity]:
-    """E_x is an orthonormal frame of T_xQ, ρ a retraction onto Q, π ∈ T*Q, and the group leaves Q as it is."""
+    """E_x is an orthonormal frame of T_xQ, ρ a retraction onto Q, π ∈ T*Q, and the group maps Q to itself."""
     dim, g = space.dim(group), group.exp(eta)
     E = _frame(space, group, x)
     y = E.T @ v

@@ -21,7 +21,7 @@ class ByInverse(Space):
 
     So what a left-invariant system on Gᵒᵖ calls n = g⁻¹·q is gq, and a = g⁻¹·a₀ is ga₀.
 
-    space: a space of G. Raises GroupError for what is no space.
+    space: a space of G. Raises GroupError unless it is a Space.
     """
 
     space: Space

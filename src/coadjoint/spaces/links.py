@@ -50,7 +50,7 @@ class Links(Space):
         return _power(group).count * self.space.dim(_power(group).factor)
 
     def _map(self, group: LieGroup, function: Callable[..., Array], *arguments: Any) -> Array:
-        """function(G, …) of every link, end to end; what is no flat array is an element."""
+        """function(G, …) of every link, end to end; an argument that is not a flat array is an element."""
         power = _power(group)
         rows = [x if isinstance(x, _Element) else _Value(jnp.reshape(x, (power.count, -1))) for x in arguments]
         found = jax.vmap(lambda *parts: function(power.factor, *parts))(*(row.values for row in rows))
@@ -134,11 +134,11 @@ class RelativePoses(Space):
 
     With e₀ = e, its value at the start where `a0` leaves it out, it is g_i⁻¹g_j, the pose of link j as link i sees it.
     So an energy of the joints is a function of `a.joint`, elements of G with a leading axis of pairs. With e₀ = e and
-    without the ground, moving all links at once leaves it as it is, and the total momentum is conserved. Where g are
+    without the ground, moving all links together leaves it unchanged, and the total momentum is conserved. Where g are
     displacements from poses A_i at rest, e₀ = A_i⁻¹A_j; the symmetry is then k_i = A_i⁻¹kA_i, another one at each link.
 
     pairs: of links, by default those of the group's `coupling`; −1 stands for the ground, which stays at e: (−1, 0) is
-    the pose of the first link itself. Raises GroupError for what is no list of pairs.
+    the pose of the first link itself. Raises GroupError unless it is a list of pairs.
     """
 
     pairs: tuple[tuple[int, int], ...] | None = None
@@ -185,8 +185,8 @@ class RelativePoses(Space):
     def _ends(self, group: LieGroup, tree: Any, still: Any) -> tuple[Any, Any]:
         """Of a tree with an axis of links what belongs to both ends of each pair; `still`: ground's."""
         first, second = self._rows(group)
-        whole = jax.tree.map(lambda leaf, ground: jnp.concatenate([ground[None], leaf]), tree, still)
-        return jax.tree.map(first.of, whole), jax.tree.map(second.of, whole)
+        grounded = jax.tree.map(lambda leaf, ground: jnp.concatenate([ground[None], leaf]), tree, still)
+        return jax.tree.map(first.of, grounded), jax.tree.map(second.of, grounded)
 
     def _rows(self, group: LieGroup) -> tuple[LinkRows, LinkRows]:
         """The ends of the pairs as rows of an array whose first row is ground's, and the others the links'."""
@@ -253,7 +253,7 @@ class RelativePoses(Space):
         return checked
 
     def _require_poses(self, group: LieGroup, x: Array, name: str) -> None:
-        """Raise ArgumentError where a given pose is no element of G."""
+        """Raise ArgumentError unless a given pose is an element of G."""
         G = _power(group).factor
         away = evaluate(lambda x: jax.vmap(lambda e: jnp.asarray(G.outside(e)))(self.view(group, x)), x)
         worst = int(np.argmax(away))
@@ -297,7 +297,7 @@ def _flat(tree: Any) -> Array:
 
 
 def _rows(value: Any, count: int, size: int) -> Any:
-    """Numbers (count, size) of what was given for all, end to end or by leaves; None where it is not for all."""
+    """The numbers (count, size) given for all links, end to end or by leaves; None where they are not given for all."""
     try:
         leaves = (
             [leaf if traced(leaf) else np.asarray(leaf, dtype=float) for leaf in jax.tree.leaves(value)]

@@ -74,7 +74,7 @@ class Named:
 
 
 def named(tree: Any) -> Any:
-    """A dictionary, and the dictionaries in it, as namespaces; anything else as it is."""
+    """A dictionary, and the dictionaries in it, as namespaces; anything else unchanged."""
     if not isinstance(tree, Mapping):
         return tree
     require_names(tree)

@@ -1,4 +1,4 @@
-"""The one door for numbers: what a person gives becomes finite float64 arrays, or one sentence says why not."""
+"""Numbers that a user gives, as finite float64 arrays; otherwise one error explains what is wrong."""
 
 from __future__ import annotations
 

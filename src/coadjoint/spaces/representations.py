@@ -88,7 +88,7 @@ class Coadjoint(Representation):
 class Trivial(Representation):
     """ℝⁿ on which the group does nothing: shapes, amounts, charges.
 
-    size: n, a whole number from 0. Raises GroupError for another one.
+    size: n ≥ 0, an integer. Raises GroupError for other values.
     """
 
     size: int

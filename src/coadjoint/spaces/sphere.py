@@ -22,8 +22,8 @@ class Sphere(Embedded, Representation):
 
     inside: the representation, by default co.Defining().
     ρ(x, u) = (x + u)/r with r = √(1 + |u|²), and ρ(x, u) − x = (u − |u|² x/(1 + r))/r without cancellation.
-    Raises ArgumentError for what is no representation; a system raises GroupError where the group acts by others than
-    orthogonal matrices.
+    Raises ArgumentError unless `representation` is one; a system raises GroupError where the group acts by matrices
+    that are not orthogonal.
     """
 
     inside: Representation = field(default_factory=Defining)
