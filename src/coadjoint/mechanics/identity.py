@@ -76,7 +76,7 @@ FUNCTIONS = ("lagrangian", "discrete_lagrangian", "group_lagrangian", "hamiltoni
 
 
 def parts(system: System) -> dict[str, Any]:
-    """The parts of a system for `kernels.trace.identity`; what `mechanics.identity.version` traces of it may be anybody's.
+    """The parts of a system for `kernels.trace.identity`; functions that `version` traces may be the user's.
 
     Quantities may not: they are functions of a state, which has other fields at the start than in a record.
     """

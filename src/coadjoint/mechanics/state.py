@@ -59,7 +59,7 @@ class State:
     internal_mean, internal_end: of a record, what `internal` is on the mean of the step that starts at it, which forces
     and ℓ read, and at its end. internal_due: 1 where the system's rule is still to be applied at t, as in a start and
     after a step, 0 in a record. All are None where there is no rule.
-    ledger: the energy and momentum that forces have put in since the start (`mechanics.work_balance`); None without monitors.
+    ledger: energy and momentum from forces since the start (`mechanics.work_balance`); None without monitors.
     t_rest: what rounding has cut off t (Kahan's summation), so that the error of t does not grow with the steps.
     places: G, Q and V*.
     from_velocities: whether this is a start given by its velocities. The run that starts there takes μ, π from (ξ, ν)

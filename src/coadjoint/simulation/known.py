@@ -1,6 +1,6 @@
 """Starts of runs that have been checked, by what their functions do and by the numbers in them.
 
-Every run reads all functions once and takes the digest of what it read (`mechanics.identity.version`). What was checked for the
+Every run reads all functions once and takes the digest of what it read (`mechanics.identity`). What was checked for the
 same digest, the same numbers, method and step size is not checked again in this process: whatever changes what a
 function of the system, its inputs, events or quantities does, be it a closure, a global, an array, an attribute or a
 function of a library, changes its digest. Groups, spaces, difference maps and methods count by their classes and
