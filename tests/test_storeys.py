@@ -29,6 +29,8 @@ STOREYS = (
         "clocks",
         "roots",
         "kernels",
+        "checks",
+        "sections",
         "groups",
         "spaces",
         "difference_maps",

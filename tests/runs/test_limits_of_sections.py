@@ -10,11 +10,12 @@ import pytest
 
 import coadjoint as co
 from coadjoint import units as u
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.runs import run_file
-from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection, section
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.runs.units import in_si, unknown
+from coadjoint.sections import in_si, read
 from coadjoint.simulation import arguments
 
 INF = float("inf")
@@ -95,8 +96,8 @@ def test_what_is_no_system_no_start_or_no_method_is_named():
         ({"dt": INF, "steps": 1}, "dt must be positive, but is inf"),
         ({"dt": 0.1}, "needs `duration` in s, or `steps`"),
         ({"dt": 0.1, "duration": 1.0, "steps": 10}, "gives both"),
-        ({"dt": 0.1, "steps": 0}, "steps must be at least 1, but is 0"),
-        ({"dt": 0.1, "steps": 1, "save_every": 0}, "save_every must be at least 1, but is 0"),
+        ({"dt": 0.1, "steps": 0}, "steps must be a whole number of at least 1, but is 0"),
+        ({"dt": 0.1, "steps": 1, "save_every": 0}, "save_every must be a whole number of at least 1, but is 0"),
         ({"dt": 0.1, "duration": 0.0}, "duration must be positive, but is 0"),
         ({"dt": 0.1, "duration": INF}, "duration must be positive, but is inf"),
         ({"dt": 0.1, "duration": 0.35}, r"0.35 s is 3.5 steps of 0.1 s; write 0.[34]"),
@@ -104,7 +105,7 @@ def test_what_is_no_system_no_start_or_no_method_is_named():
     ],
 )
 def test_another_grid_is_refused(given, sentence):
-    refused(sentence, RunSection, **given)
+    refused(sentence, read, RunSection, "run", given)
 
 
 def test_a_grid_at_its_limits_is_kept():
@@ -130,13 +131,13 @@ def test_a_grid_at_its_limits_is_kept():
     ],
 )
 def test_another_section_is_refused(kind, given, sentence):
-    refused(sentence, kind, **given)
+    refused(sentence, read, kind, "section", given)
 
 
 def test_values_have_the_types_of_their_fields():
-    made = section(MethodSection, "method", {"degree": 3.0, "coefficients": [1, 0.5], "within": [0.1, 2]})
+    made = read(MethodSection, "method", {"degree": 3.0, "coefficients": [1, 0.5], "within": [0.1, 2]})
     assert (made.degree, made.coefficients, made.within) == (3, (1.0, 0.5), (0.1, 2.0)) and type(made.degree) is int
-    assert section(RunSection, "run", {"dt_ms": 100, "duration_min": 1}) == RunSection(dt=0.1, duration=60.0)
+    assert read(RunSection, "run", {"dt_ms": 100, "duration_min": 1}) == RunSection(dt=0.1, duration=60.0)
     for given, words in (
         ({"degree": 2.5}, "degree must be a whole number, but is 2.5"),
         ({"degree": True}, "degree must be a whole number, but is True"),
@@ -144,10 +145,10 @@ def test_values_have_the_types_of_their_fields():
         ({"coefficients": [1, "a"]}, "coefficients must be a list of numbers"),
         ({"coefficients": 1.0}, "coefficients must be a list of numbers"),
     ):
-        refused(words, section, MethodSection, "method", given)
-    refused("figures must be true or false or a list of texts", section, OutputSection, "output", {"figures": [1]})
-    refused("dt must be a number, but is True", section, RunSection, "run", {"dt": True, "steps": 1})
-    refused("must be a section of a run file", section, RunSection, "run", 3)
+        refused(words, read, MethodSection, "method", given)
+    refused("figures must be true or false or a list of texts", read, OutputSection, "output", {"figures": [1]})
+    refused("dt must be a number, but is True", read, RunSection, "run", {"dt": True, "steps": 1})
+    refused("must be a section of a file", read, RunSection, "run", 3)
 
 
 # Units and changes.

@@ -11,9 +11,9 @@ from coadjoint.audit.page import write
 from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
 from coadjoint.audit.systems import PROBLEMS, QUICK, AuditSystem
 from coadjoint.audit.tables import COLUMNS, rows
+from coadjoint.checks import letters, unknown
 from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.units import letters, unknown
 
 
 def chosen_methods(names: Sequence[str]) -> tuple[Shipped, ...]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.runs.units import unknown
 
 if TYPE_CHECKING:
     from coadjoint.models import CatalogueEntry

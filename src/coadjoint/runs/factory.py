@@ -10,10 +10,11 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.report.companion_files import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
-from coadjoint.runs.units import in_si, unknown
+from coadjoint.sections import in_si
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State

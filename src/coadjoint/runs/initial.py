@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.units import in_si
+from coadjoint.sections import in_si
 
 KINDS = {
     "t": u.TIME,

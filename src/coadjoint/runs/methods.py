@@ -6,10 +6,10 @@ from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import coadjoint
+from coadjoint.checks import letters, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.lazy import homes
 from coadjoint.runs.sections import MethodSection
-from coadjoint.runs.units import letters, unknown
 
 if TYPE_CHECKING:
     from coadjoint.difference_maps import DifferenceMap

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from coadjoint import units as u
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.extensions import Registry, import_string
 from coadjoint.report.folder import kept_inputs
@@ -15,7 +16,7 @@ from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.runs.units import in_si, unknown, without_unit
+from coadjoint.sections import in_si, without_unit
 from coadjoint.texts import read_table, told_text, too_long
 
 if TYPE_CHECKING:

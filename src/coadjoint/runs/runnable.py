@@ -7,14 +7,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from coadjoint import sections
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.runs.methods import map_name, method_name
-from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, section
-from coadjoint.runs.units import unknown
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
 
 if TYPE_CHECKING:
+    from coadjoint.mechanics.members import Each
     from coadjoint.runs.setup import Setup
     from coadjoint.simulation.run import Run
 
@@ -51,7 +53,9 @@ class Runnable(ABC):
         for name in cls.NEEDED:
             if name not in table:
                 raise ArgumentError(f"The {cls.WORD} {path} needs a section [{name}].")
-        made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in cls.SECTIONS.items()}
+        made: dict[str, Any] = {
+            name: sections.read(kind, name, table.get(name, {})) for name, kind in cls.SECTIONS.items()
+        }
         chosen = made["method"]
         for name in (chosen.name, *([chosen.base] if chosen.base else [])):
             method_name(name)
@@ -91,6 +95,10 @@ class Runnable(ABC):
         if not os.path.isfile(found):  # no error for names that no file can have
             raise FileError(f"There is no file {found}, which {self.path} names.")
         return found
+
+    def with_seeds(self, seeds: Each) -> Self:
+        """The same run with a seed of random numbers for each member; itself where it draws none."""
+        return self
 
     @abstractmethod
     def set_up(self) -> Setup:

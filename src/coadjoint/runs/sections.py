@@ -1,15 +1,14 @@
-"""The sections of a run file: dataclasses that are file, command line and Python at once."""
+"""The sections of a run file: dataclasses that are file, command line and Python."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from pathlib import Path
-from types import UnionType
-from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import ClassVar
 
+from coadjoint.checks import positive, whole
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.units import in_si
+from coadjoint.sections import key
 from coadjoint.units import TIME
 
 
@@ -17,8 +16,8 @@ from coadjoint.units import TIME
 class SystemSection:
     """What moves: `model`, a name of the catalogue, or `factory`, "file.py:function" in the folder of the run file."""
 
-    model: str = ""
-    factory: str = ""
+    model: str = key("name of a model of the catalogue", default="")
+    factory: str = key('function of a Python file next to the run file, "file.py:function"', default="")
 
     def __post_init__(self):
         if bool(self.model) == bool(self.factory):
@@ -31,57 +30,45 @@ class SystemSection:
 
 @dataclass(frozen=True)
 class MethodSection:
-    """How it is integrated: the rule, its difference map, the base of a composition, its coefficients and whether its
-    substeps may go backwards where forces dissipate, the degree of Galerkin's polynomials, the points of
-    EnergyMomentum, the bounds of VariableStep, and the start."""
+    """How it is integrated: a rule and its difference map, and what only some rules take."""
 
-    name: str = "Midpoint"
-    map: str = "Cayley"
-    base: str = ""
-    coefficients: tuple[float, ...] | None = None
-    negative_substeps: str = ""
-    degree: int | None = None
-    points: int | None = None
-    within: tuple[float, ...] | None = None
-    start: str = "momentum"
-
-    def __post_init__(self):
-        if self.start not in ("momentum", "velocity"):
-            raise ArgumentError(f'[method] start must be "momentum" or "velocity", but is {self.start!r}.')
-        if self.negative_substeps not in ("", "refuse", "allow"):
-            raise ArgumentError(
-                f'[method] negative_substeps must be "refuse" or "allow", but is {self.negative_substeps!r}.'
-            )
+    name: str = key("rule", default="Midpoint")
+    map: str = key("difference map", default="Cayley")
+    base: str = key("rule of the substeps of a composition, or of VariableStep", default="")
+    coefficients: tuple[float, ...] | None = key("lengths of the substeps of Composition, of h", default=None)
+    negative_substeps: str = key(
+        "whether substeps of a composition may go backwards where forces dissipate",
+        words=("", "refuse", "allow"),
+        default="",
+    )
+    degree: int | None = key("degree of the polynomials of Galerkin", default=None)
+    points: int | None = key("quadrature points of EnergyMomentum", default=None)
+    within: tuple[float, ...] | None = key("bounds on the steps of VariableStep, of h", default=None)
+    start: str = key(
+        "whether the first step starts from momenta or from velocities",
+        words=("momentum", "velocity"),
+        default="momentum",
+    )
 
 
 @dataclass(frozen=True)
 class RunSection:
     """The grid: dt in s, and either `duration` in s or `steps`; every save_every-th node is kept."""
 
-    dt: float = field(default=-math.inf, metadata={"dimension": TIME})
-    duration: float | None = field(default=None, metadata={"dimension": TIME})
-    steps: int | None = None
-    save_every: int = 1
+    dt: float = key("the length of a step", TIME, check=positive)
+    duration: float | None = key("simulated time", TIME, check=positive, default=None)
+    steps: int | None = key("number of steps, instead of `duration`", check=whole, default=None)
+    save_every: int = key("steps from one saved node to the next", check=whole, default=1)
 
     def __post_init__(self):
-        if self.dt == -math.inf:
-            raise ArgumentError("Section [run] needs `dt`, the length of a step in s.")
-        if not 0 < self.dt < math.inf:
-            raise ArgumentError(f"[run] dt must be positive, but is {self.dt:g}.")
         if self.duration is not None and self.steps is not None:
             raise ArgumentError("Section [run] gives both `duration` and `steps`: leave one out.")
         if self.duration is None and self.steps is None:
             raise ArgumentError("Section [run] needs `duration` in s, or `steps`.")
-        if self.steps is not None and self.steps < 1:
-            raise ArgumentError(f"[run] steps must be at least 1, but is {self.steps}.")
-        if self.save_every < 1:
-            raise ArgumentError(f"[run] save_every must be at least 1, but is {self.save_every}.")
         if self.duration is not None:
             self._require_whole(self.duration)
 
     def _require_whole(self, duration: float) -> None:
-        if not 0 < duration < math.inf:
-            raise ArgumentError(f"[run] duration must be positive, but is {duration:g}.")
         count = max(round(duration / self.dt), 1)
         if abs(count * self.dt - duration) > 1e-9 * duration:
             raise ArgumentError(
@@ -89,14 +76,26 @@ class RunSection:
                 f"of {self.dt:g} s; write {count * self.dt:.10g}."
             )
 
+    @property
+    def count(self) -> int:
+        """The number of steps, of at least one."""
+        return self.steps or max(round((self.duration or 0.0) / self.dt), 1)
+
+
+def folder_within(value: str, name: str) -> str:
+    """A folder in the working directory; raises ArgumentError."""
+    if Path(value).is_absolute() or ".." in Path(value).parts:
+        raise ArgumentError(f"{name} must lie in the working directory, but is {value!r}: name another one by --out.")
+    return value
+
 
 @dataclass(frozen=True)
 class OutputSection:
     """Where results go: `folder`, by default named like the run file; `figures`, all (true), none, or a list."""
 
-    folder: str = ""
-    figures: bool | list[str] = True
-    format: str = "png"
+    folder: str = key("folder of the results; by default named like the file", check=folder_within, default="")
+    figures: bool | list[str] = key("figures: all, none, or a list of names", default=True)
+    format: str = key("format of the figures", words=("png", "pdf", "svg"), default="png")
     ALWAYS: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -107,56 +106,7 @@ class OutputSection:
     def __post_init__(self):
         from coadjoint.plotting.plots import figure_names
 
-        if Path(self.folder).is_absolute() or ".." in Path(self.folder).parts:
-            raise ArgumentError(
-                f"[output] folder must lie in the working directory, but is {self.folder!r}: name another one by --out."
-            )
         known = figure_names()
         wrong = [name for name in (self.figures if isinstance(self.figures, list) else []) if name not in known]
         if wrong:
             raise ArgumentError(f"[output] figures has no figure `{wrong[0]}`: there are {', '.join(known)}.")
-        if self.format not in ("png", "pdf", "svg"):
-            raise ArgumentError(f'[output] format must be "png", "pdf" or "svg", but is {self.format!r}.')
-
-
-def section(kind: type, title: str, given: Any) -> Any:
-    """The dataclass `kind` filled from a table of a run file; raises ArgumentError for what does not fit."""
-    if not isinstance(given, dict):
-        raise ArgumentError(f"[{title}] must be a section of a run file, but is {given!r}.")
-    kinds = {f.name: f.metadata["dimension"] for f in fields(kind) if "dimension" in f.metadata}
-    values = in_si(title, given, [f.name for f in fields(kind)], kinds)
-    types = get_type_hints(kind)
-    return kind(**{name: _typed(f"[{title}] {name}", value, types[name]) for name, value in values.items()})
-
-
-_WORDS = {
-    float: "a number",
-    int: "a whole number",
-    str: "a text",
-    bool: "true or false",
-    list: "a list of texts",
-    tuple: "a list of numbers",
-}
-
-
-def _typed(what: str, value: Any, expected: Any) -> Any:
-    """`value` as one of the expected types; a whole number counts as a number, true and false do not."""
-    choices = [c for c in _choices(expected) if c is not type(None)]
-    for choice in choices:
-        plain = get_origin(choice) or choice
-        if plain is float and isinstance(value, (int, float)) and not isinstance(value, bool):
-            return float(value)
-        if plain is int and isinstance(value, float) and value.is_integer():
-            return int(value)
-        if plain is tuple and isinstance(value, list) and all(type(inner) in (int, float) for inner in value):
-            return tuple(float(inner) for inner in value)
-        if plain is list and isinstance(value, list) and all(isinstance(inner, str) for inner in value):
-            return value
-        if plain in (int, str, bool) and isinstance(value, plain) and isinstance(value, bool) == (plain is bool):
-            return value
-    words = " or ".join(_WORDS[get_origin(choice) or choice] for choice in choices)
-    raise ArgumentError(f"{what} must be {words}, but is {value!r}.")
-
-
-def _choices(expected: Any) -> tuple[Any, ...]:
-    return get_args(expected) if get_origin(expected) in (Union, UnionType) else (expected,)

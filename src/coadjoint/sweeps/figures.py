@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting import style
 from coadjoint.plotting.decimation import some
-from coadjoint.runs.units import unknown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,17 +6,18 @@ import copy
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint import sections
+from coadjoint.checks import number, unknown, whole
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.run_file import of_table, put
-from coadjoint.runs.sections import section
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.runs.units import unknown
+from coadjoint.sections import key
 from coadjoint.sweeps.numbers import DIGEST, DRAWN, MOST, SAMPLINGS, Design, Varied, design, digest, read
 from coadjoint.texts import read_table, told_text
 
@@ -49,50 +50,37 @@ NODES = 60
 """About so many nodes of a run are looked at, if nothing else is said."""
 
 
+def _shares(value: tuple[float, ...], name: str) -> tuple[float, ...]:
+    return tuple(number(share, f"Each of {name}", above=0.0, below=1.0) for share in value)
+
+
 @dataclass(frozen=True)
 class SweepSection:
     """Which run is swept, and how its members are chosen."""
 
-    run: str = ""
-    sampling: str = "grid"
-    members: int | None = None
-    seed: int = 0
-    task: int | None = None
+    run: str = key("run file or mission file that is swept", default="")
+    sampling: str = key("how numbers are chosen", words=SAMPLINGS, default="grid")
+    members: int | None = key("number of members, where numbers are drawn", check=whole, default=None)
+    seed: int = key("seed of what is drawn", check=partial(whole, least=0, most=MOST_SEED - 1), default=0)
+    task: int | None = key("members of a task", check=whole, default=None)
 
     def __post_init__(self):
-        if self.sampling not in SAMPLINGS:
-            raise ArgumentError(unknown(f"sampling {self.sampling!r}", "Section [sweep]", self.sampling, SAMPLINGS))
-        if self.sampling in DRAWN and (self.members is None or self.members < 1):
-            raise ArgumentError(
-                f"[sweep] members, how many are drawn, must be at least 1 for sampling = {self.sampling!r}, but is "
-                f"{self.members if self.members is not None else 'not given'}."
-            )
+        if self.sampling in DRAWN and self.members is None:
+            raise ArgumentError(f"[sweep] sampling = {self.sampling!r} needs `members`, how many are drawn.")
         if self.sampling not in DRAWN and self.members is not None:
             raise ArgumentError(f"[sweep] members follow from what varies in a {self.sampling}: leave them out.")
-        if not 0 <= self.seed < MOST_SEED:
-            raise ArgumentError(f"[sweep] seed must be from 0 to {MOST_SEED - 1}, but is {self.seed}.")
-        if self.task is not None and self.task < 1:
-            raise ArgumentError(f"[sweep] task, the members of a task, must be at least 1, but is {self.task}.")
 
 
 @dataclass(frozen=True)
 class ResultsSection:
     """What is kept of the members: of which variables, and of which nodes."""
 
-    keep: str = "members"
-    variables: list[str] = field(default_factory=list)
-    save_every: int | None = None
-    quantiles: tuple[float, ...] = (0.05, 0.5, 0.95)
-    courses: bool = False
-    figures: bool = True
-
-    def __post_init__(self):
-        if self.keep not in KEEP:
-            raise ArgumentError(unknown(f"keep {self.keep!r}", "Section [results]", self.keep, KEEP))
-        if self.save_every is not None and self.save_every < 1:
-            raise ArgumentError(f"[results] save_every must be at least 1, but is {self.save_every}.")
-        if not all(0 < q < 1 for q in self.quantiles):
-            raise ArgumentError(f"[results] quantiles must lie between 0 and 1, but are {list(self.quantiles)}.")
+    keep: str = key("what is kept", words=KEEP, default="members")
+    variables: list[str] = key("variables that are kept", factory=list)
+    save_every: int | None = key("steps from one node to the next", check=whole, default=None)
+    quantiles: tuple[float, ...] = key("quantiles of statistics", check=_shares, default=(0.05, 0.5, 0.95))
+    courses: bool = key("whether statistics over time are kept", default=False)
+    figures: bool = key("whether figures are drawn", default=True)
 
 
 @dataclass(frozen=True)
@@ -116,11 +104,10 @@ class Sweep:
         vary: dict[str, Any] = {}
         for one in self.varied:
             inner = vary
-            for key in one.keys[:-1]:
-                inner = inner.setdefault(key, {})
+            for name in one.keys[:-1]:
+                inner = inner.setdefault(name, {})
             inner[one.keys[-1]] = _written(one.template)
-        own = {key: value for key, value in vars(self.sweep).items() if value is not None}
-        kept = {key: value for key, value in vars(self.results).items() if value is not None}
+        own, kept = sections.written(self.sweep), sections.written(self.results)
         return to_toml({"sweep": own, "results": kept, "vary": vary, RUN: dict(self.base)})
 
     @cached_property
@@ -170,7 +157,7 @@ class Sweep:
     def steps(self) -> int:
         """The steps of its first member."""
         grid = self.run(self.rows(slice(0, 1)), quick=False).run
-        return grid.steps or max(round((grid.duration or 0.0) / grid.dt), 1)
+        return grid.count
 
     @property
     def save_every(self) -> int:
@@ -194,10 +181,7 @@ class Sweep:
             value = _each(one.values(rows, count)) if together else one.value({n: v[0] for n, v in rows.items()})
             put(table, one.keys, value, "What [vary] varies", ".".join(one.keys))
         made = replace(of_table(table, self.path, ""), places=self.places)
-        if members is None or "perturb" not in made.FREE:
-            return made
-        seeds: dict[str, Any] = {"perturb": {"seed": _each(self.sweep.seed * float(MOST) + members)}}
-        return replace(made, **seeds)
+        return made if members is None else made.with_seeds(_each(self.sweep.seed * float(MOST) + members))
 
     @cached_property
     def varying(self) -> frozenset[str]:
@@ -263,8 +247,8 @@ def of_tables(table: Mapping[str, Any], base: Mapping[str, Any], path: Path, pla
             raise ArgumentError(unknown(f"section [{name}]", "A sweep file", name, known))
         if not isinstance(given, Mapping):
             raise ArgumentError(f"[{name}] must be a section of a sweep file, but is {given!r}.")
-    own = section(SweepSection, "sweep", table.get("sweep", {}))
-    results = section(ResultsSection, "results", table.get("results", {}))
+    own = sections.read(SweepSection, "sweep", table.get("sweep", {}))
+    results = sections.read(ResultsSection, "results", table.get("results", {}))
     varied = tuple(read(table.get("vary", {})))
     if not varied:
         raise ArgumentError("A sweep needs a section [vary], such as [vary.parameters], which says what varies.")

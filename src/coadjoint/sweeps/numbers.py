@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.runs.units import unknown
 
 SAMPLINGS = ("grid", "list", "random", "latin_hypercube", "sobol")
 """How members are chosen."""

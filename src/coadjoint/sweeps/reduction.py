@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.attitude import UNIT
 from coadjoint.kernels.trace.evaluate import tabulate
@@ -16,7 +17,6 @@ from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.runs.units import unknown
 from coadjoint.simulation.dataset import Variables, reported, variables
 from coadjoint.simulation.derived import Derivation
 from coadjoint.simulation.driver import Memory

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import xarray as xr
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
+from coadjoint.sections import read
 from coadjoint.vehicles.missions import faults, legs
 
 UNITS = {"depth": "m", "heading": "rad", "speed": "m/s", "rudder": "rad", "thrusters": "N", "attitude": "1"}
@@ -19,27 +21,31 @@ MOTORS = SimpleNamespace(name="motors", kind="thrusters", command=SimpleNamespac
 LEAD = SimpleNamespace(name="lead", kind="payload", command=SimpleNamespace(unit="1", start=0.0))
 
 
-def mission(frame: str = "NED/FRD", members: int = 1, **given: Any) -> Any:
-    return cast(Any, SimpleNamespace(mission=given, axes=frame, run=SimpleNamespace(members=members), faults={}))
+def mission(frame: str = "NED/FRD", **given: Any) -> legs.MissionSection:
+    return read(legs.MissionSection, "mission", given, axes=frame)
 
 
-def refused(sentence: str, call: Any, *given: Any) -> None:
+def inputs(**given: Any) -> dict[str, Any]:
+    return mission(**given).inputs(UNITS, Path)
+
+
+def refused(sentence: str, call: Any, *given: Any, **more: Any) -> None:
     with pytest.raises(ArgumentError, match=sentence):
-        call(*given)
+        call(*given, **more)
 
 
 # Set points.
 
 
 def test_set_points_are_numbers_that_stay_or_values_by_time_in_si_units():
-    found = legs.inputs(mission(depth_ft=10, heading_deg=[0, 90], time_min=[0, 1], speed=1.5), UNITS)
+    found = inputs(depth_ft=10, heading_deg=[0, 90], time_min=[0, 1], speed=1.5)
     assert found["depth"] == pytest.approx(3.048) and found["speed"] == 1.5
     heading = found["heading"]
     assert isinstance(heading, co.Held) and np.asarray(heading.times).tolist() == [0.0, 60.0]
     assert np.asarray(heading.values) == pytest.approx([0.0, np.pi / 2])
-    linear = legs.inputs(mission(depth=[1, 2], time=[0, 1], between="linear"), UNITS)["depth"]
+    linear = inputs(depth=[1, 2], time=[0, 1], between="linear")["depth"]
     assert isinstance(linear, co.Linear)
-    assert legs.inputs(mission(thrusters=[1, 2, 3]), UNITS)["thrusters"].tolist() == [1.0, 2.0, 3.0]
+    assert inputs(thrusters=[1, 2, 3])["thrusters"].tolist() == [1.0, 2.0, 3.0]
 
 
 @pytest.mark.cases(6)
@@ -60,36 +66,35 @@ def test_set_points_are_numbers_that_stay_or_values_by_time_in_si_units():
     ],
 )
 def test_another_set_point_is_refused(given, sentence):
-    refused(sentence, legs.inputs, mission(**given), UNITS)
+    refused(sentence, inputs, **given)
 
 
 def test_a_mission_in_east_north_up_is_turned_at_its_border():
-    found = legs._plain(mission("ENU/FLU", yaw_deg=[0, 90], pitch=0.25, way_points=[[1, 2, 3]], depth=4.0))
-    assert found["heading"] == pytest.approx([np.pi / 2, 0.0]) and found["pitch"] == -0.25 and found["depth"] == 4.0
-    assert found["way_points"] == [[2, 1, -3]] and "yaw" not in found
-    assert legs._plain(mission(way_points=[[1, 2, 3]]))["way_points"] == [[1, 2, 3]]
-    refused("heading belongs to NED/FRD", legs._plain, mission("ENU/FLU", heading=0.0))
+    turned = mission("ENU/FLU", yaw_deg=[0, 90], pitch=0.25, way_points=[[1, 2, 3]], depth=4.0)
+    found = {name: point.values.tolist() for name, point in turned.set_points.items()}
+    assert found == {"heading": pytest.approx([np.pi / 2, 0.0]), "pitch": -0.25, "depth": 4.0}
+    assert turned.points.tolist() == [[2, 1, -3]] and mission(way_points=[[1, 2, 3]]).points.tolist() == [[1, 2, 3]]
+    refused("heading belongs to NED/FRD", lambda: mission("ENU/FLU", heading=0.0).set_points)
 
 
 # Way points.
 
 
 def test_way_points_are_three_numbers_each():
-    assert legs.way_points(mission()).shape == (0, 3)
-    assert legs.way_points(mission(way_points=[[1, 2, 3]])).tolist() == [[1, 2, 3]]
+    assert mission().points.shape == (0, 3)
+    assert mission(way_points=[[1, 2, 3]]).points.tolist() == [[1, 2, 3]]
     for axes, names in (("NED/FRD", "north, east, depth"), ("ENU/FLU", "east, north, up")):
         for wrong in ([1, 2, 3], [[1, 2]]):
-            refused(
-                rf"way_points_m must hold \[{names}\] of each point", legs.way_points, mission(axes, way_points=wrong)
-            )
+            given = mission(axes, way_points=wrong)
+            refused(rf"way_points_m must hold \[{names}\] of each point", lambda given=given: given.points)
 
 
 def test_a_controller_follows_way_points_from_where_the_vehicle_starts():
     helm = SimpleNamespace(period=0.1, delay=0.0)
-    assert legs.following(mission(), helm, np.zeros(3)) is helm
+    assert mission().following(helm, np.zeros(3)) is helm
     for key in ("acceptance", "look_ahead"):
-        refused(f"{key} belongs to `way_points_m`", legs.following, mission(**{key: 1.0}), helm, np.zeros(3))
-    refused("need a controller at the helm", legs.following, mission(way_points=[[1, 2, 3]]), None, np.zeros(3))
+        refused(f"{key} belongs to `way_points_m`", mission, **{key: 1.0})
+    refused("need a controller at the helm", mission(way_points=[[1, 2, 3]]).following, None, np.zeros(3))
 
 
 def test_the_last_way_point_is_reached_within_its_acceptance_or_beside_it():
@@ -115,28 +120,32 @@ def test_the_last_way_point_is_reached_within_its_acceptance_or_beside_it():
     [
         ({"ends": "surface"}, -0.5, 'ends at the "surface", but .initial. is 0.5 m above it'),
         ({"ends": "bottom", "bottom": 10.0, "clearance": 2.0}, 8.0, 'at a depth of 8 m, but .initial. is at 8 m'),
-        ({"ends": ["surface", "bottom"], "bottom": [10.0]}, 5.0, "bottom must be one number"),
+        ({"ends": ["surface", "bottom"], "bottom": [10.0]}, 5.0, "bottom must be a number, but is"),
         ({"bottom": 10.0}, 5.0, 'bottom belongs to ends = "bottom"'),
         ({"ends": "surface", "clearance": 1.0}, 5.0, 'clearance belongs to ends = "bottom"'),
         ({"ends": "surface", "members": 2}, 5.0, "would end each of the members at its own time"),
     ],
 )  # fmt: skip
 def test_a_mission_that_begins_beyond_its_end_is_refused(given, depth, sentence):
-    refused(sentence, legs.require_room_to_end, mission(**given), np.array([0.0, 0.0, depth]))
+    members, start = given.get("members", 1), np.array([0.0, 0.0, depth])
+    section = {key: value for key, value in given.items() if key != "members"}
+    refused(sentence, lambda: mission(**section).require_start_before_end(start, members))
 
 
 def test_a_mission_may_begin_at_the_surface_and_just_above_the_bottom():
-    legs.require_room_to_end(mission(ends="surface"), np.zeros(3))
-    legs.require_room_to_end(mission(ends="bottom", bottom=10.0, clearance=2.0), np.array([0.0, 0.0, 7.99]))
-    legs.require_room_to_end(mission(ends="last way point", members=1), np.array([0.0, 0.0, -1.0]))
-    legs.require_room_to_end(mission(members=2), np.zeros((2, 3)))
+    mission(ends="surface").require_start_before_end(np.zeros(3), 1)
+    bottom = mission(ends="bottom", bottom=10.0, clearance=2.0)
+    bottom.require_start_before_end(np.array([0.0, 0.0, 7.99]), 1)
+    points = mission(ends="last way point", way_points=[[1, 2, 3]])
+    points.require_start_before_end(np.array([0.0, 0.0, -1.0]), 1)
+    mission().require_start_before_end(np.zeros((2, 3)), 2)
 
 
 def test_the_end_that_was_reached_is_the_nearest():
     ends = mission(ends=["surface", "bottom"], bottom=10.0, clearance=2.0)
-    assert [legs.reached(ends, [0, 0, depth]) for depth in (0.1, 7.9, 3.9, 4.1)] == ["surface", "bottom"] * 2
-    points = mission(ends=["surface", "last way point"])
-    assert [legs.reached(points, [0, 0, depth]) for depth in (1e-4, 5.0)] == ["surface", "last way point"]
+    assert [ends.reached([0, 0, depth]) for depth in (0.1, 7.9, 3.9, 4.1)] == ["surface", "bottom"] * 2
+    points = mission(ends=["surface", "last way point"], way_points=[[1, 2, 3]])
+    assert [points.reached([0, 0, depth]) for depth in (1e-4, 5.0)] == ["surface", "last way point"]
 
 
 # Faults.
@@ -148,7 +157,7 @@ def vehicle() -> Any:
 
 
 def fault(**given: Any) -> Any:
-    return faults._fault("broken", given, vehicle())
+    return faults.read_fault("broken", given).fault(vehicle())
 
 
 def test_an_actuator_stands_somewhere_or_where_it_is_from_a_time_or_a_depth_on():
@@ -181,7 +190,7 @@ def test_an_actuator_stands_somewhere_or_where_it_is_from_a_time_or_a_depth_on()
         ({"part": "rudder", "stuck": True, "out": True, "time_s": 1}, "but has stuck, out"),
         ({"part": "rudder", "stuck": True}, "needs one of `time_s` and `depth_m`"),
         ({"part": "rudder", "stuck": True, "time_s": 1, "depth_m": 2}, "needs one of `time_s` and `depth_m`"),
-        ({"part": "rudder", "stuck": True, "time_s": [1, 2]}, "time must be one number"),
+        ({"part": "rudder", "stuck": True, "time_s": [1, 2]}, "time must be a number, but is"),
         ({"part": "rudder", "stuck": "there", "time_s": 1}, "stuck must be a number, or true"),
         ({"part": "rudder", "stuck": False, "time_s": 1}, "stuck must be a number, or true"),
         ({"part": "rudder", "stuck_m": 1, "time_s": 1}, "stuck_m is in m, but rudder stands in rad"),
@@ -202,14 +211,12 @@ def test_another_fault_is_refused(given, sentence):
 
 def test_the_card_says_from_when_on_a_fault_was_there():
     table = {"part": "rudder", "stuck": True, "time_s": 1}
-    file = SimpleNamespace(faults={"broken": table, "missing": table}, sensors={})
+    broken, missing = (faults.read_fault(name, table) for name in ("broken", "missing"))
     there = [0.0, 0.0, 1.0, 1.0]
     run = xr.Dataset({"internal_faults_broken": ("time", there)}, {"time": [0.0, 0.5, 1.0, 1.5]})
     never, some = run * 0, xr.concat([run, run * 0, run], "member")
     said = "(stuck = True, time_s = 1)"
-    assert (
-        faults.sentences(cast(Any, file), run)[0]
-        == "From t = 1 s on, fault `broken` of rudder: stuck = True, time_s = 1."
-    )
-    assert faults.sentences(cast(Any, file), never)[0] == f"The fault `broken` of rudder {said} did not come."
-    assert faults.sentences(cast(Any, file), some)[0] == f"The fault `broken` of rudder {said} came to 2 members."
+    assert broken.sentence(run) == "From t = 1 s on, fault `broken` of rudder: stuck = True, time_s = 1."
+    assert broken.sentence(never) == f"The fault `broken` of rudder {said} did not come."
+    assert broken.sentence(some) == f"The fault `broken` of rudder {said} came to 2 members."
+    assert missing.sentence(run) is None

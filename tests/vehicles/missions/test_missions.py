@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import tomllib
-from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +18,17 @@ from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.plotting.plots import figure_names
 from coadjoint.runs.run_file import read
 from coadjoint.runs.sections import MethodSection
+from coadjoint.sections import keys as declared
 from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.missions import results
-from coadjoint.vehicles.missions.craft import START, set_up
+from coadjoint.vehicles.missions.craft import set_up
 from coadjoint.vehicles.missions.example import example
-from coadjoint.vehicles.missions.file import MissionFile, MissionOutputSection, from_table
-from coadjoint.vehicles.missions.legs import ENDS, OTHERS
+from coadjoint.vehicles.missions.faults import FaultSection
+from coadjoint.vehicles.missions.file import MissionFile, from_table
+from coadjoint.vehicles.missions.legs import ENDS, MissionSection
+from coadjoint.vehicles.missions.lost_sensors import LostSensor
+from coadjoint.vehicles.missions.sections import MissionOutputSection
+from coadjoint.vehicles.missions.sensors import SensorsSection
 from coadjoint.vehicles.missions.summary import mission_summary
 from coadjoint.vehicles.missions.water import CURRENTS, DENSITIES, PROFILES, water
 
@@ -197,10 +201,10 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"mission": {"depth_m": 3, "depth_km": 3}}, "gives `depth` twice"),
         ({"mission": {"depht_m": 3, "heading": 0, "speed": 1}}, "did you mean `depth`"),
         ({"mission": {"depth_s": 3, "heading": 0, "speed": 1}}, "measures m, but `depth_s` is in s"),
-        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "bottom_s": 40}}, "`bottom` measures m, but `bottom_s` is"),
-        ({"mission": {**TO_A_POINT, "acceptance_radius_s": 4}}, "measures m, but `acceptance_radius_s` is in s"),
-        ({"mission": {**TO_A_POINT, "look_ahead_kg": 4}}, "measures m, but `look_ahead_kg` is in kg"),
-        ({"mission": {"way_points_s": [[90, 2, 3]], "speed": 1}}, "measures m, but `way_points_s` is in s"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "bottom_s": 40}}, "unit of time, but `bottom` measures"),
+        ({"mission": {**TO_A_POINT, "acceptance_radius_s": 4}}, "unit of time, but `acceptance_radius` measures"),
+        ({"mission": {**TO_A_POINT, "look_ahead_kg": 4}}, "unit of mass, but `look_ahead` measures length"),
+        ({"mission": {"way_points_s": [[90, 2, 3]], "speed": 1}}, "unit of time, but `way_points` measures length"),
         ({"mission": {"depth_m": "deep", "heading": 0, "speed": 1}}, "must hold numbers"),
         ({"mission": {"time_s": [0, 1], "depth_m": [3, 4, 5], "heading": 0, "speed": 1}}, "each of 2 times"),
         ({"mission": {"depth_m": [3, 4], "heading": 0, "speed": 1}}, "needs `time_s`"),
@@ -220,7 +224,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"mission": {"time_s": 5, "depth_m": [3, 4], "heading": 0, "speed": 1}}, "each of 1 times"),
         ({"mission": {"file": 3}}, "must be a text"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": 3}}, "no end 3"),
-        ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "acceptance_m": [1, 2]}}, "must be one number"),
+        ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "acceptance_m": [1, 2]}}, "must be a number, but is"),
         ({"mission": {**LEVEL, "ends": "bottom", "bottom_m": 0.4}}, "a depth of 0.4 m, but \\[initial\\] is at 0.5 m"),
         ({"mission": {**LEVEL, "ends": "surface"}, "initial": {"position_m": [0, 0, -2]}}, "is 2 m above it"),
         ({"mission": {**LEVEL, "bottom_m": 30}}, 'belongs to ends = "bottom"'),
@@ -338,6 +342,10 @@ def test_units_of_parameters_are_those_that_they_measure():
     assert found.controller.period == pytest.approx(0.1)
 
 
+def of_water(table):
+    return water(table, "NED/FRD", Path)
+
+
 def test_every_kind_of_current_can_be_said(tmp_path):
     (tmp_path / "c.csv").write_text("depth,north,east\n0,0.3,0\n20,0.1,0\n")
     tables = {
@@ -355,14 +363,14 @@ def test_every_kind_of_current_can_be_said(tmp_path):
     }
     assert set(tables) == set(CURRENTS)
     for kind, table in tables.items():
-        found = water(mission(water=table))
+        found = of_water(table)
         own = co.Parameters(**found.parameters())
         memory = co.Parameters(**found.start()) if found.start() else None
         with co.float64():
             north = float(found.current(np.zeros(3), 0.0, memory, own)[0])
         assert north == pytest.approx(0.3), kind
     both = {"mean": tables["uniform"], "tide": tables["tidal"], "density": {"kind": "linear", "surface": 1025.0}}
-    sea = water(mission(water=both))
+    sea = of_water(both)
     own = co.Parameters(**sea.parameters())
     with co.float64():
         assert float(sea.current(np.zeros(3), 0.0, None, own)[0]) == pytest.approx(0.6)
@@ -438,9 +446,9 @@ def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys,
     assert told["mission"]["path_length"]["50%"] == pytest.approx(np.median(lengths))
     assert np.allclose(set_up(read("fleet.toml")).system.parameters.mass.values, mass)
     monkeypatch.setattr(results, "save_figures", lambda datasets, folder, names, ending: names)
-    file = replace(read("fleet.toml"), output=MissionOutputSection(figures=True))
-    drawn = results.figures(file, Path("fleet"), data)
-    assert drawn == results.figures(file, Path("fleet"), data.isel(member=0))
+    output = MissionOutputSection(figures=True)
+    drawn = results.figures(output, Path("fleet"), data)
+    assert drawn == results.figures(output, Path("fleet"), data.isel(member=0))
     assert {"mission", "track", "actuators", "budget"} <= set(drawn)
 
 
@@ -498,16 +506,14 @@ def test_every_key_of_a_mission_stands_on_its_page():
     keys = [
         *MissionFile.SECTIONS,
         *MissionFile.FREE,
-        *OTHERS,
         *ENDS,
-        *START,
         *CURRENTS,
         *DENSITIES,
         *PROFILES,
         *kinds("controllers"),
         *figure_names(),
     ]
-    keys += [
-        field.name for kind in MissionFile.SECTIONS.values() if kind is not MethodSection for field in fields(kind)
-    ]
+    sections = [kind for kind in MissionFile.SECTIONS.values() if kind is not MethodSection]
+    for kind in (*sections, MissionSection, FaultSection, LostSensor, SensorsSection):
+        keys += [name for name, key in declared(kind).items() if not key.rest]
     assert not [key for key in keys if key not in said and f"`[{key}]`" not in tables]

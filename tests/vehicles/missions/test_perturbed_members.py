@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.missions.perturb import _deviation, _varied, seeds
+from coadjoint.sections import read
+from coadjoint.vehicles.missions.perturb import PerturbSection, _deviation, _varied, seeds
 
 MEMBERS = 4000
 P = SimpleNamespace(
@@ -49,13 +50,13 @@ def test_a_share_is_of_the_size_of_the_parameter():
 
 
 def test_each_member_has_a_seed_of_its_own():
-    def file(members: int, **perturb: Any) -> Any:
-        return cast(Any, SimpleNamespace(perturb=perturb, run=SimpleNamespace(members=members)))
+    def drawn(members: int, **given: Any) -> Any:
+        return seeds(read(PerturbSection, "perturb", given), members)
 
-    assert seeds(file(1, seed=5)) is None
-    assert np.asarray(seeds(file(3, seed=2)).values).tolist() == [6, 7, 8]
+    assert drawn(1, seed=5) is None
+    assert np.asarray(drawn(3, seed=2).values).tolist() == [6, 7, 8]
     own = co.each([4, 9])
-    assert seeds(file(2, seed=own)) is own and np.asarray(seeds(file(2)).values).tolist() == [0, 1]
+    assert drawn(2, seed=own) is own and np.asarray(drawn(2).values).tolist() == [0, 1]
     for wrong in (-1, 1.0, True, "1"):
-        with pytest.raises(ArgumentError, match="seed must be a whole number, 0 or more"):
-            seeds(file(2, seed=wrong))
+        with pytest.raises(ArgumentError, match="seed must be a whole number of at least 0"):
+            drawn(2, seed=wrong)

@@ -9,33 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import Each, count_members
-from coadjoint.runs.initial import initial_values
 from coadjoint.runs.setup import Setup
-from coadjoint.runs.units import in_si, unknown
+from coadjoint.sections import in_si
 from coadjoint.units import split_name
 from coadjoint.vehicles.figures.scenes import BOTTOM, GEOMETRY
 from coadjoint.vehicles.figures.shapes import geometry
 from coadjoint.vehicles.logs.headers import inside
-from coadjoint.vehicles.missions import legs
-from coadjoint.vehicles.missions.faults import faults
+from coadjoint.vehicles.missions.legs import arrival, require_unit
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
 from coadjoint.vehicles.missions.results import require_room
-from coadjoint.vehicles.missions.sensors import sensors_section
-from coadjoint.vehicles.missions.vehicle import vehicle_of
-from coadjoint.vehicles.missions.water import bottom as seabed
-from coadjoint.vehicles.missions.water import water
+from coadjoint.vehicles.missions.water import bottom, water
 from coadjoint.vehicles.water.borders import altitude
 
 if TYPE_CHECKING:
-    from coadjoint.vehicles.missions.file import MissionFile
-
-START = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actuators", "axes", "t")
-"""What [initial] holds, beside yaw, pitch and roll, or heading, one by one."""
+    from coadjoint.vehicles.missions.sections import MissionSections
+    from coadjoint.vehicles.water.bottom import Bottom
 
 
-def set_up(file: MissionFile) -> Setup:
+def set_up(file: MissionSections) -> Setup:
     """The system, its start, its inputs and the end of a mission; raises ArgumentError and FileError."""
     from coadjoint.models.quantities import vector
     from coadjoint.vehicles import axes as border
@@ -44,43 +38,56 @@ def set_up(file: MissionFile) -> Setup:
     from coadjoint.vehicles.model.craft import Craft
     from coadjoint.vehicles.model.measures import measures
 
-    vehicle, doubts = vehicle_of(file)
+    vehicle, doubts = file.vehicle.load(file.located)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
     begun = _start(file, commands)
     place = begun.get("position", (0.0, 0.0, 0.0))
-    if isinstance(place, Each) and not len(legs.way_points(file)):
+    legs, members = file.mission, file.run.members
+    if isinstance(place, Each) and not len(legs.points):
         place = place.member(0)  # Only way points ask for it.
     place = border.space_vector(vector(place, "position"), begun["axes"])
-    controller = legs.following(file, _controller(file, vehicle), place)
-    # What is mistaken in the file is told before gains are proposed, which takes a second.
+    controller = legs.following(_controller(file.controller, vehicle), place)
+    # What is mistaken in the file is reported before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
-    faulty = faults(file, vehicle)
-    craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)), faults=faulty)
+    faulty = [fault.fault(vehicle) for fault in file.faults]
+    for lost in file.lost_sensors:
+        lost.require_sensor(vehicle)
+    sea = water(file.water, file.axes, file.located, seeds(file.perturb, members))
+    craft = Craft(vehicle, controller=controller, water=sea, faults=faulty)
     kinds = measures(craft)
     craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
     if file.parameters and count_members(craft.parameters.asdict()) is None:
         doubts += [f"With [parameters] {sentence}" for sentence in doubts_of_changes(craft)]
     start = craft.start(**begun)
-    require_room(file, start)
-    sensors_section(file, vehicle)
-    grid = seabed(file)
+    require_room(file.run, start)
+    grid = bottom(file.water, file.located)
+    if file.sensors is not None:
+        file.sensors.require(vehicle, bottom_of_sensors(file))
     system = craft.system if grid is None else craft.system.watching({"altitude": altitude(grid)})
-    if file.run.members > 1:
-        system = perturbed(file, system, kinds)
+    if members > 1:
+        system = perturbed(file.perturb, members, system, kinds)
+        assert system.parameters is not None
         craft.replace(**system.parameters.asdict())  # refuses a member that cannot be
-    legs.require_room_to_end(file, start.q)
-    points = legs.way_points(file)
-    arrived = legs.arrival(craft.controller) if len(points) else None
+    legs.require_start_before_end(start.q, members)
+    arrived = arrival(craft.controller) if len(legs.points) else None
     told = {"vehicle_length": float(vehicle.length or 1.0)}
-    told |= {"way_points": points.ravel().tolist()} if len(points) else {}
+    told |= {"way_points": legs.points.ravel().tolist()} if len(legs.points) else {}
     told |= {GEOMETRY: json.dumps(geometry(vehicle))}
-    told |= {} if (bottom := legs.bottom(file)) is None else {BOTTOM: bottom}
-    return Setup(system, start, inputs or None, legs.until(file, arrived), told, doubts)
+    told |= {} if legs.bottom is None else {BOTTOM: legs.bottom}
+    return Setup(system, start, inputs or None, legs.until(grid, arrived), told, doubts)
 
 
-def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
+def bottom_of_sensors(file: MissionSections) -> float | Bottom | None:
+    """The depth of [sensors] bottom_m, else the grid of [water.bottom], else [mission] bottom_m; None without."""
+    if file.sensors is not None and file.sensors.bottom is not None:
+        return file.sensors.bottom
+    grid = bottom(file.water, file.located)
+    return file.mission.bottom if grid is None else grid
+
+
+def _inputs(file: MissionSections, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
     """The inputs of [mission], all that the controller wants among them."""
-    inputs = legs.inputs(file, {**commands, **wanted})
+    inputs = file.mission.inputs({**commands, **wanted}, file.located)
     lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
     if lacking:
         raise ArgumentError(
@@ -89,14 +96,14 @@ def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: d
     return inputs
 
 
-def _controller(file: MissionFile, vehicle: Any) -> Any:
+def _controller(section: Mapping[str, Any], vehicle: Any) -> Any:
     """The controller of [controller]: that of `kind`, none with "none", or the vehicle's own with changes."""
     from coadjoint.vehicles.files.kinds import kinds
     from coadjoint.vehicles.model.measures import dimensions
 
     CONTROLLERS = kinds("controllers")
 
-    given = dict(file.controller)
+    given = dict(section)
     kind = given.pop("kind", "")
     if kind == "none":
         if given:
@@ -118,17 +125,9 @@ def _controller(file: MissionFile, vehicle: Any) -> Any:
         raise ArgumentError(f"Section [controller]: {str(error).split('() ')[-1]}.") from error
 
 
-def _start(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
+def _start(file: MissionSections, units: Mapping[str, str]) -> dict[str, Any]:
     """[initial] as keywords of `Craft.start`; units: those of the actuators."""
-    given = dict(file.initial)
-    axes = given.setdefault("axes", file.axes)
-    if axes not in ("NED/FRD", "ENU/FLU"):
-        raise ArgumentError(f'[initial] axes must be "NED/FRD" or "ENU/FLU", but is {axes!r}.')
-    for key in [key for key in given if key.split("_")[0] == "heading"]:
-        if axes != "NED/FRD":
-            raise ArgumentError(f"[initial] {key} belongs to NED/FRD: give `yaw`, from east to the left, in {axes}.")
-        given["yaw" + key.removeprefix("heading")] = given.pop(key)
-    found = initial_values(given, START)
+    found = file.initial.arguments(file.axes)
     if "actuators" in found:
         found["actuators"] = _actuators(found["actuators"], units)
     return found
@@ -142,7 +141,7 @@ def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
     for key, value in given.items():
         name, unit = split_name(key, units)
         if unit:
-            legs.require_unit("[initial] actuators:", key, name, unit, units[name])
+            require_unit("[initial] actuators:", key, name, inside(unit)[0], units[name])
         if name in found:
             raise ArgumentError(f"[initial] actuators give `{name}` twice: once as `{key}`, once in another unit.")
         try:

@@ -2,124 +2,129 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint import units as u
+from coadjoint.checks import is_whole, number, unknown
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.units import in_si, unknown
-from coadjoint.units import split_name
+from coadjoint.sections import key, read
+from coadjoint.units import LENGTH, TIME, split_name
 from coadjoint.vehicles.logs.headers import inside
-from coadjoint.vehicles.missions import lost_sensors as sensors
-from coadjoint.vehicles.missions.lost_sensors import is_of_sensor, lost_sensors
 
 if TYPE_CHECKING:
-    from coadjoint.vehicles.missions.file import MissionFile
     from coadjoint.vehicles.model.faults import Fault
 
-KEYS = ("part", "stuck", "out", "dropped", "time", "depth")
-"""What a table [faults.NAME] holds."""
 ACTIONS = ("stuck", "out", "dropped")
-MEASURED = {"time": u.TIME, "depth": u.LENGTH}
 
 
-def faults(file: MissionFile, vehicle: Any) -> list[Fault]:
-    """The faults of [faults.NAME]; raises ArgumentError for what a vehicle cannot have."""
-    lost_sensors(file)
-    return [_fault(name, table, vehicle) for name, table in file.faults.items() if not is_of_sensor(table)]
-
-
-def _fault(name: str, given: Any, vehicle: Any) -> Fault:
-    from coadjoint.vehicles.model.faults import Fault
-
-    title = f"faults.{name}"
-    if not isinstance(given, dict):
-        raise ArgumentError(f'[faults] holds tables, as in [faults.{name}] with part = "rudder", but is {given!r}.')
-    table, action = _split(title, given)
-    part = str(table.get("part", ""))
-    known = [one.name for one in vehicle.commanded]
-    if part not in known:
-        raise ArgumentError(unknown(f"actuator {part!r}", f"[{title}] part: the vehicle", part, known))
-    value, which = _stands(title, action, table[action], vehicle.part(part), given)
-    begins = {key: table[key] for key in ("time", "depth") if key in table}
-    if len(begins) != 1:
+def require_one_begin(of: FaultSection | Any, title: str) -> None:
+    """Raise ArgumentError unless a fault begins at a time or at a depth."""
+    if (of.time is None) == (of.depth is None):
         raise ArgumentError(f"[{title}] needs one of `time_s` and `depth_m`, from which on it is there.")
-    found = in_si(title, begins, list(begins), {key: MEASURED[key] for key in begins})
-    key, begin = next(iter(found.items()))
-    if np.ndim(begin) or isinstance(begin, bool):
-        raise ArgumentError(f"[{title}] {key} must be one number, but is {begin!r}.")
-    if key == "time":
-        return Fault(part, value, which, time=float(begin), name=name)
-    depth = float(begin)
-    return Fault(part, value, which, when=lambda motion, p: motion.q[2] - depth, name=name)
 
 
-def _split(title: str, given: dict[str, Any]) -> tuple[dict[str, Any], str]:
-    """The table by names without units, those of `time` and `depth` in SI, and what happens."""
-    table: dict[str, Any] = {}
-    for key, value in given.items():
-        name = key if key in KEYS else split_name(key)[0]
-        if name not in KEYS:
-            raise ArgumentError(unknown(f"key `{key}`", f"Section [{title}]", name, KEYS))
-        table[name] = in_si(title, {key: value}, [name], {name: MEASURED[name]})[name] if name in MEASURED else value
-    actions = [name for name in ACTIONS if name in table]
-    if len(actions) != 1:
-        raise ArgumentError(
-            f"[{title}] needs one of `stuck`, `out` and `dropped`, but has {', '.join(actions) or 'none'}."
-        )
-    return table, actions[0]
+@dataclass(frozen=True)
+class FaultSection:
+    """A fault of an actuator, in a table [faults.NAME]; `said`: its keys as they are in the file."""
 
+    name: str
+    said: str
+    part: str = key("actuator", default="")
+    out: Any = key("whether it stands at its neutral command; of thrusters a number or a list, from 1", default=None)
+    dropped: Any = key("whether a payload is let go", default=None)
+    time: float | None = key("when it begins", TIME, check=number, default=None)
+    depth: float | None = key("depth at which it begins", LENGTH, check=number, default=None)
+    given: Mapping[str, Any] = key("`stuck`: where it stands, in the unit of its command", rest=True, factory=dict)
 
-def _stands(title: str, action: str, value: Any, part: Any, given: dict[str, Any]) -> tuple[Any, Any]:
-    """(where the part stands, which of its thrusters)."""
-    if action == "stuck":
+    def __post_init__(self) -> None:
+        for name_in_file in self.given:
+            if split_name(name_in_file)[0] != "stuck":
+                known = ("part", *ACTIONS, "time", "depth")
+                raise ArgumentError(unknown(f"key `{name_in_file}`", f"Section [{self.title}]", name_in_file, known))
+        actions = ["stuck"] * bool(self.given) + [name for name in ACTIONS[1:] if getattr(self, name) is not None]
+        if len(actions) != 1 or len(self.given) > 1:
+            found = ", ".join([*self.given, *actions[bool(self.given) :]]) or "none"
+            raise ArgumentError(f"[{self.title}] needs one of `stuck`, `out` and `dropped`, but has {found}.")
+        require_one_begin(self, self.title)
+
+    @property
+    def title(self) -> str:
+        """The section."""
+        return f"faults.{self.name}"
+
+    def fault(self, vehicle: Any) -> Fault:
+        """The fault of a vehicle; raises ArgumentError for one that it cannot have."""
+        from coadjoint.vehicles.model.faults import Fault
+
+        known = [one.name for one in vehicle.commanded]
+        if self.part not in known:
+            raise ArgumentError(
+                unknown(f"actuator {self.part!r}", f"[{self.title}] part: the vehicle", self.part, known)
+            )
+        value, which = self._stands(vehicle.part(self.part))
+        if self.time is not None:
+            return Fault(self.part, value, which, time=self.time, name=self.name)
+        depth = self.depth
+        return Fault(self.part, value, which, when=lambda motion, p: motion.q[2] - depth, name=self.name)
+
+    def _stands(self, part: Any) -> tuple[Any, Any]:
+        """(where the part stands, which of its thrusters)."""
+        if self.given:
+            return self._stuck(part), None
+        if self.dropped is not None:
+            if self.dropped is not True or part.kind != "payload":
+                raise ArgumentError(
+                    f"[{self.title}] dropped = true is of a payload, but {part.name} is of the kind {part.kind}."
+                )
+            return 1.0, None
+        rest = 0.0 if part.command is None else part.command.start
+        if self.out is True:
+            return rest, None
+        numbers = self.out if isinstance(self.out, list) else [self.out]
+        if not all(is_whole(one) and one >= 1 for one in numbers):
+            raise ArgumentError(
+                f"[{self.title}] out must be true, or the numbers of thrusters from 1, but is {self.out!r}."
+            )
+        return rest, tuple(one - 1 for one in numbers)
+
+    def _stuck(self, part: Any) -> float | None:
+        ((name_in_file, value),) = self.given.items()
+        unit = split_name(name_in_file)[1]
         if value is True:
-            return None, None
-        unit = next((split_name(key)[1] for key in given if key.startswith("stuck_")), "")
+            return None
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ArgumentError(f"[{title}] stuck must be a number, or true: where it is then; not {value!r}.")
+            raise ArgumentError(f"[{self.title}] stuck must be a number, or true: where it is then; not {value!r}.")
         if not unit:
-            return float(value), None
+            return float(value)
         si, factor = inside(unit)
         if si != part.command.unit:
             raise ArgumentError(
-                f"[{title}] stuck_{unit} is in {si}, but {part.name} stands in {part.command.unit}: give it in "
+                f"[{self.title}] {name_in_file} is in {si}, but {part.name} stands in {part.command.unit}: give it in "
                 "a unit of that."
             )
-        return float(value) * factor, None
-    if action == "dropped":
-        if value is not True or part.kind != "payload":
-            raise ArgumentError(
-                f"[{title}] dropped = true is of a payload, but {part.name} is of the kind {part.kind}."
-            )
-        return 1.0, None
-    rest = 0.0 if part.command is None else part.command.start
-    if value is True:
-        return rest, None
-    numbers = value if isinstance(value, list) else [value]
-    if not all(isinstance(number, int) and not isinstance(number, bool) and number >= 1 for number in numbers):
-        raise ArgumentError(f"[{title}] out must be true, or the numbers of thrusters from 1, but is {value!r}.")
-    return rest, tuple(number - 1 for number in numbers)
+        return float(value) * factor
 
-
-def sentences(file: MissionFile, dataset: Any) -> list[str]:
-    """A sentence on each fault for the card: from when on it was there; saved nodes only."""
-    found_sentences = []
-    for name, table in file.faults.items():
-        found = None if is_of_sensor(table) else dataset.get(f"internal_faults_{name}")
+    def sentence(self, dataset: Any) -> str | None:
+        """From when on it was there, for the certificate; saved nodes only."""
+        found = dataset.get(f"internal_faults_{self.name}")
         if found is None:
-            continue
-        said = ", ".join(f"{key} = {value!r}" for key, value in table.items() if key != "part")
+            return None
+        what = f"The fault `{self.name}` of {self.part} ({self.said})"
         there = np.asarray(found.values) > 0.5
-        first = np.argmax(there, axis=-1)
-        times = np.asarray(dataset.time.values)[first]
+        times = np.asarray(dataset.time.values)[np.argmax(there, axis=-1)]
         if not np.any(there):
-            found_sentences.append(f"The fault `{name}` of {table['part']} ({said}) did not come.")
-        elif there.ndim > 1:
-            found_sentences.append(
-                f"The fault `{name}` of {table['part']} ({said}) came to {int(there.any(-1).sum())} members."
-            )
-        else:
-            found_sentences.append(f"From t = {float(times):.6g} s on, fault `{name}` of {table['part']}: {said}.")
-    return [*found_sentences, *sensors.sentences(file, dataset)]
+            return f"{what} did not come."
+        if there.ndim > 1:
+            return f"{what} came to {int(there.any(-1).sum())} members."
+        return f"From t = {float(times):.6g} s on, fault `{self.name}` of {self.part}: {self.said}."
+
+
+def read_fault(name: str, given: Any) -> FaultSection:
+    """The fault of a table [faults.NAME]; raises ArgumentError."""
+    if not isinstance(given, dict):
+        raise ArgumentError(f'[faults] holds tables, as in [faults.{name}] with part = "rudder", but is {given!r}.')
+    said = ", ".join(f"{one} = {value!r}" for one, value in given.items() if one != "part")
+    return read(FaultSection, f"faults.{name}", given, name=name, said=said)

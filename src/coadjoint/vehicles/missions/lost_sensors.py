@@ -2,32 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint import units as u
+from coadjoint.checks import number, unknown
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.units import in_si, unknown
+from coadjoint.sections import key, read
+from coadjoint.units import LENGTH, TIME
+from coadjoint.vehicles.missions.faults import require_one_begin
 
 if TYPE_CHECKING:
-    from coadjoint.vehicles.missions.file import MissionFile
     from coadjoint.vehicles.readings.taken import Readings
 
-KEYS = ("sensor", "lost", "time", "depth", "until")
-"""What such a table holds."""
-MEASURED = {"time": u.TIME, "depth": u.LENGTH, "until": u.TIME}
 
-
-class LostSensor(NamedTuple):
+@dataclass(frozen=True)
+class LostSensor:
     """A sensor that reads nothing from `time`, s, or from the first node at `depth`, m, on, up to `until`, s."""
 
     name: str
-    sensor: str
-    time: float | None
-    depth: float | None
-    until: float
+    sensor: str = key("the sensor")
+    lost: Any = key("true", default=None)
+    time: float | None = key("when it begins", TIME, check=number, default=None)
+    depth: float | None = key("depth at which it begins", LENGTH, check=number, default=None)
+    until: float = key("when it ends", TIME, check=number, default=np.inf)
+
+    def __post_init__(self) -> None:
+        title = f"faults.{self.name}"
+        if self.lost is not True:
+            raise ArgumentError(f"[{title}] of a sensor needs lost = true, but has {self.lost!r}.")
+        require_one_begin(self, title)
+        if self.time is not None and self.until <= self.time:
+            raise ArgumentError(f"[{title}] ends at {self.until:g} s, before it begins at {self.time:g} s.")
+
+    def require_sensor(self, vehicle: Any) -> None:
+        """Raise ArgumentError unless a vehicle has the sensor."""
+        known = [one.name for one in vehicle.sensors]
+        if self.sensor not in known:
+            what = f"[faults.{self.name}] sensor: the vehicle"
+            said = unknown(f"sensor {self.sensor!r}", what, self.sensor, known)
+            raise ArgumentError(said if known else f"{what} has no sensors.")
 
     def begin(self, dataset: Any) -> float:
         """When it fails in a run, s; infinity where it does not."""
@@ -36,10 +52,13 @@ class LostSensor(NamedTuple):
         deep = np.flatnonzero(np.asarray(dataset.q.values)[:, 2] >= self.depth)
         return float(dataset.time.values[deep[0]]) if len(deep) else np.inf
 
-
-def lost_sensors(file: MissionFile) -> list[LostSensor]:
-    """The sensors that [faults] takes away; raises ArgumentError."""
-    return [_lost(file, name, table) for name, table in file.faults.items() if is_of_sensor(table)]
+    def sentence(self, dataset: Any) -> str:
+        """From when on it was there, for the certificate."""
+        begin = self.begin(dataset)
+        if not begin <= float(dataset.time.values[-1]):
+            return f"The fault `{self.name}` of the sensor {self.sensor} did not come."
+        end = f" to {self.until:.6g} s" if np.isfinite(self.until) else " on"
+        return f"From t = {begin:.6g} s{end}, fault `{self.name}`: the sensor {self.sensor} reads nothing."
 
 
 def is_of_sensor(table: Any) -> bool:
@@ -47,52 +66,20 @@ def is_of_sensor(table: Any) -> bool:
     return isinstance(table, dict) and "sensor" in table
 
 
-def _lost(file: MissionFile, name: str, table: dict[str, Any]) -> LostSensor:
-    title = f"faults.{name}"
-    found = in_si(title, table, KEYS, MEASURED)
-    from coadjoint.vehicles.missions.vehicle import vehicle_of
-
-    known = [one.name for one in vehicle_of(file)[0].sensors]
-    if found["sensor"] not in known:
-        said = unknown(f"sensor {found['sensor']!r}", f"[{title}] sensor: the vehicle", str(found["sensor"]), known)
-        raise ArgumentError(said if known else f"[{title}] sensor: the vehicle has no sensors.")
-    if found.get("lost") is not True:
-        raise ArgumentError(f"[{title}] of a sensor needs lost = true, but has {found.get('lost')!r}.")
-    if not file.sensors:
-        raise ArgumentError(f"[{title}] is of a sensor, but the mission reads none: give it a section [sensors].")
-    if ("time" in found) == ("depth" in found):
-        raise ArgumentError(f"[{title}] needs one of `time_s` and `depth_m`, from which on it is there.")
-    for key in ("time", "depth", "until"):
-        if key in found and (isinstance(found[key], bool) or not isinstance(found[key], (int, float))):
-            raise ArgumentError(f"[{title}] {key} must be one number, but is {found[key]!r}.")
-    until = float(found.get("until", np.inf))
-    if "time" in found and until <= found["time"]:
-        raise ArgumentError(f"[{title}] ends at {until:g} s, before it begins at {found['time']:g} s.")
-    return LostSensor(name, str(found["sensor"]), found.get("time"), found.get("depth"), until)
+def read_lost_sensor(name: str, given: dict[str, Any]) -> LostSensor:
+    """The lost sensor of a table [faults.NAME]; raises ArgumentError."""
+    return read(LostSensor, f"faults.{name}", given, name=name)
 
 
-def without_lost(file: MissionFile, read: Readings, dataset: Any) -> Readings:
+def without_lost(lost_sensors: Iterable[LostSensor], read: Readings, dataset: Any) -> Readings:
     """The readings of a run without those of sensors while they fail; what was read before still arrives."""
     from coadjoint.vehicles.readings.taken import Readings
 
     taken = dict(read.taken)
-    for lost in lost_sensors(file):
+    for lost in lost_sensors:
         one = taken.get(lost.sensor)
         if one is not None:
             kept = (one.time < lost.begin(dataset)) | (one.time >= lost.until)
             rows = {key: getattr(one, key)[kept] for key in ("time", "arrival", "values", "exact", "number")}
             taken[lost.sensor] = replace(one, **rows)
     return Readings(taken, read.seed)
-
-
-def sentences(file: MissionFile, dataset: Any) -> list[str]:
-    """A sentence on each for the card."""
-    found = []
-    for lost in lost_sensors(file):
-        begin = lost.begin(dataset)
-        if not begin <= float(dataset.time.values[-1]):
-            found.append(f"The fault `{lost.name}` of the sensor {lost.sensor} did not come.")
-        else:
-            end = f" to {lost.until:.6g} s" if np.isfinite(lost.until) else " on"
-            found.append(f"From t = {begin:.6g} s{end}, fault `{lost.name}`: the sensor {lost.sensor} reads nothing.")
-    return found

@@ -7,7 +7,7 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths, respelled
-from coadjoint.runs.units import in_si
+from coadjoint.sections import in_si
 from coadjoint.units import split_name
 
 

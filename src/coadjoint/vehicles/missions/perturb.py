@@ -3,20 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.members import Each
+from coadjoint.sections import key
 
 if TYPE_CHECKING:
-    from coadjoint.vehicles.missions.file import MissionFile
+    from coadjoint.mechanics.members import Each
+    from coadjoint.mechanics.system import System
 
 SYMMETRIC = ("inertia", "added_mass")
 
 
-def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, Any]) -> Any:
+def _seed(value: Any, name: str) -> Any:
+    return value if hasattr(value, "member") else whole(value, name, least=0)
+
+
+@dataclass(frozen=True)
+class PerturbSection:
+    """How members differ: the standard deviations of parameters, and the seed of all random numbers."""
+
+    seed: Any = key("seed of all random numbers", check=_seed, default=0)
+    given: Mapping[str, Any] = key("standard deviation of each parameter, a number or a share", rest=True, factory=dict)
+
+
+def perturbed(section: PerturbSection, members: int, system: System, kinds: Mapping[str, Any]) -> System:
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has
@@ -24,10 +39,9 @@ def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, Any]) -> Any:
     """
     from coadjoint.vehicles.missions.measures import parameters_in_si
 
-    given = {key: value for key, value in file.perturb.items() if key != "seed"}
-    deviations = parameters_in_si("perturb", given, kinds)
-    random = np.random.default_rng(_seed(file))
-    return system.replace(**_varied(deviations, system.parameters, file.run.members, random)) if deviations else system
+    deviations = parameters_in_si("perturb", section.given, kinds)
+    random = np.random.default_rng(section.seed)
+    return system.replace(**_varied(deviations, system.parameters, members, random)) if deviations else system
 
 
 def _varied(deviations: Mapping[str, Any], values: Any, members: int, random: np.random.Generator) -> dict[str, Any]:
@@ -48,21 +62,13 @@ def _varied(deviations: Mapping[str, Any], values: Any, members: int, random: np
     return found
 
 
-def seeds(file: MissionFile) -> Any:
+def seeds(section: PerturbSection, members: int) -> Each | None:
     """A seed for each member's random current; None for one member, unless [perturb] has one of each."""
-    import coadjoint as co
+    from coadjoint.mechanics.members import each
 
-    if isinstance(own := file.perturb.get("seed"), Each):
-        return own
-    count = file.run.members
-    return co.each(_seed(file) * count + np.arange(count)) if count > 1 else None
-
-
-def _seed(file: MissionFile) -> int:
-    seed = file.perturb.get("seed", 0)
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ArgumentError(f"[perturb] seed must be a whole number, 0 or more, but is {seed!r}.")
-    return seed
+    if hasattr(section.seed, "member"):
+        return section.seed
+    return each(section.seed * members + np.arange(members)) if members > 1 else None
 
 
 def _deviation(name: str, given: Any, value: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,12 @@ from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths
 from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.vehicles.figures.declared import FIGURES
-from coadjoint.vehicles.missions.legs import reached
 from coadjoint.vehicles.missions.sensors import counts, logs
 from coadjoint.vehicles.missions.summary import mission_summary, spread
 
 if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
-    from coadjoint.vehicles.missions.file import MissionFile
+    from coadjoint.vehicles.missions.sections import MissionOutputSection, MissionRunSection
 
 LOG, BAG, MEMBERS = "trajectory.csv", "trajectory.mcap", "members.csv"
 DRAWN = (*(name for name, added in FIGURES.items() if not added.film), "attitude", "budget")
@@ -32,15 +32,16 @@ MOST_BYTES = 1e9
 """What the trajectories of all members may take."""
 
 
-def figures(file: MissionFile, folder: Path, dataset: Any) -> list[str]:
+def figures(output: MissionOutputSection, folder: Path, dataset: Any) -> list[str]:
     """Draw what [output] asks for; of very many members some, evenly chosen, in a reasonable time."""
-    if file.output.figures is False:
+    if output.figures is False:
         return []
-    if file.run.members > MOST_DRAWN:
-        dataset = dataset.isel(member=np.linspace(0, file.run.members - 1, MOST_DRAWN).astype(int))
-    chosen = file.output.figures
+    count = dataset.sizes.get("member", 1)
+    if count > MOST_DRAWN:
+        dataset = dataset.isel(member=np.linspace(0, count - 1, MOST_DRAWN).astype(int))
+    chosen = output.figures
     names = [name for name in DRAWN if name in available(dataset)] if chosen is True else chosen
-    return save_figures([dataset], folder, names, file.output.format)
+    return save_figures([dataset], folder, names, output.format)
 
 
 def left_water(dataset: Any) -> list[str]:
@@ -61,23 +62,28 @@ def left_water(dataset: Any) -> list[str]:
     ]
 
 
-def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
-    """Write the log and the animation of one run, and return what the summary says of the mission."""
-    if file.output.csv:
+def results(
+    output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[np.ndarray], str]
+) -> dict[str, Any]:
+    """Write the log and the animation of one run, and return what the summary says of the mission.
+
+    reached: which of the ends of [mission] a place is at.
+    """
+    if output.csv:
         run.save(folder / LOG, overwrite=True)
-    if file.output.mcap:
+    if output.mcap:
         run.save(folder / BAG, overwrite=True)
-    if file.output.animation:
-        run.plot.animation(path=folder / f"animation.{file.output.animation}")
-    if file.output.csv:
+    if output.animation:
+        run.plot.animation(path=folder / f"animation.{output.animation}")
+    if output.csv:
         logs(run.dataset, folder)
-    ended = {} if run.event is None else {"ended_by": reached(file, run.final.q)}
+    ended = {} if run.event is None else {"ended_by": reached(run.final.q)}
     return {
         "mission": {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended, **counts(run.dataset)}
     }
 
 
-def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
+def members(output: MissionOutputSection, folder: Path, fleet: Any) -> dict[str, Any]:
     """Write a table with a row for each member and the animation, and return the summary of all of them.
 
     The row holds the parameters that were varied and the member's figures; the summary mean, standard deviation,
@@ -92,11 +98,11 @@ def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
     columns = {"member": np.array(done, dtype=float)}
     columns |= {name: values[done] for name, values in _varied(fleet).items()}
     columns |= {name: np.array([rows[k].get(name, np.nan) for k in done]) for name in names}
-    if file.output.csv:
+    if output.csv:
         write_text(folder / MEMBERS, csv_text(columns))
-    if file.output.animation:
+    if output.animation:
         shown = Plots(dataset.isel(member=done[:MOST_ANIMATED]))
-        shown.animation(path=folder / f"animation.{file.output.animation}")
+        shown.animation(path=folder / f"animation.{output.animation}")
     return {
         "system": fleet.system.name,
         "method": fleet.method.title,
@@ -107,17 +113,17 @@ def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
         "seconds": fleet.seconds,
         "set_up_seconds": fleet.set_up_seconds,
         "mission": {name: spread(columns[name]) for name in names},
-        "notes": _shown(file, len(done)),
+        "notes": _shown(output, dataset.sizes["member"], len(done)),
         "card": str(fleet),
     }
 
 
-def _shown(file: MissionFile, done: int) -> list[str]:
+def _shown(output: MissionOutputSection, members: int, done: int) -> list[str]:
     """What of [output] is less than of a single run."""
-    found = [f"{MEMBERS} has a row for each member, in place of {LOG}"] if file.output.csv else []
-    if file.output.animation and done > MOST_ANIMATED:
+    found = [f"{MEMBERS} has a row for each member, in place of {LOG}"] if output.csv else []
+    if output.animation and done > MOST_ANIMATED:
         found.append(f"the animation shows {MOST_ANIMATED} of the members")
-    if file.output.figures is not False and file.run.members > MOST_DRAWN:
+    if output.figures is not False and members > MOST_DRAWN:
         found.append(f"figures show {MOST_DRAWN} of the members")
     return [f"Of an ensemble {'; '.join(found)}."] if found else []
 
@@ -135,17 +141,16 @@ def flat(summary: dict[str, Any], prefix: str = "") -> dict[str, float]:
     return found
 
 
-def require_room(file: MissionFile, start: Any) -> None:
+def require_room(grid: MissionRunSection, start: Any) -> None:
     """Raise ArgumentError where the trajectories of all members would be too large a file."""
     import jax
 
-    steps = file.run.steps or round((file.run.duration or 0.0) / file.run.dt)
     each = 2 * sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(start))
-    size = each * file.run.members * (steps // file.run.save_every + 1)
-    if file.run.members > 1 and size > MOST_BYTES:
-        wanted = int(file.run.save_every * size / MOST_BYTES) + 1
+    size = each * grid.members * (grid.count // grid.save_every + 1)
+    if grid.members > 1 and size > MOST_BYTES:
+        wanted = int(grid.save_every * size / MOST_BYTES) + 1
         raise ArgumentError(
-            f"The trajectories of {file.run.members} members would take some {size / 1e9:.1f} GB: save fewer nodes "
+            f"The trajectories of {grid.members} members would take some {size / 1e9:.1f} GB: save fewer nodes "
             f"with [run] save_every = {wanted} or more."
         )
 

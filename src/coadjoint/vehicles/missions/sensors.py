@@ -3,112 +3,91 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.checks import unknown, whole
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint.runs.units import in_si, unknown
+from coadjoint.sections import key
 from coadjoint.units import LENGTH
-from coadjoint.vehicles.missions import legs
-from coadjoint.vehicles.missions.lost_sensors import without_lost
+from coadjoint.vehicles.missions.lost_sensors import LostSensor, without_lost
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from coadjoint.simulation.run import Run
-    from coadjoint.vehicles.missions.file import MissionFile
+    from coadjoint.vehicles.model.vehicle import Vehicle
     from coadjoint.vehicles.water.bottom import Bottom
 
-KEYS = ("seed", "names", "bottom")
-"""What [sensors] holds."""
+
+def _depth(value: float, name: str) -> float:
+    if not (np.isfinite(value) and value >= 0):
+        raise ArgumentError(f"{name} must be a depth of at least 0 m, positive down, but is {value:g} m.")
+    return value
 
 
 @dataclass(frozen=True)
 class SensorsSection:
-    """names: of the sensors that are read, in this order. seed: of their errors. bottom: its depth, m, or a grid of
-    depths, or None."""
+    """Which sensors of the vehicle are read."""
 
-    names: tuple[str, ...]
-    seed: int
-    bottom: float | Bottom | None
+    names: list[str] | None = key("the sensors, in this order; all of them unless given", default=None)
+    seed: int = key("seed of their errors", check=partial(whole, least=0), default=0)
+    bottom: float | None = key("depth of a level bottom", LENGTH, check=_depth, default=None)
 
+    def __post_init__(self) -> None:
+        if self.names is not None and len(set(self.names)) < len(self.names):
+            raise ArgumentError("[sensors] names has a sensor twice: leave one out.")
 
-def sensors_section(file: MissionFile, vehicle: Any) -> SensorsSection | None:
-    """What [sensors] says of a vehicle; None where the mission has no such section. Raises ArgumentError."""
-    if not file.sensors:
-        return None
-    if file.run.members > 1:
-        raise ArgumentError(
-            "Section [sensors] reads a single vehicle, but [run] members are "
-            f"{file.run.members}: leave one of them out."
-        )
-    given = in_si("sensors", file.sensors, KEYS, {"bottom": LENGTH})
-    seed = given.get("seed", 0)
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ArgumentError(f"[sensors] seed must be a whole number of at least 0, but is {seed!r}.")
-    bottom = _bottom(file, given)
-    names = _names(given, vehicle)
-    over = [one for one in vehicle.sensors if "bottom" in one.required and one.name in names]
-    if over and bottom is None:
-        raise ArgumentError(
-            f"The {over[0].kind} {over[0].name} needs the depth of the bottom: give [sensors] bottom_m or "
-            "[water.bottom], or leave it out of [sensors] names."
-        )
-    return SensorsSection(names, seed, bottom)
+    def of(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """The names of the sensors that are read; raises ArgumentError for those that a vehicle does not have."""
+        known = [one.name for one in vehicle.sensors]
+        if not known:
+            raise ArgumentError(
+                f"The vehicle {vehicle.name} has no sensors, which [sensors] could read: give its file sections "
+                "[sensors.NAME]."
+            )
+        if self.names is not None and not self.names:
+            raise ArgumentError(f'[sensors] names must be a list such as ["{known[0]}"], but is [].')
+        for name in self.names or ():
+            if name not in known:
+                raise ArgumentError(unknown(f"sensor {name!r}", f"The vehicle {vehicle.name}", name, known))
+        return tuple(self.names or known)
 
-
-def _bottom(file: MissionFile, given: dict[str, Any]) -> float | Bottom | None:
-    """The depth of [sensors] bottom_m, else the grid of [water.bottom], else [mission] bottom_m."""
-    from coadjoint.vehicles.missions import water
-
-    if "bottom" not in given and file.water.get("bottom") is not None:
-        return water.bottom(file)
-    bottom = given.get("bottom", legs.bottom(file))
-    if bottom is not None and (isinstance(bottom, bool) or not isinstance(bottom, (int, float))):
-        raise ArgumentError(f"[sensors] bottom must be the depth of the bottom, one number, but is {bottom!r}.")
-    if bottom is not None and not (np.isfinite(bottom) and bottom >= 0):
-        raise ArgumentError(f"[sensors] bottom must be a depth of at least 0 m, positive down, but is {bottom!r} m.")
-    return None if bottom is None else float(bottom)
+    def require(self, vehicle: Vehicle, bottom: float | Bottom | None) -> None:
+        """Raise ArgumentError for sensors that a vehicle does not have, and where one needs a bottom."""
+        names = self.of(vehicle)
+        over = [one for one in vehicle.sensors if "bottom" in one.required and one.name in names]
+        if over and bottom is None:
+            raise ArgumentError(
+                f"The {over[0].kind} {over[0].name} needs the depth of the bottom: give [sensors] bottom_m or "
+                "[water.bottom], or leave it out of [sensors] names."
+            )
 
 
-def _names(given: dict[str, Any], vehicle: Any) -> tuple[str, ...]:
-    known = [one.name for one in vehicle.sensors]
-    if not known:
-        raise ArgumentError(
-            f"The vehicle {vehicle.name} has no sensors, which [sensors] could read: give its file sections "
-            "[sensors.NAME]."
-        )
-    names = given.get("names", known)
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise ArgumentError(f'[sensors] names must be a list such as ["{known[0]}"], but is {names!r}.')
-    for name in names:
-        if name not in known:
-            raise ArgumentError(unknown(f"sensor {name!r}", f"The vehicle {vehicle.name}", name, known))
-    if len(set(names)) < len(names):
-        raise ArgumentError("[sensors] names has a sensor twice: leave one out.")
-    return tuple(names)
-
-
-def observe(file: MissionFile, run: Run) -> None:
-    """Put what the sensors of [sensors] read into the dataset of a run; nothing where a step failed.
+def observe(
+    section: SensorsSection,
+    vehicle: Vehicle,
+    bottom: float | Bottom | None,
+    lost_sensors: Iterable[LostSensor],
+    run: Run,
+) -> None:
+    """Put what the sensors of [sensors] read into the dataset of a run.
 
     What cannot be read, or does not arrive, becomes a warning of the run, which is not lost.
     """
-    from coadjoint.vehicles.missions.vehicle import vehicle_of
     from coadjoint.vehicles.readings.of_run import readings
 
-    if not file.sensors or run.position.failed:
-        return
-    section = sensors_section(file, vehicle_of(file)[0])
-    assert section is not None
+    names = section.of(vehicle)
     try:
-        with warnings.catch_warnings():  # they are told with the run
+        with warnings.catch_warnings():  # they belong to the run
             warnings.simplefilter("ignore", UserWarning)
-            read = readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom)
+            read = readings(run, seed=section.seed, sensors=names, bottom=bottom)
         run.warnings += read.warnings
-        without_lost(file, read, run.dataset).add_to(run.dataset)
+        without_lost(lost_sensors, read, run.dataset).add_to(run.dataset)
     except CoadjointError as error:
         run.warnings.append(f"What [sensors] asks for could not be read: {error}")
 

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import each
-from coadjoint.runs.units import in_si, unknown
+from coadjoint.sections import in_si
 from coadjoint.vehicles.water.dimensions import DIMENSIONS
 
 if TYPE_CHECKING:
-    from coadjoint.vehicles.missions.file import MissionFile
+    from coadjoint.mechanics.members import Each
+    from coadjoint.vehicles.water.bottom import Bottom
+    from coadjoint.vehicles.water.water import Water
+
+Located = Callable[[Any], Path]
+"""Where a file is that a mission names."""
 
 _ROOM = "coadjoint.vehicles.water"
 CURRENTS = {
@@ -43,18 +52,20 @@ VECTORS = ("velocity", "surface", "gradient", "mean", "amplitudes", "velocities"
 """The fields of currents that hold a number for each axis of space."""
 
 
-def water(file: MissionFile, seeds: Any = None) -> Any:
+def water(section: Mapping[str, Any], axes: str, located: Located, seeds: Each | None = None) -> Water | None:
     """The water of [water], still where there is none; `seeds` for random currents of several members.
 
     One current with its `kind` ("uniform" unless given) and fields, or several, each a table [water.NAME], which add
-    up, with [water.density]. `file` of a table is a CSV file. Raises ArgumentError and FileError.
+    up, with [water.density]. axes: those of vectors. located: where a file is that a table names. Raises ArgumentError
+    and FileError.
     """
-    given = {name: table for name, table in file.water.items() if name != "bottom"}
+    read = partial(_made, axes, located)
+    given = {name: table for name, table in section.items() if name != "bottom"}
     if not given:
         return None
     named = {name: table for name, table in given.items() if isinstance(table, dict) and name != "profile"}
     if not named:
-        return _made(file, given, "water", CURRENTS, "uniform", seeds)
+        return read(given, "water", CURRENTS, "uniform", seeds)
     alone = [key for key in given if key not in named]
     if alone:
         raise ArgumentError(
@@ -67,23 +78,23 @@ def water(file: MissionFile, seeds: Any = None) -> Any:
     for place, (name, table) in enumerate(named.items()):
         kinds, default = (_INNER[name], "") if name in _INNER else (CURRENTS, "uniform")
         own = None if seeds is None else each(seeds.values + place * APART)
-        made[name] = _made(file, table, f"water.{name}", kinds, default, own)
+        made[name] = read(table, f"water.{name}", kinds, default, own)
     return Sea(**made)
 
 
-def bottom(file: MissionFile) -> Any:
+def bottom(section: Mapping[str, Any], located: Located) -> Bottom | None:
     """The bottom of [water.bottom], a grid in a file, CSV or netCDF; None where there is none.
 
     Raises ArgumentError and FileError.
     """
-    given = file.water.get("bottom")
+    given = section.get("bottom")
     if given is None:
         return None
     if not isinstance(given, dict) or not isinstance(given.get("file"), str):
         raise ArgumentError(f'[water.bottom] needs file = "…", a grid in CSV or netCDF, but is {given!r:.60}.')
     from coadjoint.vehicles.water.bottom import Bottom
 
-    path = file.located(given["file"])
+    path = located(given["file"])
     map_ = path.suffix.lower() in (".tif", ".tiff")
     keys = ("file", "between", *(("origin", "positive") if map_ else ()))
     found = in_si("water.bottom", given, keys, {"origin": u.LENGTH})
@@ -95,7 +106,7 @@ def bottom(file: MissionFile) -> Any:
     return reader(path, between)
 
 
-def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], default: str, seeds: Any) -> Any:
+def _made(axes: str, located: Located, given: Any, title: str, kinds: dict[str, str], default: str, seeds: Any) -> Any:
     """One current, density or profile of a table."""
     table = dict(given)
     kind = table.pop("kind", default)
@@ -106,14 +117,14 @@ def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], defa
     if "file" in table and hasattr(cls, "from_csv"):
         if len(table) > 1:
             raise ArgumentError(f"Section [{title}] takes all of its table from `file`: leave the other keys out.")
-        return cls.from_csv(file.located(table["file"]))
+        return cls.from_csv(located(table["file"]))
     known = [key for key in inspect.signature(cls).parameters if key != "self"]
     measured = {**dict.fromkeys(known), **DIMENSIONS, **({"surface": u.SPEED} if kinds is CURRENTS else {})}
     values = in_si(title, table, known, measured)
     for key in [key for key in values if key in _INNER and isinstance(values[key], dict)]:
-        values[key] = _made(file, values[key], f"{title}.{key}", _INNER[key], "", seeds)
-    if kinds is CURRENTS and file.axes != "NED/FRD":
-        values = {key: _turned(key, value, file.axes) for key, value in values.items()}
+        values[key] = _made(axes, located, values[key], f"{title}.{key}", _INNER[key], "", seeds)
+    if kinds is CURRENTS and axes != "NED/FRD":
+        values = {key: _turned(key, value, axes) for key, value in values.items()}
     if seeds is not None and "seed" in known:
         values["seed"] = seeds
     try:

@@ -1,0 +1,207 @@
+"""Sections of TOML files as dataclasses: each field declares what its key measures, its check and its meaning.
+
+    @dataclass(frozen=True)
+    class RunSection:
+        dt: float = key("length of a step", TIME, check=positive)
+        duration: float | None = key("simulated time", TIME, default=None)
+
+`read` makes such a section of a table whose keys may end in a unit (`duration_min = 10`); `written` is the table that
+reads as a section.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from coadjoint.checks import choice, unknown
+from coadjoint.errors import ArgumentError
+from coadjoint.units import Dimension, dimension_of, factor_to, split_name, times
+
+T = TypeVar("T")
+
+_KEY = "key"
+"""The metadata of a field that hold its `Key`."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a field of a section is.
+
+    meaning: in words, for help and pages. dimension: what its numbers measure; None where they measure several things
+    or are no numbers, and are in SI units. check: (value, name) → the value, or ArgumentError. words: the texts that it
+    may be. turn: (value, axes) → the value in forward, starboard, down. others: names that it has in files, too.
+    rest: whether the field is a dictionary of all keys that the section does not declare.
+    """
+
+    meaning: str = ""
+    dimension: Dimension | None = None
+    check: Callable[[Any, str], Any] | None = None
+    words: tuple[str, ...] = ()
+    turn: Callable[[Any, Any], Any] | None = None
+    others: tuple[str, ...] = ()
+    rest: bool = False
+
+
+def key(
+    meaning: str = "",
+    dimension: Dimension | None = None,
+    *,
+    check: Callable[[Any, str], Any] | None = None,
+    words: tuple[str, ...] = (),
+    turn: Callable[[Any, Any], Any] | None = None,
+    others: tuple[str, ...] = (),
+    rest: bool = False,
+    default: Any = MISSING,
+    factory: Callable[[], Any] | None = None,
+) -> Any:
+    """A field of a dataclass that declares its `Key`; `default` and `factory` are those of `dataclasses.field`."""
+    metadata = {_KEY: Key(meaning, dimension, check, words, turn, others, rest)}
+    if factory is not None:
+        return field(default_factory=factory, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def keys(of: Any) -> dict[str, Key]:
+    """The keys of a dataclass, or of one of it, by name, in their order."""
+    return {f.name: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
+
+
+def checked(declared: Key, value: Any, name: str) -> Any:
+    """A value after the check of its key; raises ArgumentError with `name`."""
+    if declared.words:
+        return choice(value, name, declared.words)
+    return value if declared.check is None else declared.check(value, name)
+
+
+def read(kind: type[T], title: str, given: Any, **more: Any) -> T:
+    """The section `kind` of a table of a file; `title` as in [title]. more: fields that are no keys.
+
+    Raises ArgumentError for what is no table, for an unknown key, naming the nearest known one, for a unit of another
+    kind, for a value of another type, for a key that is given twice, and for one that is missing.
+    """
+    if not isinstance(given, Mapping):
+        raise ArgumentError(f"[{title}] must be a section of a file, with keys, but is {given!r}.")
+    declared = {f.name: f for f in fields(kind) if _KEY in f.metadata}  # pyright: ignore[reportArgumentType]
+    types = get_type_hints(kind)
+    rest = next((name for name, f in declared.items() if _of(f).rest), None)
+    named = {other: name for name, f in declared.items() for other in (name, *_of(f).others) if name != rest}
+    own, free = (given, {}) if rest is None else _apart(given, named)
+    measured = {other: _of(declared[name]).dimension for other, name in named.items()}
+    values: dict[str, Any] = {} if rest is None else {rest: free}
+    for other, value in in_si(title, own, named, measured).items():
+        name = named[other]
+        if name in values:
+            raise ArgumentError(f"Section [{title}] gives `{name}` twice: once as `{other}`.")
+        where = f"[{title}] {name}"
+        values[name] = checked(_of(declared[name]), _typed(where, value, types[name]), where)
+    missing = [name for name, f in declared.items() if name not in values and f.default is f.default_factory is MISSING]
+    if missing:
+        raise ArgumentError(f"Section [{title}] needs `{missing[0]}`{_said(_of(declared[missing[0]]))}.")
+    return kind(**values, **more)
+
+
+def written(of: Any) -> dict[str, Any]:
+    """The table that reads as a section, in SI units."""
+    found = {name: getattr(of, name) for name in keys(of)}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def in_si(
+    title: str, given: Mapping[str, Any], known: Collection[str], measured: Mapping[str, Dimension | None]
+) -> dict[str, Any]:
+    """The values of a table under their known names, in SI units.
+
+    measured: what those measure of which it is known, None for what has SI units only. Raises ArgumentError for an
+    unknown key, naming the nearest known one, for a unit of another kind, and for a value given twice.
+    """
+    found: dict[str, Any] = {}
+    for name_in_file, value in given.items():
+        name, unit = split_name(name_in_file, known)
+        if name not in known:
+            raise ArgumentError(unknown(f"key `{name_in_file}`", f"Section [{title}]", name_in_file, known))
+        if name in found:
+            raise ArgumentError(
+                f"Section [{title}] gives `{name}` twice: once as `{name_in_file}`, once in another unit."
+            )
+        found[name] = value if not unit else _converted(title, name_in_file, value, unit, name, measured)
+    return found
+
+
+def without_unit(name: str) -> str:
+    """The name of a key without the unit that it ends in."""
+    return split_name(name)[0]
+
+
+def _of(f: Field[Any]) -> Key:
+    return f.metadata.get(_KEY, Key())
+
+
+def _said(declared: Key) -> str:
+    unit = "" if declared.dimension is None else f", in {declared.dimension.si}"
+    return f", {declared.meaning}{unit}" if declared.meaning else unit
+
+
+def _apart(given: Mapping[str, Any], known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The keys that a section declares, and all others."""
+    own = {name: value for name, value in given.items() if split_name(name, known)[0] in known}
+    return own, {name: value for name, value in given.items() if name not in own}
+
+
+def _converted(
+    title: str, in_file: str, value: Any, unit: str, name: str, measured: Mapping[str, Dimension | None]
+) -> Any:
+    wanted = measured.get(name, dimension_of(unit))
+    _require_numbers(f"[{title}] {in_file}", value)
+    try:
+        if wanted is not None:
+            return times(value, factor_to(wanted, unit, in_file))
+    except ArgumentError:
+        pass
+    raise ArgumentError(
+        f"Key `{in_file}` of section [{title}] ends in a unit of {dimension_of(unit).word}, but `{name}` measures "
+        f"{wanted.word if wanted else 'what is in SI units only'}."
+    )
+
+
+def _require_numbers(what: str, value: Any) -> None:
+    if isinstance(value, list):
+        for inner in value:
+            _require_numbers(what, inner)
+    elif isinstance(value, (bool, str)) or not hasattr(value, "__rmul__"):  # co.each can be multiplied, too
+        raise ArgumentError(f"{what} must hold numbers, because its name ends in a unit, but holds {value!r}.")
+
+
+_WORDS = {
+    float: "a number",
+    int: "a whole number",
+    str: "a text",
+    bool: "true or false",
+    list[str]: "a list of texts",
+    tuple[float, ...]: "a list of numbers",
+}
+
+
+def _typed(what: str, value: Any, expected: Any) -> Any:
+    """`value` as one of the expected types; a whole number counts as a number, true and false do not.
+
+    Types that are not those of TOML are left to the check of the key.
+    """
+    choices = get_args(expected) if get_origin(expected) in (Union, UnionType) else (expected,)
+    plain = [one for one in choices if one is not type(None)]
+    if any(one not in _WORDS for one in plain):
+        return value
+    for one in plain:
+        if one is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+            return float(value)
+        if one is int and isinstance(value, float) and value.is_integer():
+            return int(value)
+        if one == tuple[float, ...] and isinstance(value, list) and all(type(inner) in (int, float) for inner in value):
+            return tuple(float(inner) for inner in value)
+        if one == list[str] and isinstance(value, list) and all(isinstance(inner, str) for inner in value):
+            return value
+        if one in (int, str, bool) and isinstance(value, one) and isinstance(value, bool) == (one is bool):
+            return value
+    raise ArgumentError(f"{what} must be {' or '.join(_WORDS[one] for one in plain)}, but is {value!r}.")

@@ -1,0 +1,69 @@
+"""Checks of arguments: what passes has its final type, and what does not is one sentence with the argument's name."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from coadjoint import checks
+from coadjoint.errors import ArgumentError, FileError, GroupError
+
+
+def refused(sentence, call, *given, **more):
+    with pytest.raises(more.get("error", ArgumentError)) as caught:
+        call(*given, **more)
+    assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize("value", [3, np.int64(3), np.uint8(3)])
+def test_whole_numbers_become_ints(value):
+    assert checks.whole(value, "n") == 3 and type(checks.whole(value, "n")) is int
+
+
+def test_truth_values_durations_texts_and_fractions_are_no_whole_numbers():
+    for wrong in (True, np.True_, 3.0, "3", None, np.timedelta64(3), Fraction(3), 0, -1):
+        with pytest.raises(ArgumentError, match="Argument `n` must be a whole number of at least 1, but is"):
+            checks.whole(wrong, "n")
+    refused("Argument `n` must be a whole number from 2 to 4, but is 5.", checks.whole, 5, "n", 2, 4)
+    refused(f"Argument `n` must be at most 2⁵³ = {2**53}, but is {2**53 + 1}.", checks.whole, 2**53 + 1, "n")
+
+
+def test_numbers_become_floats_within_their_bounds():
+    for value in (0.5, np.float32(0.5), Fraction(1, 2)):
+        assert type(checks.number(value, "x")) is float and checks.number(value, "x", 0.5, 0.5) == 0.5
+    for wrong in (True, "1", None, math.nan, math.inf, 10**400, [1.0], np.array(1.0)):
+        with pytest.raises(ArgumentError, match="Argument `x` must be a finite number, but is"):
+            checks.number(wrong, "x")
+    refused("Argument `x` must be positive, but is 0.", checks.positive, 0, "x")
+    refused("Argument `x` must be a number of at least 0, but is -1.", checks.not_negative, -1, "x")
+    refused("Argument `x` must be a number from 1 to 2, but is 3.", checks.number, 3, "x", 1, 2)
+    refused("Argument `x` must be a number between 0 and 1, but is 1.", checks.number, 1, "x", above=0, below=1)
+
+
+def test_the_name_of_a_key_and_another_error_stand_in_the_sentence():
+    refused("[run] steps must be positive, but is 0.", checks.positive, 0, "[run] steps")
+    refused("Argument `size` must be positive, but is 0.", checks.positive, 0, "size", error=GroupError)
+
+
+def test_a_choice_names_the_nearest_word():
+    assert checks.choice("held", "between", ("", "held", "linear")) == "held"
+    refused(
+        'Argument `between` must be "held" or "linear", but is \'lineal\': did you mean `linear`?',
+        lambda: checks.choice("lineal", "between", ("", "held", "linear")),
+    )
+    refused("Argument `n` must be 1, 2 or 3, but is True.", checks.choice, True, "n", (1, 2, 3))
+
+
+def test_kinds_truths_texts_and_mappings_are_named():
+    assert checks.truth(np.True_, "x") is True and checks.text("a", "x") == "a"
+    for wrong in (1, 0.0, "yes", None, np.array([True])):
+        with pytest.raises(ArgumentError, match="must be True or False"):
+            checks.truth(wrong, "x")
+    refused("Argument `x` must be a text, but is ''.", checks.text, "", "x")
+    refused("Argument `x` must be a dictionary of name → value, but is {1: 2}.", checks.mapping, {1: 2}, "x")
+    refused("Argument `x` must be a list, but is 3.", checks.instance, 3, "x", list, "a list")
+    with pytest.raises(FileError):
+        checks.text(3, "x", FileError)
