@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -96,6 +97,21 @@ def test_a_task_whose_worker_dies_is_given_out_again(tmp_path):
     found = {}
     local.run(lambda n: functools.partial(dies_once, str(tmp_path), n), [0, 1, 2], found.__setitem__, 2)
     assert found == {0: 0, 1: 1, 2: 2} and (tmp_path / "died").exists()
+
+
+def dies_later(number: int) -> int:
+    """A worker that ends while it waits for more, and another one that is at work until long after that."""
+    if number == 0:
+        threading.Timer(0.1, os._exit, [9]).start()
+    else:
+        time.sleep(1.5)
+    return number
+
+
+def test_a_worker_that_dies_without_a_task_costs_no_other_task():
+    found = []
+    local.run(lambda n: functools.partial(dies_later, n), [0, 1], lambda n, _: found.append(n), 2)
+    assert found == [0, 1]
 
 
 def raises(number: int) -> None:

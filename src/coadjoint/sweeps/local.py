@@ -90,6 +90,8 @@ class _Crew:
             if answer is _GONE:
                 self.workers.remove(worker)
                 worker.end()
+                if worker.resting:
+                    continue
                 lives[number] += 1
                 _require_life(number, lives[number])
                 if number is not None:
@@ -103,6 +105,7 @@ class _Crew:
             else:
                 left -= 1
                 done(number, answer)
+            worker.resting = not waiting
             if waiting:
                 worker.give(waiting[-1], call(waiting.pop()))
         return ready
@@ -115,10 +118,12 @@ class _Crew:
 
 
 class _Worker:
-    """A process that calls functions; `number` is the task that it has, None before the first."""
+    """A process that calls functions; `number` is the task that it has, None before the first; `resting`: it has done
+    that, and there was no other."""
 
     def __init__(self, answers: SimpleQueue[tuple[_Worker, Any]]):
         self.number: int | None = None
+        self.resting = False
         alone = {**dict.fromkeys(ALONE, "1"), **os.environ}
         try:
             with _deaf():
