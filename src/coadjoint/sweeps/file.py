@@ -210,10 +210,10 @@ class Sweep:
             row = {name: values[place : place + 1] for name, values in rows.items()}
             yield row, self.run(row, False)
 
-    @property
-    def slow(self) -> list[Varied]:
-        """What no two values of can step together."""
-        return [one for one in self.varied if one.keys[0] not in QUICK]
+    def apart(self, quick: bool) -> list[str]:
+        """The names of the numbers of which no two values can step together; quick: whether those in QUICK can."""
+        slow = [one for one in self.varied if not (quick and one.keys[0] in QUICK)]
+        return [number.name for one in slow for number in one.numbers]
 
 
 def _each(values: np.ndarray) -> Any:

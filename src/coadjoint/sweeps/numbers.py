@@ -256,6 +256,11 @@ def shares(sampling: str, members: int, dimensions: int, seed: int) -> np.ndarra
         return cls(dimensions, **{word: np.random.default_rng(seed)}).random(members)
 
 
+def side_by_side(made: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+    """The values of some numbers, a row of each member."""
+    return np.concatenate([made[name].reshape(len(made[name]), -1) for name in names], axis=1)
+
+
 def digest(made: Design) -> str:
     """The SHA-256 of the values of all members."""
     found = hashlib.sha256()

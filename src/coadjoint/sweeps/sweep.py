@@ -22,15 +22,17 @@ from coadjoint.manifest import Manifest
 from coadjoint.report.folder import SUMMARY, UNFINISHED, claimed
 from coadjoint.report.summary import to_json, versions
 from coadjoint.runs.identity import IDENTITY, require_same
+from coadjoint.runs.runnable import Runnable
 from coadjoint.sealed import seal
 from coadjoint.simulation.dataset import meanings
 from coadjoint.simulation.progress import Progress
 from coadjoint.sweeps import cluster, local, store
 from coadjoint.sweeps.address import require_address, require_answer
 from coadjoint.sweeps.file import QUICK, Sweep
+from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import KINDS, choose, known
 from coadjoint.sweeps.results import SweepResults, facts, gathered, load_sweep, meant
-from coadjoint.sweeps.task import Task, ensemble, identity, perform
+from coadjoint.sweeps.task import Task, ensemble, first_possible, identity, perform
 
 _log = logger(__name__)
 
@@ -130,26 +132,18 @@ def probed(sweep: Sweep) -> dict[str, Any]:
 
 def groups(sweep: Sweep, quick: bool) -> tuple[int, list[str]]:
     """How many groups of members are set up one after another, and the names of the numbers in which they differ."""
-    apart = [number.name for one in sweep.varied if not quick or one in sweep.slow for number in one.numbers]
-    if not apart:
-        return 1, apart
-    table = np.concatenate([np.reshape(sweep.design[0][name], (sweep.members, -1)) for name in apart], axis=1)
-    return len(np.unique(table, axis=0)), apart
+    apart = sweep.apart(quick)
+    return len(np.unique(side_by_side(sweep.design[0], apart), axis=0)) if apart else 1, apart
 
 
 def _first(sweep: Sweep) -> tuple[tuple[Any, np.ndarray], Any]:
     """The first of the sample that can be set up, its numbers and itself; raises what is wrong with the very first."""
-    refused: CoadjointError | None = None
-    for row, _ in sweep.sample_runs():
+
+    def made(row: Design, _: Runnable) -> tuple[tuple[Any, np.ndarray], Any]:
         chosen = (row, np.zeros(1, int))
-        try:
-            return chosen, ensemble(sweep, *chosen, False, sweep.save_every)
-        except FileError:
-            raise
-        except CoadjointError as error:
-            refused = refused or error
-    assert refused is not None
-    raise refused
+        return chosen, ensemble(sweep, *chosen, False, sweep.save_every)
+
+    return first_possible(sweep, made)
 
 
 def _same(one: Any, other: Any) -> bool:

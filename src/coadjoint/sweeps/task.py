@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import jax
 import numpy as np
@@ -31,6 +31,7 @@ from coadjoint.simulation.arguments import grid, require_kinds
 from coadjoint.simulation.carry_on import carry_on
 from coadjoint.simulation.preparing import prepare
 from coadjoint.sweeps.file import QUICK, RUN, Sweep, of_tables
+from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import Observer, Reduction
 from coadjoint.sweeps.sketch import Sketch, merged
 from coadjoint.sweeps.store import write
@@ -46,6 +47,8 @@ _OF_MEMBER = re.compile(r"^Of member \d+: ")
 """A number within those that are set up together, which says nothing of one that is alone."""
 
 _ONE = Lock()
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -148,10 +151,18 @@ def compute(task: Task, threads: int = 1) -> Shard:
 
 def identity(sweep: Sweep) -> dict[str, str]:
     """What a sweep is known by: the run of the first of its sample that can be set up."""
+    return first_possible(sweep, lambda _, file: runs.identity(file))
+
+
+def first_possible(sweep: Sweep, make: Callable[[Design, Runnable], T]) -> T:
+    """What is made of the first of the sample that can be set up; raises what is wrong with the very first.
+
+    make: (numbers of a member, its run) → anything.
+    """
     refused: CoadjointError | None = None
-    for _, file in sweep.sample_runs():
+    for numbers, file in sweep.sample_runs():
         try:
-            return runs.identity(file)
+            return make(numbers, file)
         except FileError:
             raise
         except CoadjointError as error:
@@ -162,12 +173,10 @@ def identity(sweep: Sweep) -> dict[str, str]:
 
 def _groups(sweep: Sweep, task: Task) -> Iterator[np.ndarray]:
     """The places of members of the task that step together: those whose slow numbers are the same."""
-    names = [number.name for one in sweep.varied if not task.quick or one in sweep.slow for number in one.numbers]
-    if not names:
+    if not (names := sweep.apart(task.quick)):
         yield np.arange(task.count)
         return
-    table = np.concatenate([np.reshape(task.rows[name], (task.count, -1)) for name in names], axis=1)
-    _, inverse = np.unique(table, axis=0, return_inverse=True)
+    _, inverse = np.unique(side_by_side(task.rows, names), axis=0, return_inverse=True)
     for group in range(int(inverse.max()) + 1):
         yield np.flatnonzero(inverse.ravel() == group)
 
@@ -217,7 +226,7 @@ def ensemble(
     """Members, by which they are, with these numbers, ready to run; raises what a run of them would raise."""
     file, count = sweep.run(rows, quick, members), len(members)
     made, alike = _set_up(sweep, file, quick)
-    made = _known(sweep, made, alike) if quick and not sweep.slow else made
+    made = _known(sweep, made, alike) if quick and not sweep.apart(True) else made
     start = made.start
     if count_members(made.system.parameters) is None and not np.ndim(start.t):
         start = jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf)[None], count, axis=0), start)

@@ -11,16 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.simulation.steppers.stepper import Stepper
-from coadjoint.vehicles.environments.actions import Actions
 from coadjoint.vehicles.environments.episodes import Episodes
-from coadjoint.vehicles.environments.simulated import Simulated
+from coadjoint.vehicles.environments.simulated import Simulated, Simulating
 from coadjoint.vehicles.environments.spaces import boxes, varying_from, whole_or_none
 
 MODES = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP, "disabled": AutoresetMode.DISABLED}
 
 
-class VehicleVectorEnv(VectorEnv):
+class VehicleVectorEnv(Simulating, VectorEnv):
     """`num_envs` vehicles with a task, each with episodes of its own, all of them one period a step.
 
     `metadata["autoreset_mode"]` says when a member whose episode has ended begins anew. Arrays have a first axis of
@@ -41,21 +39,6 @@ class VehicleVectorEnv(VectorEnv):
         self._periods = np.zeros(self.num_envs, np.int64)
         self._over = np.ones(self.num_envs, bool)
         self._begun = False
-
-    @property
-    def actions(self) -> Actions:
-        """What each action commands, and its unit."""
-        return self.simulated.actions
-
-    @property
-    def fields(self) -> dict[str, slice]:
-        """Name → place of each observation in a row."""
-        return self.simulated.fields
-
-    @property
-    def stepper(self) -> Stepper:
-        """The stepper beneath."""
-        return self.simulated.stepper
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """New episodes. seed: a whole number, member i has seed + i as a single environment would; or one for each.

@@ -219,3 +219,24 @@ def _ends(given: Any) -> dict[str, End]:
                 f"The end `{shown(name)}` must be a function of the Feedback, but is {shown(end.when)}."
             )
     return found
+
+
+class Simulating:
+    """What environments show of what they simulate."""
+
+    simulated: Simulated
+
+    @property
+    def actions(self) -> Actions:
+        """What each action commands, and its unit."""
+        return self.simulated.actions
+
+    @property
+    def fields(self) -> dict[str, slice]:
+        """Name → place of each observation in a row."""
+        return self.simulated.fields
+
+    @property
+    def stepper(self) -> Stepper:
+        """The stepper beneath."""
+        return self.simulated.stepper

@@ -8,15 +8,13 @@ import gymnasium
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError, shown
-from coadjoint.simulation.steppers.stepper import Stepper
-from coadjoint.vehicles.environments.actions import Actions
 from coadjoint.vehicles.environments.episodes import Episodes
 from coadjoint.vehicles.environments.picture import PoseAt, picture
-from coadjoint.vehicles.environments.simulated import Simulated
+from coadjoint.vehicles.environments.simulated import Simulated, Simulating
 from coadjoint.vehicles.environments.spaces import boxes, varying_from, whole_or_none
 
 
-class VehicleEnv(gymnasium.Env):
+class VehicleEnv(Simulating, gymnasium.Env):
     """A vehicle with a task, one period a step.
 
     Observations are those of `fields`, name → place in the row, float64 and in SI units; actions lie between −1 and 1,
@@ -33,21 +31,6 @@ class VehicleEnv(gymnasium.Env):
         self.track: list[PoseAt] = []
         """Where the vehicle has been in this episode, where pictures are wanted."""
         self._periods: int | None = None
-
-    @property
-    def actions(self) -> Actions:
-        """What each action commands, and its unit."""
-        return self.simulated.actions
-
-    @property
-    def fields(self) -> dict[str, slice]:
-        """Name → place of each observation in a row."""
-        return self.simulated.fields
-
-    @property
-    def stepper(self) -> Stepper:
-        """The stepper beneath."""
-        return self.simulated.stepper
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """A new episode. options: {"start": …} begins there, as `Craft.start` takes it, instead of where the task says.
