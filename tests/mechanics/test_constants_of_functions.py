@@ -33,18 +33,15 @@ def test_an_argument_with_a_default_is_the_constant_that_it_stands_for():
     np.testing.assert_array_equal(torque, -0.5 * np.ones(3))
 
 
-@pytest.mark.parametrize(
-    "lagrangian",
-    [
-        lambda xi, k: xi @ xi,
-        lambda xi, t=0.0: xi @ xi,
-        lambda xi, n=0.0, nu=0.0: xi @ xi,
-        lambda xi, p=None: xi @ xi,
-    ],
-    ids=["without a default", "time", "a place", "parameters"],
-)
-def test_an_argument_that_may_be_given_is_no_constant(lagrangian):
-    with pytest.raises(LagrangianError, match=r"must take \(xi\)"):
+@pytest.mark.parametrize(("lagrangian", "sentence"), [
+    (lambda xi, k: xi @ xi, r"must take \(xi\), but takes \(xi, k\)"),
+    (lambda xi, t=0.0: xi @ xi, r"must take \(xi\): the argument `t=0.0` is given by keyword only.*\(xi, \*, t\)"),
+    (lambda xi, n=0.0, nu=0.0: xi @ xi, "the argument `n=0.0` comes with `additional`.* rename it"),
+    (lambda xi, a=2.5: a * xi @ xi, "the argument `a=2.5` comes with `advected`, so that it is no constant: rename it"),
+    (lambda xi, p=None: xi @ xi, "the argument `p=None` comes with `parameters`"),
+])  # fmt: skip
+def test_an_argument_that_may_be_given_is_no_constant(lagrangian, sentence):
+    with pytest.raises(LagrangianError, match=sentence):
         body(lagrangian=lagrangian)
 
 

@@ -18,6 +18,10 @@ GIVEN = frozenset(("xi", "mu", "n", "nu", "pi", "a", "p", "t", "inputs", "intern
 """What functions may be given: an argument of such a name is no constant, whatever its default."""
 
 
+COMES_WITH = {"n": "additional", "nu": "additional", "pi": "additional", "a": "advected", "p": "parameters"}
+"""Which argument of a system gives its functions an argument."""
+
+
 def require_signature(function: Callable[..., Any], what: str, expected: list[str]) -> None:
     """Raise LagrangianError unless the function can be called with the expected positional arguments.
 
@@ -43,6 +47,18 @@ def require_signature(function: Callable[..., Any], what: str, expected: list[st
         raise LagrangianError(
             f"{what} must take ({', '.join(expected)}) in this order, but takes ({', '.join(takes)}): "
             "arguments are passed by position."
+        )
+    named = [p.name for p in places[len(expected) :] if p.default is not p.empty and p.name in GIVEN]
+    if named and takes == [*expected, *named]:
+        name, comes_with = named[0], COMES_WITH.get(named[0])
+        remedy = (
+            f"comes with `{comes_with}`, so that it is no constant: rename it, or give the system `{comes_with}`"
+            if comes_with
+            else f"is given by keyword only: put it behind a star, as in ({', '.join(expected)}, *, {name})"
+        )
+        raise LagrangianError(
+            f"{what} of this system must take ({', '.join(expected)}): the argument "
+            f"`{name}={shown(signature.parameters[name].default)}` {remedy}."
         )
     open_ended = any(p.kind is inspect.Parameter.VAR_POSITIONAL for p in signature.parameters.values())
     if extra or (len(takes) != len(expected) and not open_ended):
