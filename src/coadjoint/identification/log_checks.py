@@ -23,6 +23,9 @@ WILD, SPREAD, FEWEST = 50.0, 3.0, 10
 """How far a single value is off the mean of its neighbours: in such differences that 90 % of the values stay below, in
 ranges of 98 % of the values about their median; and the fewest values of a column from which that is known."""
 
+LONGEST = 3
+"""How many neighbouring values may be wild together."""
+
 OFTEN = 0.5
 """The part of the samples that a mark for missing values may take."""
 
@@ -85,6 +88,21 @@ def _marks(known: np.ndarray, floor: float) -> np.ndarray:
     return np.array([], int)
 
 
+def _bursts(known: np.ndarray, least: float) -> np.ndarray:
+    """Where up to LONGEST neighbouring values lie on one side of both values around them, by more than `least`."""
+    n, bad = len(known), np.zeros(len(known), bool)
+    for width in range(1, LONGEST + 1):
+        first = np.arange(n - width + 1)
+        before = np.where(first > 0, known[first - 1], known[np.minimum(first + width, n - 1)])
+        after = np.where(first + width < n, known[np.minimum(first + width, n - 1)], before)
+        inside = known[first[:, None] + np.arange(width)] - np.stack([before, after])[..., None]
+        apart = np.min(np.abs(inside), axis=(0, 2)) > least
+        one_side = np.all(inside[0] * inside[1] > 0, axis=1)
+        for start in first[apart & one_side]:
+            bad[start : start + width] = True
+    return np.flatnonzero(bad)
+
+
 def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
     """Sentences on values far off those around, or off all others. time: s, (n,). columns, units: of a `Log`."""
     found = []
@@ -101,18 +119,17 @@ def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
                 "nothing like it elsewhere: where that means no value, leave these cells empty."
             )
             continue
-        before, after = np.append(known[1], known[:-1]), np.append(known[1:], known[-2])
-        off = np.abs(known - (before + after) / 2)
-        near = np.sort(np.abs(known - np.median(known)))[: -max(1, len(known) // 50)]
+        off = np.abs(known - (np.append(known[1], known[:-1]) + np.append(known[1:], known[-2])) / 2)
+        near = np.sort(np.abs(known - np.median(known)))[: -max(min(LONGEST, len(known) // 10), len(known) // 50)]
         least = max(WILD * np.quantile(off, 0.9), SPREAD * 2 * near[-1], FLOORS.get(units.get(name, ""), 0.0))
-        # A value beside a wild one is far off their mean, too, but lies between its neighbours, or near one of them.
-        alone = np.minimum(np.abs(known - before), np.abs(known - after)) > least
-        wild = np.flatnonzero(alone & ((known - before) * (known - after) > 0)) if least > 0 else []
-        if len(wild):
-            k, more = int(wild[np.argmax(off[wild])]), len(wild) - 1
-            found.append(
-                f"`{name}` is {known[k]:.6g} in row {rows[k] + 1}, at {time[rows[k]]:.6g} s, between "
-                f"{before[k]:.6g} and "
-                f"{after[k]:.6g}: leave that value out{f', and {more} more like it' if more else ''}."
-            )
+        if not least > 0 or not len(bursts := _bursts(known, least)):
+            continue
+        k, more = int(bursts[np.argmax(off[bursts])]), len(bursts) - 1
+        calm = np.setdiff1d(np.arange(len(known)), bursts)
+        after = int(np.searchsorted(calm, k))
+        around = known[calm[[max(after - 1, 0), min(after, len(calm) - 1)]]]
+        found.append(
+            f"`{name}` is {known[k]:.6g} in row {rows[k] + 1}, at {time[rows[k]]:.6g} s, between {around[0]:.6g} and "
+            f"{around[1]:.6g}: leave that value out{f', and {more} more like it' if more else ''}."
+        )
     return found

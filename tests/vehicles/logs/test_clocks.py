@@ -249,6 +249,16 @@ def test_a_wild_value_is_named_by_row_and_column():
     assert "and 2 more like it" in told
 
 
+@pytest.mark.parametrize("rows", [[123, 124], [0, 1], [298, 299], [60, 61, 62]])
+def test_neighbouring_wild_values_of_unequal_size_are_named(rows):
+    t, columns = cruise()
+    values = columns["north"][:300].copy()
+    values[rows] = [1.0e6, 1.1e6, 1.2e6][: len(rows)]
+    (told,) = doubts(t[:300], {**{name: column[:300] for name, column in columns.items()}, "north": values})
+    calm = values[min(rows[0] - 1, 299)] if rows[0] else values[2]
+    assert f"between {calm:.6g} and " in told and f"and {len(rows) - 1} more like it" in told
+
+
 def test_a_number_that_stands_for_no_value_is_named():
     t, columns = cruise()
     for rows, mark in (([40, 41, 90, 200], -999.0), ([77, 78], 1e6)):
