@@ -78,14 +78,33 @@ def test_judging_changes_no_bit_and_ends(n):
     assert not judged.judging
 
 
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
+def test_steps_that_become_too_long_after_the_sample_warn_once(backend):
+    """A command spins the body up after the 4096 first steps."""
+    with told() as said:
+        body = co.Stepper(PUSHED, PUSHED.state(), dt=0.2, inputs={"torque": np.zeros(3)}, backend=backend)
+        body.step(n=5000)
+        body.step({"torque": [0.0, 8.0, 0.1]}, n=40)
+        body.step({"torque": [0.0, 0.0, 0.0]}, n=3000)
+    assert said == [] and not body.judging
+    other = body.clone()
+    for one in (body, other):
+        with told() as said:
+            for _ in range(3):
+                one.step(n=4000)
+        assert len(said) == 1
+
+
 @pytest.mark.long
 def test_a_resolved_motion_is_judged_at_few_steps(monkeypatch):
     body = stepper(0.005)
     seen = []
-    monkeypatch.setattr(type(body), "_judgement", lambda self, sample: seen.append(sample.count))
+    monkeypatch.setattr(type(body), "_judgement", lambda self, sample: seen.append(int(self.steps)))
     for _ in range(10_000):
         body.step()
-    assert seen == [0, 1, 2, *(2**k for k in range(2, 13))]
+    for _ in range(9):
+        body.step(n=33_000)
+    assert seen == [0, 1, 2, *(2**k for k in range(2, 14)), 43_000, 76_000, 142_000, 274_000]
 
 
 def test_many_members_are_judged_with_their_own_parameters():

@@ -51,10 +51,13 @@ class Code(enum.IntEnum):
 
 
 class StatusFlag(enum.IntFlag):
-    """What is wrong after a stepper's call: some member has stopped; some observation is not finite."""
+    """What a stepper's call finds: some member has stopped; some observation is not finite; some command lies beyond
+    its limits; the count of steps has come to 8192, 16384, … 131072 or to a multiple of 262144."""
 
     FAILED = 1
     NOT_FINITE = 2
+    CLIPPED = 4
+    DUE = 8
 
 
 class Structure(Protocol):

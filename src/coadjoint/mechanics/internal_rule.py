@@ -48,6 +48,10 @@ class InternalRule(ABC):
         """Lowest and highest value of parts of the internal state, by their names; None where there is no end."""
         return {}
 
+    def command_limits(self, p: Parameters | None) -> dict[str, tuple[Any, Any]]:
+        """Lowest and highest command of inputs by their names, to which it clips them; those without are left out."""
+        return {}
+
 
 class _Plain(InternalRule):
     """A function as a rule."""

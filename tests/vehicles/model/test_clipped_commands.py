@@ -50,3 +50,11 @@ def test_a_run_warns_of_clipped_commands():
             CRAFT.system, start, dt=0.05, duration=0.5, inputs={"thrusters": eight(value)}, progress=False
         )
         assert any("is clipped to its limits" in sentence for sentence in run.warnings) is warns
+
+
+def test_a_stepper_of_a_vehicle_warns_of_a_clipped_command():
+    start = CRAFT.start(position=(0, 0, 9.0))
+    made = co.Stepper(CRAFT.system, start, dt=0.05, inputs={"thrusters": eight(1500.0)}, accuracy=False)
+    with pytest.warns(UserWarning, match="`thrusters` is clipped to its limits, 1100 to 1900: it is 0 at t = 0.1 s"):
+        made.step({"thrusters": eight(1900.0)}, n=2)
+        made.step({"thrusters": eight(0.0)})

@@ -2,13 +2,13 @@
 
     int64 online(context, first, last, steps)
 
-does so for the groups of lanes first ≤ group < last, and returns what `StatusFlag` says of them. `context` are seven
+does so for the groups of lanes first ≤ group < last, and returns what `StatusFlag` says of them. `context` are eight
 addresses and counts, `CONTEXT`. Parameters and states have axes (group, number, lane); `status` is (steps, code,
 iterations, iterations_max) of each lane, int64, and goes on from call to call: a lane whose code is not 0 waits, and
 its commands with it; `Code.ABSENT` is that of a lane without a member. Commands and observations have axes (member,
-number), where member = group · lanes + lane. The steps are those of `kernels.emit.stepping`, instruction by
-instruction, so that they come to the same numbers; elementary functions of lanes are those of `kernels.emit.lanes`,
-which agree to round-off.
+number), where member = group · lanes + lane; limits (2, command, lane) are the same in all lanes. The steps are those
+of `kernels.emit.stepping`, instruction by instruction, so that they come to the same numbers; elementary functions of
+lanes are those of `kernels.emit.lanes`, which agree to round-off.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.trace.tracer import Tracer, flat
 
 NAME = "online"
-CONTEXT = ("parameters", "parameter_stride", "h", "state", "status", "commands", "observations")
+CONTEXT = ("parameters", "parameter_stride", "h", "state", "status", "commands", "observations", "limits")
 """What `context` points to: addresses, and how many numbers lie between the parameters of two groups, 0 if shared."""
+
+SELDOM, ALWAYS = 1 << 13, 1 << 18
+"""From how many steps on `StatusFlag.DUE` is said at powers of two, and from where at multiples of this one."""
 
 
 class Observing(NamedTuple):
@@ -131,13 +134,19 @@ class _Online(StepFunction):
         status = b.gep(b.bitcast(array["status"], whole), [b.mul(group, INT64(4 * self.width))])
         commands = b.gep(array["commands"], [b.mul(group, INT64(len(self.commanded) * self.width))])
         out = b.gep(array["observations"], [b.mul(group, INT64(observations * self.width))])
-        self._command(s, commands, status)
+        clipped = self._command(s, commands, array["limits"], status)
+        taken = self.load(status, 0, self.emit.counter)
         nowhere = ir.Constant(POINTER, None)
         b.call(self.step, [p, array["h"], s, INT64(1), steps, nowhere, nowhere, nowhere, status])
-        seen = b.call(observe, [p, s, out])
+        now = b.or_(summary, b.call(observe, [p, s, out]))
         failed = b.icmp_signed(">", self.load(status, 1, self.emit.counter), self.emit.counts(0))
-        told = b.select(self.emit.any(failed), INT64(StatusFlag.FAILED), INT64(0))
-        now, following = b.or_(summary, b.or_(seen, told)), b.add(group, INT64(1))
+        for flag, lanes in (
+            (StatusFlag.FAILED, failed),
+            (StatusFlag.CLIPPED, clipped),
+            (StatusFlag.DUE, self._due(taken, status)),
+        ):
+            now = b.or_(now, b.select(self.emit.any(lanes), INT64(flag), INT64(0)))
+        following = b.add(group, INT64(1))
         back = b.block
         b.cbranch(b.icmp_signed("<", following, last), head, end)
         for phi, value, again in ((group, first, following), (summary, INT64(0), now)):
@@ -149,14 +158,27 @@ class _Online(StepFunction):
         result.add_incoming(now, back)
         b.ret(result)
 
-    def _command(self, s: Any, commands: Any, status: Any) -> None:
-        """Put the commands of a group into its states, in the lanes that go on."""
+    def _command(self, s: Any, commands: Any, limits: Any, status: Any) -> Any:
+        """Put the commands of a group into its states, in the lanes that go on; those with one beyond its limits."""
         b, emit = self.builder, self.emit
+        beyond = emit.bit(False)
         well = b.icmp_signed("==", self.load(status, 1, emit.counter), emit.counts(0))
         for column, number in enumerate(self.commanded):
             places = [lane * len(self.commanded) + column for lane in range(self.width)]
             given = _lanes(b, [self._number(commands, place).load() for place in places], emit.number)
             self.store(b.select(well, given, self.load(s, number)), s, number)
+            for sign, row in (("<", 0), (">", 1)):
+                end = self.load(limits, row * len(self.commanded) + column)
+                beyond = b.or_(beyond, b.fcmp_ordered(sign, given, end))
+        return b.and_(well, beyond)
+
+    def _due(self, taken: Any, status: Any) -> Any:
+        """The lanes whose count of steps, `taken` before, has come to one of those of `StatusFlag.DUE`."""
+        b, counts = self.builder, self.emit.counts
+        now = self.load(status, 0, self.emit.counter)
+        changed = b.xor(taken, now)
+        power = b.or_(b.icmp_unsigned(">", changed, taken), b.icmp_unsigned(">=", changed, counts(ALWAYS)))
+        return b.and_(power, b.icmp_unsigned(">=", now, counts(SELDOM)))
 
     def _number(self, pointer: Any, index: int) -> _Number:
         return _Number(self.builder, self.builder.gep(pointer, [INT64(index)]))

@@ -7,6 +7,7 @@ a start at rest moves next to nothing in its first step.
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class SampledSteps:
 
     def copy(self) -> SampledSteps:
         """The same knowledge for a clone."""
-        made = SampledSteps(self.parts, self._ahead)
+        made = SampledSteps(copy.copy(self.parts), self._ahead)
         made.count, made.next, made._sizes = self.count, self.next, dict(self._sizes)
         return made
 

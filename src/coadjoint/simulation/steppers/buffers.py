@@ -1,4 +1,4 @@
-"""The memory of a stepper, allocated once: parameters, states, commands, observations, and how each lane stands."""
+"""The memory of a stepper, allocated once: parameters, states, commands and their limits, observations, status."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Buffers(NamedTuple):
 
     parameters (groups or 1, size, lanes), h (lanes,), state (groups, size, lanes), status (groups, 4, lanes): steps
     done since the last reset, code, Newton's iterations and the most of one step; commands and observations
-    (groups · lanes, size).
+    (groups · lanes, size); limits (2, commands, lanes): the lowest and highest commands, infinite where there are none.
     """
 
     parameters: np.ndarray
@@ -23,10 +23,14 @@ class Buffers(NamedTuple):
     status: np.ndarray
     commands: np.ndarray
     observations: np.ndarray
+    limits: np.ndarray
 
     @classmethod
     def filled(cls, parameters: np.ndarray, h: float, state: np.ndarray, sizes: tuple[int, int], lanes: int) -> Buffers:
-        """From parameters (members or 1, size) and states (members, size); sizes of commands and observations."""
+        """From parameters (members or 1, size) and states (members, size); sizes of commands and observations.
+
+        Commands are without limits.
+        """
         members = len(state)
         groups = -(-members // lanes)
         status, idle = np.zeros((groups, 4, lanes), np.int64), np.arange(members, groups * lanes)
@@ -38,7 +42,12 @@ class Buffers(NamedTuple):
             status=status,
             commands=np.zeros((groups * lanes, sizes[0])),
             observations=np.zeros((groups * lanes, sizes[1])),
+            limits=unlimited(sizes[0], lanes),
         )
+
+    def with_limits(self, ends: np.ndarray) -> Buffers:
+        """The same memory with lowest and highest commands (2, commands)."""
+        return self._replace(limits=np.repeat(ends[..., None], len(self.h), axis=2))
 
     def with_parameters(self, rows: np.ndarray, shared: bool | None = None) -> Buffers:
         """The same memory with parameters (members, size); shared where all are the same, if not said otherwise."""
@@ -54,8 +63,13 @@ class Buffers(NamedTuple):
         """What machine code is given: `kernels.emit.online.CONTEXT`."""
         p = self.parameters
         stride = 0 if len(p) == 1 else p.shape[1] * p.shape[2]
-        arrays = (self.h, self.state, self.status, self.commands, self.observations)
+        arrays = (self.h, self.state, self.status, self.commands, self.observations, self.limits)
         return np.array([p.ctypes.data, stride, *(array.ctypes.data for array in arrays)], np.int64)
+
+
+def unlimited(commands: int, lanes: int) -> np.ndarray:
+    """Limits (2, commands, lanes) that no command goes beyond."""
+    return np.broadcast_to(np.array([-np.inf, np.inf])[:, None, None], (2, commands, lanes)).copy()
 
 
 def by_member(grouped: np.ndarray) -> np.ndarray:

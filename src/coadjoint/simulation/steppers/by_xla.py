@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.kernels.emit.online import ALWAYS, SELDOM
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.program import Code, Program, StatusFlag
 from coadjoint.kernels.run import xla
@@ -32,13 +33,28 @@ class XlaEngine:
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
         """Commands in, `steps` steps, observations out; XLA has threads of its own."""
         parameters = np.broadcast_to(buffers.parameters[..., 0], (groups, buffers.parameters.shape[1]))
-        rows = (parameters, buffers.state[..., 0], buffers.status[..., 0], buffers.commands)
+        rows = (parameters, buffers.state[..., 0], buffers.status[..., 0].copy(), buffers.commands)
         require_own_xla()
         with jax.enable_x64(True):
             found = jax.tree.map(np.asarray, self._advance(*rows, buffers.h[0], steps))
         buffers.state[..., 0], buffers.status[..., 0], buffers.observations[...] = found
-        failed = StatusFlag.FAILED if np.any(buffers.status[:, 1] > 0) else 0
-        return failed | (0 if np.all(np.isfinite(buffers.observations)) else StatusFlag.NOT_FINITE)
+        return _told(buffers, rows[2])
+
+
+def _told(buffers: Buffers, before: np.ndarray) -> int:
+    """What `StatusFlag` says after a call, from the status of members before it."""
+    low, high = buffers.limits[..., 0]
+    beyond = np.any((buffers.commands < low) | (buffers.commands > high), axis=1)
+    taken, now = before[:, 0], buffers.status[:, 0, 0]
+    changed = taken ^ now
+    due = ((changed > taken) | (changed >= ALWAYS)) & (now >= SELDOM)
+    found = {
+        StatusFlag.FAILED: buffers.status[:, 1] > 0,
+        StatusFlag.NOT_FINITE: ~np.isfinite(buffers.observations),
+        StatusFlag.CLIPPED: beyond & (before[:, 1] == 0),
+        StatusFlag.DUE: due,
+    }
+    return sum(int(flag) for flag, there in found.items() if np.any(there))
 
 
 @compiled("watch", "layouts", "commanded")

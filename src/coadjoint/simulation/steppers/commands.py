@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.inputs import Command, Inputs, inputs_from
+from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.signals import Signal
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.spaces.named import Named
@@ -17,6 +18,9 @@ from coadjoint.spaces.numbers import float64
 
 ALONE = "input"
 """The name of a command that ℓ and forces read as `inputs` itself."""
+
+ROUND_OFF = 1e-9
+"""By how much of its range a command may lie beyond a limit."""
 
 
 class Commands(NamedTuple):
@@ -48,6 +52,19 @@ def commands_from(given: Any) -> Commands:
     inputs = inputs_from({name: value if _known(value) else Command(value.shape) for name, value in values.items()})
     starts = {name: value for name, value in values.items() if not _known(value)}
     return Commands(inputs, Named(**starts), Fields.of({name: value.shape for name, value in starts.items()}))
+
+
+def limits_of(rule: Any, parameters: Any, fields: Fields) -> np.ndarray:
+    """The lowest and highest commands (2, size) that the rule of the internal state declares, with room for round-off;
+    infinite of others."""
+    found = np.broadcast_to(np.array([-np.inf, np.inf])[:, None], (2, fields.size)).copy()
+    if fields.size:
+        for name, ends in declared(rule).command_limits(parameters).items():
+            if name in fields.names:
+                low, high = np.asarray(ends, dtype=float)
+                room = ROUND_OFF * (high - low)
+                found[:, fields.place(name)] = np.reshape([low - room, high + room], (2, -1))
+    return found
 
 
 def _known(value: Any) -> bool:

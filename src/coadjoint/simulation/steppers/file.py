@@ -26,7 +26,7 @@ from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.run.machine import processor
 from coadjoint.simulation.accuracy.kept_ruler import from_plain, to_plain
 from coadjoint.simulation.accuracy.parts import InternalPlaces
-from coadjoint.simulation.steppers.buffers import Buffers
+from coadjoint.simulation.steppers.buffers import Buffers, unlimited
 from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
@@ -35,7 +35,8 @@ from coadjoint.simulation.steppers.numbers import named_file
 if TYPE_CHECKING:
     from coadjoint.simulation.steppers.stepping import Stepping
 
-FORMAT, VERSION = "coadjoint stepper", 1
+FORMAT, VERSION = "coadjoint stepper", 2
+"""Files of version 1 have no limits of commands."""
 LARGEST, SMALL = 1 << 28, 1 << 24
 """Bytes that the assembly in a file may have, which alone is compressed, a large system having some 10⁷; and bytes that
 all else may have if the file itself is smaller."""
@@ -123,7 +124,9 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Steppin
     face["compiled_in"] = tuple((place, value) for place, value in face["compiled_in"])
     arrays = {}
     for name in (*Buffers._fields, "origin"):
-        arrays[name] = stored_array(archive, name)
+        if name != "limits" or header["version"] > 1:
+            arrays[name] = stored_array(archive, name)
+    arrays.setdefault("limits", unlimited(Face(**face).commands.size, header["lanes"]))
     _require_shapes(Face(**face), header["lanes"], arrays)
     code = archive.read("step.o") if tuple(header["processor"]) == processor() else None
     try:
@@ -151,6 +154,7 @@ def _require_shapes(face: Face, lanes: int, arrays: dict[str, np.ndarray]) -> No
         "status": (groups, 4, lanes),
         "commands": (groups * lanes, face.commands.size),
         "observations": (groups * lanes, face.observations.size),
+        "limits": (2, face.commands.size, lanes),
     }
     for name, shape in expected.items():
         array, kind = arrays[name], np.int64 if name == "status" else np.float64

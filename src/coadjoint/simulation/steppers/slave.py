@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -80,7 +80,7 @@ class StepperSlave(Fmi2Slave):
                 f"A communication step must be a whole number of steps of {dt:g} s, but is {step_size:g} s."
             )
         try:
-            with self._logging() if self.stepper.judging else nullcontext():
+            with self._logging():
                 self.stepper.step(self._commands if self._commands.size else None, n=steps)
         except CoadjointError as error:
             return self._failed(str(error))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import secrets
 import struct
-import warnings
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -13,20 +12,17 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.program import Code, StatusFlag
-from coadjoint.kernels.run.interruptible import FIRST, PieceLength
-from coadjoint.simulation.accuracy.metric import Ruler
-from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
-from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
+from coadjoint.kernels.run.interruptible import PieceLength
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.face import Engine, Face
-from coadjoint.simulation.steppers.judged import EngineSteps, judged, sample_of
 from coadjoint.simulation.steppers.numbers import real, seeds
 from coadjoint.simulation.steppers.prepared import Prepared
 from coadjoint.simulation.steppers.sentences import failed_step
 from coadjoint.simulation.steppers.turn import Turn
+from coadjoint.simulation.steppers.warned import Warned
 
 
-class Standing:
+class Standing(Warned):
     """The memory of a stepper and all that can be done without a step. Knows NumPy and an engine only.
 
     `command` and `observation` are dictionaries of views into memory that stays: writing into
@@ -43,43 +39,9 @@ class Standing:
         self.face, self._engine, self.threads, self._kin = face, engine, threads, kin
         self._pace, self._turn, self._origin = PieceLength(), Turn(), origin
         """The state that `reset` goes back to, (groups, size, lanes)."""
-        self._parts: PartsOfSteps | None = None
+        self._parts = None
         self._take_memory(buffers)
         self._end_sample()
-
-    # The accuracy of its steps.
-
-    def _begin_sample(self, parts: PartsOfSteps, depth: int = 3) -> None:
-        """Judge the step from here, and some of those that will be taken, and warn once.
-
-        parts: what compares them. depth: how many calls below the user's this one is.
-        """
-        self._parts, self._sample, self._straight = parts, sample_of(self._engine, parts), 0
-        if sentence := self._judgement(self._sample):
-            self._end_sample()
-            warnings.warn(sentence, stacklevel=depth)
-
-    def _end_sample(self) -> None:
-        """Judge no step any more."""
-        self._sample, self._straight = None, FIRST
-        """The sample of steps while it lasts, and the most steps that are taken by one call of the engine."""
-
-    @property
-    def judging(self) -> bool:
-        """Whether the sample of steps that are judged for their accuracy still lasts."""
-        return self._sample is not None
-
-    def _plain_ruler(self) -> Ruler | None:
-        """What is measured of steps, by functions that a file can hold; None where none is judged."""
-        return None if self._parts is None else self._parts.ruler
-
-    def _steps(self, course: InternalPlaces) -> EngineSteps:
-        """Single steps with the parameters as they are now."""
-        return EngineSteps(self._engine, self.face, course, self._parameter_rows())
-
-    def _judgement(self, sample: SampledSteps) -> str | None:
-        sample.parts.probe = self._steps(sample.parts.course)
-        return judged(sample, self.face, self._buffers)
 
     event: float | None = None
     """When `until` ended a single one, s; of a saved stepper, the last node before."""
@@ -270,7 +232,7 @@ class Standing:
             made = object.__new__(type(self))
             made.__dict__.update(self.__dict__)
             made._turn = Turn()
-            made._sample = None if self._sample is None else self._sample.copy()
+            made._sample, made._later = (sample and sample.copy() for sample in (self._sample, self._later))
             made._take_memory(self._buffers.copy())
             return made
 
@@ -295,6 +257,8 @@ class Standing:
 
         A single one that has just come to its event goes there.
         """
+        if flags & (StatusFlag.CLIPPED | StatusFlag.DUE):
+            self._heed(flags, n)
         if flags & StatusFlag.NOT_FINITE:
             bad = [name for name, view in self.observation.items() if not np.all(np.isfinite(view))]
             if bad:

@@ -43,7 +43,7 @@ from coadjoint.simulation.steppers.building import (
 )
 from coadjoint.simulation.steppers.by_xla import XlaEngine
 from coadjoint.simulation.steppers.changes import carried
-from coadjoint.simulation.steppers.commands import Commands, commands_from, places_of
+from coadjoint.simulation.steppers.commands import Commands, commands_from, limits_of, places_of
 from coadjoint.simulation.steppers.ending import ending
 from coadjoint.simulation.steppers.engines import native_engine
 from coadjoint.simulation.steppers.face import Engine, Face
@@ -153,6 +153,7 @@ class Stepper(Stepping):
         states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
         buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
+        buffers = buffers.with_limits(limits_of(skeleton.internal, system.parameters, face.commands))
         super().__init__(face, engine, buffers, buffers.state.copy(), threads)
         if judging:
             begins, places = self._beginning.state, begun.places
@@ -295,6 +296,14 @@ class Stepper(Stepping):
     def _fill(self, rows: np.ndarray, given: Mapping[str, Any], which: np.ndarray, what: str) -> None:
         plain = {name: value.values if isinstance(value, Each) else value for name, value in given.items()}
         super()._fill(rows, plain, which, what)
+
+    def _with(self, parameters: np.ndarray) -> Buffers:
+        """The memory with parameters (members, size), and the limits of commands with them, as far as none was told."""
+        rows = self._beginning.constants.unpack(parameters).system
+        system = jax.tree.map(lambda leaf: leaf[0] if np.all(leaf == leaf[0]) else Each(leaf), rows)
+        ends = limits_of(self._program.skeleton.internal, system, self.face.commands)
+        open_, made = np.isinf(self._buffers.limits[..., 0]), self._buffers.with_parameters(parameters)
+        return made.with_limits(np.where(open_, self._buffers.limits[..., 0], ends))
 
     def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         return carried(self._beginning, states, before, after)

@@ -21,7 +21,7 @@ from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST, Clock
 from coadjoint.paths import paths
 from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
-from coadjoint.simulation.steppers.buffers import by_member, put
+from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
 from coadjoint.simulation.steppers.numbers import MOST, real, truths, whole, write
 from coadjoint.simulation.steppers.standing import Standing
@@ -69,7 +69,7 @@ class Stepping(Standing):
             flags = self._in_pieces(length, n - left, n)
             sample.count, left = sample.count + length, left - length
             if sample.over:
-                self._end_sample()
+                self._end_sample(later=sample)
             if not left:
                 return flags
             if flags & StatusFlag.FAILED and self.face.members is None:
@@ -87,7 +87,7 @@ class Stepping(Standing):
         """n steps, all members together, in pieces between which Python sees signals; `before` were taken, `of` all."""
         if n <= FIRST or n <= self._pace.steps:
             return self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
-        memory, clock = self._buffers, Clock(self._pace)
+        memory, clock, due = self._buffers, Clock(self._pace), 0
         mark = 0, memory.state.copy(), memory.status.copy()
         try:
             while True:
@@ -95,8 +95,9 @@ class Stepping(Standing):
                 flags = self._engine.advance(memory, self._address, self._groups, steps, self.threads)
                 mark = mark[0] + steps, memory.state.copy(), memory.status.copy()
                 clock.lap(steps)
+                due |= flags & StatusFlag.DUE
                 if mark[0] >= n or np.all(memory.status[:, 1] != 0):
-                    return flags
+                    return flags | due
         except KeyboardInterrupt:
             # Threads may have come to several nodes.
             done, memory.state[...], memory.status[...] = mark
@@ -202,7 +203,7 @@ class Stepping(Standing):
             self._origin = self._origin.copy()
             put(self._origin, which, origin)
             put(self._buffers.state, which, here)
-            self._take_memory(self._buffers.with_parameters(after))
+            self._take_memory(self._with(after))
             self._look()
 
     def _take_parameters(self, other: Any, which: np.ndarray) -> None:
@@ -214,7 +215,11 @@ class Stepping(Standing):
             self.face, self._engine = other.face, other._engine
         elif columns := self.face.compiled_out(after):
             self._recompile(columns, after)
-        self._take_memory(self._buffers.with_parameters(after))
+        self._take_memory(self._with(after))
+
+    def _with(self, parameters: np.ndarray) -> Buffers:
+        """The memory with parameters (members, size); the limits of commands stay those of the file."""
+        return self._buffers.with_parameters(parameters)
 
     def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The states (k, size) whose velocities stay when the parameters change."""

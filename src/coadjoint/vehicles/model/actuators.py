@@ -19,7 +19,7 @@ from coadjoint.mechanics.members import Each, count_members, stacked
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
-from coadjoint.vehicles.model.command_limits import clipped, require_in_range
+from coadjoint.vehicles.model.command_limits import clipped, command_range, require_in_range
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared
 from coadjoint.vehicles.model.controller_mistakes import called, steer
@@ -158,6 +158,11 @@ class Rule(InternalRule):
             return {}
         around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
         return {"current": self.water.current(around.place(), motion.t, around.memory, p.water)}
+
+    def command_limits(self, p: Any) -> dict[str, tuple[float, float]]:
+        """The range of each part that has one, the same for all members."""
+        ranges = {part.name: command_range(part, getattr(p, part.name)) for part in self.vehicle.commanded}
+        return {name: ends for name, ends in ranges.items() if ends is not None}
 
     def limits(self, p: Any) -> dict[str, tuple[float | None, float | None]]:
         """±`limit`, or `low` and `high`, of the actuators for which these are one number."""

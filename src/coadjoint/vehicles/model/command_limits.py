@@ -27,7 +27,7 @@ def require_in_range(part: Part, value: Any, own: Named) -> None:
     A range that is another for each member, or that is being differentiated, is not looked at.
     """
     value = value.values if isinstance(value, Each) else value
-    ends = None if traced(value) else _range(part, own)
+    ends = None if traced(value) else command_range(part, own)
     if ends is None:
         return
     found = np.asarray(value, dtype=float)
@@ -46,7 +46,7 @@ def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Any) 
     sources = dict(zip(inputs.names or (), inputs.sources, strict=True)) if inputs.names else {}
     for part in vehicle.commanded:
         source, own = sources.get(part.name), getattr(p, part.name)
-        ends = _range(part, own) if isinstance(source, Signal) else None
+        ends = command_range(part, own) if isinstance(source, Signal) else None
         if ends is None or part.command is None or not isinstance(source, Signal):
             continue
         times = _times(source, begin, end)
@@ -63,7 +63,7 @@ def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Any) 
             )
 
 
-def _range(part: Part, own: Named) -> tuple[float, float] | None:
+def command_range(part: Part, own: Named) -> tuple[float, float] | None:
     """Lowest and highest command; None where there are none, or not the same for all members."""
     if count_members(own) is not None or traced(own):
         return None

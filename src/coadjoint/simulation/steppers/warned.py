@@ -1,0 +1,103 @@
+"""What a stepper warns of while it steps: a dt that does not resolve the motion, commands that are clipped."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from coadjoint.kernels.program import Code, StatusFlag
+from coadjoint.kernels.run.interruptible import FIRST
+from coadjoint.simulation.accuracy.metric import Ruler
+from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
+from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
+from coadjoint.simulation.steppers.buffers import Buffers, by_member
+from coadjoint.simulation.steppers.face import Engine, Face
+from coadjoint.simulation.steppers.judged import EngineSteps, judged, sample_of
+
+
+class Warned:
+    """The sample of steps that are judged for their accuracy, and the limits of commands.
+
+    While the first steps are sampled, they are taken one call of the engine after the other. After that, the engine
+    says when a step is due, and which calls clip a command, so that neither costs anything in Python.
+    """
+
+    face: Face
+    _engine: Engine
+    _buffers: Buffers
+
+    _parts: PartsOfSteps | None = None
+    _sample: SampledSteps | None = None
+    """The sample of the first steps while it lasts."""
+    _later: SampledSteps | None = None
+    """What judges the steps after those; None where nothing is judged any more."""
+    _straight: int = FIRST
+    """The most steps that are taken by one call of the engine."""
+
+    # The accuracy of its steps.
+
+    def _begin_sample(self, parts: PartsOfSteps, depth: int = 3) -> None:
+        """Judge the step from here, and some of those that will be taken, and warn once.
+
+        parts: what compares them. depth: how many calls below the user's this one is.
+        """
+        self._parts, self._sample, self._straight = parts, sample_of(self._engine, parts), 0
+        if sentence := self._judgement(self._sample):
+            self._end_sample()
+            warnings.warn(sentence, stacklevel=depth)
+
+    def _end_sample(self, later: SampledSteps | None = None) -> None:
+        """Judge no step of the first ones any more, and those after them by `later`."""
+        self._sample, self._straight, self._later = None, FIRST, later
+
+    @property
+    def judging(self) -> bool:
+        """Whether the sample of the first steps that are judged for their accuracy still lasts."""
+        return self._sample is not None
+
+    def _plain_ruler(self) -> Ruler | None:
+        """What is measured of steps, by functions that a file can hold; None where none is judged."""
+        return None if self._parts is None else self._parts.ruler
+
+    def _parameter_rows(self) -> np.ndarray:
+        raise NotImplementedError
+
+    def _steps(self, course: InternalPlaces) -> EngineSteps:
+        """Single steps with the parameters as they are now."""
+        return EngineSteps(self._engine, self.face, course, self._parameter_rows())
+
+    def _judgement(self, sample: SampledSteps) -> str | None:
+        sample.parts.probe = self._steps(sample.parts.course)
+        return judged(sample, self.face, self._buffers)
+
+    # What the engine says of a call.
+
+    def _heed(self, flags: int, n: int) -> None:
+        """Warn of what the engine says of a call of n steps, `StatusFlag`."""
+        if flags & StatusFlag.CLIPPED:
+            for sentence in self._clipped(n):
+                warnings.warn(sentence, stacklevel=4)
+        if flags & StatusFlag.DUE and (sample := self._later) is not None and (sentence := self._judgement(sample)):
+            self._later = None
+            warnings.warn(sentence, stacklevel=4)
+
+    def _clipped(self, n: int) -> list[str]:
+        """A sentence for each command that has just gone beyond its limits for the first time; n: steps taken."""
+        face, buffers, found = self.face, self._buffers, []
+        commands, (low, high) = buffers.commands[: face.count], buffers.limits[..., 0].copy()
+        codes, times = by_member(buffers.status[:, [1]])[:, 0], by_member(buffers.state[:, [face.time]])[:, 0]
+        for name, _, place in face.commands.places():
+            beyond = (commands[:, place] < low[place]) | (commands[:, place] > high[place])
+            if not beyond.any():
+                continue
+            member, number = np.argwhere(beyond)[0].tolist()
+            at = place.start + number
+            begun = times[member] - (n * face.dt if codes[member] == Code.CONVERGED else 0.0)
+            whose = "" if face.members is None else f" of member {member}"
+            found.append(
+                f"Command `{name}`{whose} is clipped to its limits, {low[at]:g} to {high[at]:g}: it is "
+                f"{commands[member, at]:g} at t = {round(float(begun), 9):g} s, the first time beyond them."
+            )
+            buffers.limits[0, place], buffers.limits[1, place] = -np.inf, np.inf
+        return found
