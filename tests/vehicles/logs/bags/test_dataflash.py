@@ -10,6 +10,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import FileError
 from coadjoint.vehicles.logs import read_log
+from coadjoint.vehicles.logs.bags import dataflash_file
 from coadjoint.vehicles.logs.bags.dataflash_file import read_dataflash
 
 RANDOM = np.random.default_rng(1776)
@@ -126,3 +127,13 @@ def test_a_log_that_was_cut_off_is_read_to_its_last_whole_message_and_tells(log,
     path = tmp_path / "cut.BIN"
     path.write_bytes(log.read_bytes()[:-5])
     assert "bytes are no message, and are passed over." in " ".join(read_log(path).notes)
+
+
+def test_a_log_that_is_too_large_is_refused_before_it_is_read(log, tmp_path, monkeypatch):
+    file = tmp_path / "x.BIN"
+    file.write_bytes(log.read_bytes())
+    with file.open("r+b") as opened:
+        opened.truncate(dataflash_file.LARGEST + 1)  # of holes, which take no room on the disk
+    monkeypatch.setattr(dataflash_file.mmap, "mmap", lambda *_, **__: pytest.fail("it was read"))
+    with pytest.raises(FileError, match="larger than the 1000 MB up to which such logs are read"):
+        read_log(file)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import subprocess
 import sys
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.vehicles.logs import read_log
+from coadjoint.vehicles.logs.bags import tlog_file
 
 VALUES = np.random.default_rng(1809).uniform(-1, 1, (30, 9)).astype(np.float32)
 
@@ -69,8 +71,35 @@ def test_a_file_that_is_none_is_refused(tmp_path):
 
 
 def test_without_pymavlink_a_sentence_says_how_to_install_it(telemetry, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pymavlink.mavutil", None)
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega", None)
     with pytest.raises(
         ArgumentError, match=r'needs pymavlink, which is not installed: pip install "coadjoint\[logs\]"'
     ):
+        read_log(telemetry)
+
+
+def test_a_file_below_a_folder_bin_is_read_and_not_run(telemetry, tmp_path, monkeypatch):
+    """pymavlink's mavlink_connection runs files whose paths hold /bin/."""
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a log was run"))
+    below = tmp_path / "bin" / "dive.tlog"
+    below.parent.mkdir()
+    below.write_bytes(telemetry.read_bytes())
+    below.chmod(0o755)
+    assert np.array_equal(read_log(below).columns["depth"], read_log(telemetry).columns["depth"], equal_nan=True)
+
+
+def test_a_damaged_packet_is_passed_over_and_those_behind_it_are_read(telemetry):
+    content = telemetry.read_bytes()
+    size = len(content) // 30
+    telemetry.write_bytes(content[: 5 * size] + bytes(100) + content[5 * size :])
+    log = read_log(telemetry)
+    assert "packets are damaged" in log.notes[0]
+    assert 25 <= np.isfinite(log.columns["roll"]).sum() <= 30 and log.duration == pytest.approx(2.901, abs=2e-6)
+
+
+def test_telemetry_that_is_too_large_is_refused_before_it_is_read(telemetry, monkeypatch):
+    with telemetry.open("r+b") as opened:
+        opened.truncate(tlog_file.LARGEST + 1)  # of holes, which take no room on the disk
+    monkeypatch.setattr(tlog_file, "library", lambda *_: pytest.fail("it was read"))
+    with pytest.raises(FileError, match="larger than the 256 MB up to which such logs are read"):
         read_log(telemetry)

@@ -36,7 +36,7 @@ class Bag:
     size: int = 0
     """Bytes of the file."""
     kept: int = 0
-    """Bytes of messages that were unpacked."""
+    """Bytes of what was unpacked and is kept: messages with their places, schemas, names and metadata."""
 
     def topics(self) -> dict[str, tuple[str, int]]:
         """Type and number of messages of every topic."""
@@ -71,10 +71,15 @@ class Bag:
             raise FileError(f"{where}: the definition of {channel.type} is not a text in UTF-8.") from error
         return definition(channel.type, text, where)
 
+    def keep(self, size: int) -> None:
+        """Count bytes that are kept; raises FileError where they are too many for the file."""
+        self.kept += size
+        require_kept(self.path, self.kept, self.size)
+
     def add(self, number: int, content: memoryview, rows: Sequence[tuple[int, int, int]], alone: bool) -> None:
         """Messages of a channel: begin, size and time of each in `content`; `alone`: without what is between them."""
         table = np.array(rows, np.int64).reshape(-1, 3)
         block = Block(content, table[:, 0], table[:, 1], table[:, 2])
-        self.kept += int(table[:, 1].sum()) if alone else 0
-        require_kept(self.path, self.kept, self.size)
+        if alone:
+            self.keep(int(table[:, 1].sum()) + table.nbytes)
         self.blocks.setdefault(number, []).append(block.alone() if alone else block)

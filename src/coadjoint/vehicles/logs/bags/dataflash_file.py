@@ -7,6 +7,7 @@ name, length and columns of the others; `FMTU` tells which column says of which 
 from __future__ import annotations
 
 import mmap
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,8 @@ from coadjoint.vehicles.logs.bags.messages import Block, Topic, at_any_byte
 HEAD = b"\xa3\x95"
 MOST_STRANGE = 0.01
 """The share of a file that may be no message: blocks are erased in part, and the last message is cut off."""
+LARGEST = 1_000_000_000
+"""The most bytes of a file; messages of seven bytes take six times as much memory."""
 _FMT, _LONGEST = 0x80, 89
 _KINDS = {
     "b": "int8", "B": "uint8", "M": "uint8", "h": "int16", "H": "uint16", "i": "int32", "I": "uint32", "f": "float32",
@@ -75,8 +78,10 @@ class Dataflash:
 def read_dataflash(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
     """A log of ArduPilot with the messages of those topics for which `wanted(topic, type)` is true.
 
-    Raises FileError for files that are none, and for those of which more than a hundredth is no message.
+    Raises FileError for files that are none or larger than `LARGEST`, and for those of which more than a hundredth is
+    no message.
     """
+    require_short(path, LARGEST)
     with path.open("rb") as opened:
         head = opened.read(3)
         if head != HEAD + bytes([_FMT]):
@@ -97,6 +102,14 @@ def read_dataflash(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
     return found
 
 
+def require_short(path: Path, most: int) -> None:
+    """Raise FileError for a log of more bytes, before any of them is read."""
+    if path.stat().st_size > most:
+        raise FileError(
+            f"The log {path} is larger than the {most / 1e6:.0f} MB up to which such logs are read: cut it into parts."
+        )
+
+
 def _empty(topic: Topic) -> Topic:
     return Topic(topic.name, topic.definition, topic.written, (), topic.where)
 
@@ -107,7 +120,7 @@ class _Scan:
     def __init__(self, path: Path, content: mmap.mmap):
         self.path, self.content = path, content
         self.formats = {_FMT: Format("FMT", _LONGEST, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))}
-        self.starts: list[list[int]] = [[] for _ in range(256)]
+        self.starts = [array("q") for _ in range(256)]
         self.instance: dict[int, str] = {}
         self.strange = 0
 
@@ -162,7 +175,7 @@ class _Scan:
 
     def topics(self, kind: int, made: Format) -> list[Topic]:
         """The topics of a kind, one for each instance."""
-        starts = np.array(self.starts[kind], np.int64)
+        starts = np.frombuffer(self.starts[kind], np.int64)
         whole = memoryview(self.content)
         clock = next((name for name in ("TimeUS", "TimeMS") if name in made.columns), None)
         if clock is None:

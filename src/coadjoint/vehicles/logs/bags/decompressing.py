@@ -10,7 +10,7 @@ from coadjoint.vehicles.logs.bags.optional import library
 LARGEST_CHUNK, MOST_TIMES = 256_000_000, 1000
 """The most bytes of a chunk, and how many times as large as the file what it holds may be."""
 MOST_KEPT = 50
-"""How many times as large as the file the messages that are wanted may be; any file may have a chunk of them."""
+"""How many times as large as the file may be what is kept of it; any file may have a chunk of it."""
 
 
 def require_kept(path: str, kept: int, size: int) -> None:

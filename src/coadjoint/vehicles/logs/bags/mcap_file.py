@@ -123,6 +123,8 @@ class _Reading:
             raise self.wrong(at, f"a message is of the channel {number}, which comes nowhere before it")
 
     def record(self, kind: int, content: memoryview, at: int, inside: bool) -> None:
+        if kind in (_SCHEMA, _CHANNEL, _METADATA):
+            self.found.keep(len(content))
         try:
             if kind == _SCHEMA:
                 self.schema(content)

@@ -107,6 +107,7 @@ class _Reading:
             elif number not in self.found.channels:
                 raise self.wrong(data, f"a message is of the connection {number}, which comes nowhere before it")
         elif kind == _CONNECTION:
+            self.found.keep(len(head) + length)
             self.connection(fields, _fields(content[data : data + length]))
         elif kind == _CHUNK and not inside:
             self.chunk(fields, content[data : data + length], data)

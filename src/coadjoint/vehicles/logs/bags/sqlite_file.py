@@ -20,8 +20,10 @@ WORK, LEAST, EACH = 100, 10_000_000, 10_000
 """Instructions of SQLite that reading may take: so many a byte of the file, and as many in any file; how many between
 two looks. Pages that count as parts of many others could make rows without end."""
 ROW = 8
-"""Bytes of the file that a message takes at least, besides its own."""
+"""Bytes of the file that a row takes at least, besides those of its texts and messages."""
 MAGIC = b"SQLite format 3\0"
+_TABLES = """SELECT name FROM sqlite_master
+WHERE type = 'table' AND name IN ('topics', 'messages', 'message_definitions')"""
 
 
 def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
@@ -54,23 +56,24 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
 
 def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], bool]) -> Bag:
     found = Bag(str(path), size=path.stat().st_size)
-    tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    tables = {name for (name,) in base.execute(_TABLES)}
     if not {"topics", "messages"} <= tables:
         raise FileError(f"The file {path} is no bag of ROS 2: it has no tables `topics` and `messages`.")
-    for table in sorted(tables & {"topics", "messages", "message_definitions"}):
+    for table in sorted(tables):
         if any(hidden for *_, hidden in base.execute(f"PRAGMA table_xinfo({table})")):
             raise FileError(f"The file {path} is no bag of ROS 2: its table `{table}` has columns that are computed.")
-    texts: dict[str, tuple[str, bytes]] = {}
+    held, texts = 0, dict[str, tuple[str, bytes]]()
     if "message_definitions" in tables:
         rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
         for row in rows:
             _require_texts(path, "message_definitions", row)
             kind, written, text = row
+            held = _held(found, held, *row)
             texts[kind] = written, text.encode()
-    held = 0
     for number, *row in base.execute("SELECT id, name, type, serialization_format FROM topics"):
         _require_texts(path, "topics", row)
         topic, kind, written = row
+        held = _held(found, held, *row)
         if kind not in texts and short(kind) in BODIES:
             texts[kind] = "ros2msg", schema(short(kind)).encode()
         found.channels[number] = BagChannel(topic, kind, written, *texts.get(kind, ("", b"")))
@@ -91,8 +94,16 @@ def _require_texts(path: Path, table: str, row: Sequence[Any]) -> None:
             raise FileError(f"The bag {path} is damaged: a row of its table `{table}` holds {value!r:.40} for a text.")
 
 
+def _held(found: Bag, held: int, *parts: str | bytes) -> int:
+    """The bytes that rows take in the file at least, with one more row; raises FileError for more than the file has."""
+    held += ROW + sum(map(len, parts))
+    if held > found.size:
+        raise FileError(f"The bag {found.path} is damaged: its rows have more bytes than the file.")
+    return held
+
+
 def _messages(base: sqlite3.Connection, number: int, found: Bag, held: int) -> int:
-    """Add the messages of a topic; the bytes that they and those before, `held`, take in the file at least."""
+    """Add the messages of a topic; the bytes that they and the rows before, `held`, take in the file at least."""
     rows, parts, at = [], [], 0
     asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id"
     for time, data in base.execute(asked, (number,)):
@@ -101,8 +112,6 @@ def _messages(base: sqlite3.Connection, number: int, found: Bag, held: int) -> i
         rows.append((at, len(data), time))
         parts.append(data)
         at += len(data)
-        held += len(data) + ROW
-        if held > found.size:
-            raise FileError(f"The bag {found.path} is damaged: its messages have more bytes than the file.")
+        held = _held(found, held, data)
     found.add(number, memoryview(b"".join(parts)), rows, alone=False)
     return held
