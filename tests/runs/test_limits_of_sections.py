@@ -124,7 +124,6 @@ def test_a_grid_at_its_limits_is_kept():
         (SystemSection, {"factory": "a.py:"}, 'must be "file.py:function"'),
         (MethodSection, {"start": "rest"}, 'start must be "momentum" or "velocity"'),
         (MethodSection, {"negative_substeps": "no"}, 'must be "refuse" or "allow"'),
-        (OutputSection, {"folder": "/tmp/a"}, "must lie in the working directory"),
         (OutputSection, {"folder": "a/../../b"}, "must lie in the working directory"),
         (OutputSection, {"figures": ["energy", "portrait", "other"]}, "has no figure `portrait`"),
         (OutputSection, {"format": "jpg"}, 'must be "png", "pdf" or "svg"'),
@@ -132,6 +131,10 @@ def test_a_grid_at_its_limits_is_kept():
 )
 def test_another_section_is_refused(kind, given, sentence):
     refused(sentence, read, kind, "section", given)
+
+
+def test_results_of_a_file_lie_in_the_working_directory(tmp_path):
+    refused("must lie in the working directory", OutputSection, folder=str(tmp_path / "a"))
 
 
 def test_values_have_the_types_of_their_fields():
