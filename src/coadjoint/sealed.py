@@ -40,6 +40,8 @@ ENGINES = {b"\x89HDF": "h5netcdf", b"CDF\x01": "scipy", b"CDF\x02": "scipy"}
 def engine_of(path: Path, by_child: bool = True) -> str:
     """What reads a netCDF file of others with xarray, after it was seen that it can be read without harm.
 
+    Give xarray the absolute path: it takes relative ones such as zip::x.nc for addresses.
+
     by_child: read it in a child first, even if it is plain. Raises ValueError for what is damaged or is no netCDF,
     FileError for one that declares more than it can hold.
     """
@@ -47,6 +49,8 @@ def engine_of(path: Path, by_child: bool = True) -> str:
         engine = ENGINES.get(opened.read(4))
     if engine is None:
         raise ValueError("neither HDF5 nor netCDF 3")
+    if engine == "scipy":
+        _require_small(path, _of_netcdf3(path))
     if engine == "h5netcdf" and not (readable(path) if by_child else plain(path) or tried(path)):
         raise ValueError("damaged")
     return engine
@@ -96,7 +100,7 @@ def tried(path: Path) -> bool:
     from coadjoint.errors import FileError
 
     limit = SECONDS + path.stat().st_size / SPEED
-    command = [sys.executable, "-P", __file__, str(path), str(limit)]
+    command = [sys.executable, "-P", __file__, str(path.absolute()), str(limit)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=limit + PATIENCE)
     except subprocess.TimeoutExpired:
@@ -142,6 +146,14 @@ def examined(path: Path) -> tuple[str, int]:
             if declared > limit:
                 break
     return what, declared
+
+
+def _of_netcdf3(path: Path) -> int:
+    """How many bytes a netCDF 3 file declares, whose variables may all be the same part of the file."""
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path.absolute(), mmap=True) as file:
+        return sum(max(one.itemsize(), 8) * one.data.size for one in file.variables.values())
 
 
 def _held(group: Any) -> Iterator[Any]:

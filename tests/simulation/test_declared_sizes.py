@@ -143,6 +143,42 @@ def test_files_of_coefficients_and_bottoms_that_declare_gigabytes_are_refused(tm
         wamit_added_mass(text, length=1, fluid_density=1000, axes="z_up")
 
 
+def netcdf3(path: Path, variables: int, numbers: int) -> Path:
+    """A netCDF 3 file of bytes that all its variables are, each of all of them."""
+    names = [f"x{number:04d}" for number in range(variables)]
+    head = b"CDF\x01" + struct.pack(">5I", 0, 10, 1, 1, ord("n") << 24) + struct.pack(">3I", numbers, 0, 0)
+    head += struct.pack(">2I", 11, variables)
+    begin = len(head) + 40 * variables
+    for name in names:
+        head += struct.pack(">I8s", 5, name.encode()) + struct.pack(">2I", 1, 0)
+        head += struct.pack(">5I", 0, 0, 1, numbers, begin)
+    path.write_bytes(head + bytes(numbers))
+    return path
+
+
+def test_variables_of_a_netcdf_3_file_that_are_the_same_bytes_are_refused(tmp_path, monkeypatch):
+    import scipy.io
+
+    file = netcdf3(tmp_path / "x.nc", 30, 100_000)
+    with scipy.io.netcdf_file(file, mmap=False) as opened:
+        assert {one.data.size for one in opened.variables.values()} == {100_000} and len(opened.variables) == 30
+    assert sealed.engine_of(file) == "scipy"
+    monkeypatch.setattr(sealed, "LEAST", 1_000_000)
+    for reading in (lambda: capytaine_added_mass(file, axes="z_up"), lambda: Bottom.from_netcdf(file)):
+        with pytest.raises(FileError, match=r"declares 0\.024 GB of numbers, but has 101,244 bytes"):
+            reading()
+
+
+def test_rows_of_a_bottom_that_are_no_grid_take_no_memory_of_one(tmp_path, monkeypatch):
+    file = tmp_path / "x.csv"
+    file.write_text("north,east,depth\n" + "".join(f"{i},{i},5\n" for i in range(3000)))
+    full, made = np.full, []
+    monkeypatch.setattr(np, "full", lambda shape, *rest: made.append(np.prod(shape)) or full(shape, *rest))
+    with pytest.raises(FileError, match="one row for each of 3000 × 3000 nodes of a grid, but has 3000 rows"):
+        Bottom.from_csv(file)
+    assert max(made) == 3000
+
+
 def tiff(path: Path, strip: bytes, rows: int, width: int = 100, compression: int = 8) -> Path:
     """A GeoTIFF of one strip of so many rows, whatever the strip holds."""
     values: list[tuple[int, str, tuple[float, ...]]] = [
@@ -170,6 +206,16 @@ def test_a_strip_of_a_geotiff_that_unpacks_to_more_than_its_pixels_is_refused(tm
     bomb = tiff(tmp_path / "bomb.tif", zlib.compress(bytes(50_000_000)), 10)
     with pytest.raises(FileError, match="unpacks to more than its 8,000 bytes"):
         Bottom.from_geotiff(bomb)
+    with pytest.raises(FileError, match=r"is compressed by .*JPEG2000.*, which is not read"):
+        Bottom.from_geotiff(tiff(tmp_path / "x.tif", bytes(100), 10, compression=34712))
+    content, more = bytearray(good.read_bytes()), struct.pack("<HHHII", 1, 254, 4, 1, 1)
+    (start,) = struct.unpack_from("<I", content, 4)
+    struct.pack_into("<I", content, start + 2 + 12 * 13, len(content))
+    for number in range(1, 102):  # pictures of one tag, each of which names the next
+        content += more + struct.pack("<I", len(content) + 18 if number < 101 else 0)
+    good.write_bytes(content)
+    with pytest.raises(FileError, match="has 102 pictures, more than 100"):
+        Bottom.from_geotiff(good)
     wide = tiff(tmp_path / "wide.tif", zlib.compress(bytes(8)), 30_000, 10_000)
     with pytest.raises(FileError, match=r"300,000,000 pixels, more than 4,000,000"):
         Bottom.from_geotiff(wide)
@@ -287,6 +333,17 @@ def test_a_mesh_that_repeats_itself_is_refused(tmp_path, monkeypatch, change, ki
     file.write_text(json.dumps(held | change))
     with pytest.raises(kind):
         read_mesh(file)
+
+
+def test_a_mesh_whose_buffers_are_one_file_again_and_again_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(meshes, "LARGEST", 1000)
+    monkeypatch.setattr(meshes._content, "__defaults__", (1000,))
+    (tmp_path / "x.bin").write_bytes(bytes(300))
+    file = tmp_path / "x.gltf"
+    for count, words in ((3, "has no triangles"), (4, "with all its parts")):
+        file.write_text(json.dumps({"buffers": [{"uri": "x.bin"}] * count, "nodes": []}))
+        with pytest.raises(FileError, match=words):
+            read_mesh(file)
 
 
 def test_files_that_are_too_large_for_their_kind_are_refused(tmp_path):

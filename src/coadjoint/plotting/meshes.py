@@ -61,11 +61,11 @@ def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") 
     return {"kind": "mesh", "vertices": np.round(turned, 6).ravel(), "faces": faces.ravel()}
 
 
-def _content(path: Path) -> bytes:
+def _content(path: Path, most: int = LARGEST) -> bytes:
     with path.open("rb") as opened:
-        data = opened.read(LARGEST + 1)
-    if len(data) > LARGEST:
-        raise FileError(f"The mesh {path} is larger than {LARGEST / 1e6:.0f} MB: make it coarser.")
+        data = opened.read(most + 1)
+    if len(data) > most:
+        raise FileError(f"The mesh {path} is larger than {LARGEST / 1e6:.0f} MB with all its parts: make it coarser.")
     return data
 
 
@@ -130,7 +130,7 @@ def _gltf(data: bytes, source: Path) -> tuple[Any, Any]:
     needed = held.get("extensionsRequired", [])
     if needed:
         raise ArgumentError(f"The mesh {source} needs {', '.join(needed)} of glTF, which is not read: export it plain.")
-    scene = _Scene(held, [_buffer(one, own, source) for one in held.get("buffers", [])], source)
+    scene = _Scene(held, _buffers(held.get("buffers", []), own, source), source)
     scenes = held.get("scenes", [{"nodes": range(len(held.get("nodes", [])))}])
     for root in scenes[held.get("scene", 0)]["nodes"]:
         scene.node(root, np.eye(4))
@@ -142,7 +142,16 @@ def _gltf(data: bytes, source: Path) -> tuple[Any, Any]:
     return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
 
 
-def _buffer(told: dict[str, Any], own: bytes, source: Path) -> bytes:
+def _buffers(told: list[dict[str, Any]], own: bytes, source: Path) -> list[bytes]:
+    """All buffers; those of files and addresses are together no larger than a mesh."""
+    found, left = [], LARGEST
+    for one in told:
+        found.append(_buffer(one, own, source, left))
+        left -= len(found[-1]) if "uri" in one else 0
+    return found
+
+
+def _buffer(told: dict[str, Any], own: bytes, source: Path, most: int) -> bytes:
     address = told.get("uri")
     if address is None:
         return own
@@ -151,7 +160,7 @@ def _buffer(told: dict[str, Any], own: bytes, source: Path) -> bytes:
     name = Path(address)
     if name.is_absolute() or ".." in name.parts or ":" in address:
         raise ArgumentError(f"The mesh {source} names {address}, which is not beside it: put all of it into one .glb.")
-    return _content(source.parent / name)
+    return _content(source.parent / name, most)
 
 
 @dataclass

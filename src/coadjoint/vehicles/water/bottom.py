@@ -56,14 +56,14 @@ class Bottom:
         """
         columns = read(path, ("north", "east", "depth")).values
         rows, columns_of = (np.unique(columns[key]) for key in ("north", "east"))
-        depth = np.full((len(rows), len(columns_of)), np.nan)
-        at = np.searchsorted(rows, columns["north"]), np.searchsorted(columns_of, columns["east"])
-        depth[at] = columns["depth"]
-        if len(columns["depth"]) != depth.size or np.any(np.isnan(depth)):
+        north, east = np.searchsorted(rows, columns["north"]), np.searchsorted(columns_of, columns["east"])
+        node, count = len(columns_of) * north + east, len(north)
+        if not count == len(rows) * len(columns_of) == len(np.unique(node)):
             raise FileError(
                 f"The file {path} must have one row for each of {len(rows)} × {len(columns_of)} nodes of a grid, but "
-                f"has {len(columns['depth'])} rows."
+                f"has {count} rows."
             )
+        depth = columns["depth"][np.argsort(node)].reshape(len(rows), len(columns_of))
         return _of_file(cls, path, rows, columns_of, depth, between)
 
     @classmethod
@@ -79,7 +79,7 @@ class Bottom:
         if not source.is_file():
             raise FileError(f"There is no file {source}.")
         try:
-            opened = xarray.open_dataset(source, engine=engine_of(source, by_child=False))
+            opened = xarray.open_dataset(source.absolute(), engine=engine_of(source, by_child=False))
         except FileError:
             raise
         except Exception as error:

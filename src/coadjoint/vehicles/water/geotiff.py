@@ -11,14 +11,19 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError, told
+from coadjoint.log import logger
 
 _SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113
 _MODEL, _RASTER, _LINEAR_UNITS = 1024, 1025, 3076
 _PROJECTED, _POINT, _METRE = 1, 2, 9001
 _UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
 """What unpacks the compressions that tifffile unpacks without a bound: deflate, old and new, and LZMA."""
+_BOUNDED = (1, 5)
+"""Others that are read: none, and LZW, which imagecodecs unpacks to the size of the pixels at most."""
 SMALL = 64_000_000
 """Bytes that any strip may take."""
+MOST_PAGES = 100
+"""The most pictures of a file: the depths, and overviews of them."""
 
 
 def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -36,6 +41,7 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ) from error
     if not path.is_file():
         raise FileError(f"There is no file {path}.")
+    logger("tifffile")  # which logs names
     try:
         with tifffile.TiffFile(path) as opened:
             page: Any = opened.pages[0]
@@ -44,6 +50,8 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                 for code in (_SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA)
                 if code in page.tags
             }
+            if len(opened.pages) > MOST_PAGES:
+                raise FileError(f"The file {path} has {len(opened.pages):,} pictures, more than {MOST_PAGES}.")
             more = sum(not other.keyframe.is_reduced for other in opened.pages[1:])  # reduced ones are overviews
             shape = tuple(page.shape) if not more else (1 + more, *page.shape)
             _require_grid(path, shape, tags, most)
@@ -82,7 +90,13 @@ def _require_segments(path: Path, page: Any, most: int) -> None:
     handle = page.parent.filehandle
     if sum(page.databytecounts) > handle.size:
         raise FileError(f"The file {path} is damaged: its strips have more bytes than the file.")
-    unpacker = _UNPACKERS.get(int(page.compression))
+    packed = int(page.compression)
+    if packed not in (*_BOUNDED, *_UNPACKERS):
+        raise FileError(
+            f"The file {path} is compressed by {page.compression!r:.60}, which is not read: write it by gdal_translate "
+            "-co COMPRESS=DEFLATE."
+        )
+    unpacker = _UNPACKERS.get(packed)
     if unpacker is None:
         return
     for place, count in zip(page.dataoffsets, page.databytecounts, strict=True):
