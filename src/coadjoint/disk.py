@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -18,6 +19,10 @@ from coadjoint.errors import FileError
 
 PARTIAL = ".partial"
 """How the hidden name of something ends that is being written or removed; whoever holds the folder may remove it."""
+
+
+NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+"""What opens a file that is written: a link under its name, in a folder of somebody else, raises OSError."""
 
 
 def before(operation: str, path: Path) -> None:
@@ -47,7 +52,7 @@ def write(path: Path, parts: Iterable[Any], forced: bool = True, named: bool = T
     hidden = partial(path)
     try:
         before("write", hidden)
-        with open(hidden, "wb") as file:
+        with open(hidden, "wb", opener=_own) as file:
             for part in parts:
                 file.write(part)
             if forced:
@@ -59,6 +64,10 @@ def write(path: Path, parts: Iterable[Any], forced: bool = True, named: bool = T
         with contextlib.suppress(OSError):
             hidden.unlink()
         raise
+
+
+def _own(path: str, flags: int) -> int:
+    return os.open(path, flags | NO_LINK, 0o666)
 
 
 def move(source: Path, target: Path, named: bool = True) -> None:
@@ -118,7 +127,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     if not target.parent.is_dir():
         raise FileError(f"The folder {target.parent} does not exist: make it first.")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
         yield temporary
         os.replace(temporary, target)

@@ -22,7 +22,7 @@ from coadjoint.errors import FileError
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
 from coadjoint.report.companion_files import beside
 from coadjoint.simulation.lock import Lock
-from coadjoint.texts import read_table
+from coadjoint.texts import read_table, text_of, told_text
 
 RUN_FILE = "run.toml"
 """The configuration of the run that a folder holds."""
@@ -185,7 +185,7 @@ def claimed(
         require_free(folder, configuration, inputs)
         disk.sweep(folder)
         new = not claim.manifest.files
-        for place in () if new else {(folder / name).parent for name in claim.manifest.files}:
+        for place in () if new else {claim.manifest.path(name).parent for name in claim.manifest.files}:
             disk.sweep(place)
         if new or (overwrite and (claim.complete or (folder / UNFINISHED).exists())):
             if not new:
@@ -219,7 +219,7 @@ def held(folder: Path) -> Iterator[Claim]:
     if found is None:
         require_free(folder, "")
         raise FileError(f"The folder {folder} holds no run.")
-    with claimed(folder, found.path(RUN_FILE).read_text(encoding="utf-8"), False) as claim:
+    with claimed(folder, told_text(found.path(RUN_FILE), "run file"), False) as claim:
         for name in (RUN_FILE, *(name for name in found.files if name.startswith(f"{INPUTS}/"))):
             found.require(name)
         yield claim
@@ -276,7 +276,7 @@ def _withdraw(claim: Claim) -> None:
 def _differing(held: Path, configuration: str) -> str:
     """Where two configurations differ first, in words; nothing where they mean the same."""
     try:
-        there = dict(_leaves(read_table(held.read_text(encoding="utf-8"), held)))
+        there = dict(_leaves(read_table(text_of(held), held)))
     except (OSError, UnicodeDecodeError):
         return f"its {RUN_FILE} cannot be read"
     here = dict(_leaves(read_table(configuration, RUN_FILE)))

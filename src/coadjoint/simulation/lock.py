@@ -24,7 +24,7 @@ class Lock:
         self.folder, self.name = folder, name
         while True:
             disk.before("lock", folder / name)
-            self._handle: int | None = os.open(folder / name, os.O_RDWR | os.O_CREAT, 0o666)
+            self._handle: int | None = _opened(folder / name)
             try:
                 _hold(self._handle)
             except OSError as error:
@@ -61,6 +61,16 @@ class Lock:
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
+
+
+def _opened(path: Path) -> int:
+    """The file of a lock; raises FileError for a link, which would lead to a file of another folder."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | disk.NO_LINK, 0o666)
+    except OSError as error:
+        if path.is_symlink():
+            raise FileError(f"The file {path} is a link, to which nothing is written: remove it.") from error
+        raise
 
 
 def _sign(handle: int) -> None:

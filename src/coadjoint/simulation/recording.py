@@ -83,7 +83,7 @@ class Recording:
                 temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
             else:
                 whole = self.dataset.assign(self._last_record())
-                whole.to_netcdf(temporary, engine="h5netcdf")
+                whole.to_netcdf(temporary.absolute(), engine="h5netcdf")
                 _require_equal(temporary, whole)
                 seal(temporary)
             disk.settle(temporary)
@@ -192,7 +192,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     try:
         if not _begins(source, HDF5) or not readable(source):
             raise _unreadable(source)
-        with xarray.open_dataset(source, engine="h5netcdf") as opened:
+        with xarray.open_dataset(source.absolute(), engine="h5netcdf") as opened:
             found = opened.load()
     except FileError:
         raise
@@ -207,7 +207,7 @@ def _require_equal(file: Path, whole: xarray.Dataset) -> None:
     """Raise OSError unless a file holds the values of a dataset, to the bit."""
     import xarray
 
-    with xarray.open_dataset(file, engine="h5netcdf", decode_cf=False) as opened:
+    with xarray.open_dataset(file.absolute(), engine="h5netcdf", decode_cf=False) as opened:
         for name, given in whole.variables.items():
             found = opened[name].values
             if found.dtype.kind not in "OSU" and found.tobytes() != given.values.astype(found.dtype).tobytes():

@@ -69,7 +69,7 @@ class SweepResults:
         _require(self.manifest, STATISTICS)
         try:
             if readable(path):
-                found = xarray.load_dataset(path, engine="h5netcdf")
+                found = xarray.load_dataset(path.absolute(), engine="h5netcdf")
                 if all("statistic" in found[name].dims for name in found.data_vars) and "statistic" in found.coords:
                     return found
         except FileError:

@@ -170,7 +170,7 @@ def enter_chunks(manifest: Manifest, tasks: int) -> None:
     for number in range(tasks):
         manifest.files |= Statistics(manifest.folder, number).header["files"]
     names = [name for name in manifest.files if name.startswith(f"{MEMBERS}/")]
-    for place in {(manifest.folder / name).parent for name in names}:
+    for place in {manifest.path(name).parent for name in names}:
         disk.sweep(place)
     for name in names:
         manifest.require(name)

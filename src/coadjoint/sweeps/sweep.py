@@ -229,7 +229,7 @@ def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], 
     for name in map(str, made.data_vars):
         of = name.partition("_")[2] if name.partition("_")[0] in KINDS else name
         made[name].attrs.update(meant(name, plan["meanings"][of]))
-    made.to_netcdf(stage / store.STATISTICS, engine="h5netcdf")
+    made.to_netcdf((stage / store.STATISTICS).absolute(), engine="h5netcdf")
     seal(stage / store.STATISTICS)
     summary: dict[str, Any] = {
         "system": plan["system"], "method": plan["method"], "dt": plan["dt"], "steps": plan["steps"],

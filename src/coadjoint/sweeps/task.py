@@ -35,7 +35,7 @@ from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import Observer, Reduction
 from coadjoint.sweeps.sketch import Sketch, merged
 from coadjoint.sweeps.store import write
-from coadjoint.texts import read_table
+from coadjoint.texts import read_table, text_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.ensemble import Ensemble
@@ -110,7 +110,9 @@ def read(folder: str, configuration: str) -> Sweep:
 
     path = Path(folder) / RUN_FILE
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text_of(path)
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(
             f"A worker cannot read {path}: {error.strerror or error}; all workers need the folder of the sweep at the "

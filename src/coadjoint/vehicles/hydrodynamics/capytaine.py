@@ -62,7 +62,7 @@ def _dataset(source: Path) -> Any:
     if not os.path.isfile(source):
         raise FileError(f"There is no file {source}.")
     try:
-        with xarray.open_dataset(source, engine=engine_of(source)) as opened:
+        with xarray.open_dataset(source.absolute(), engine=engine_of(source)) as opened:
             dataset = opened.load()
     except FileError:
         raise
