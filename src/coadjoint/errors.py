@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from typing import Any
 
 _ENDLESS = re.compile(r"[^\s/\\]{300,}")
@@ -39,6 +40,11 @@ def printable(text: str) -> str:
     Such an escape means the same character in JSON and in the texts of TOML.
     """
     return _CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
+
+
+def warn(sentence: str, stacklevel: int = 1) -> None:
+    """Warn of what the user did and can change, as `warnings.warn` does; control characters become escapes."""
+    warnings.warn(printable(sentence), stacklevel=stacklevel + 1)
 
 
 class CoadjointError(Exception):
@@ -90,3 +96,6 @@ class Interrupted(KeyboardInterrupt):
         super().__init__(sentence)
         self.sentence = sentence
         self.run = run
+
+    def __str__(self) -> str:
+        return printable(super().__str__())

@@ -16,7 +16,7 @@ import pytest
 import coadjoint as co
 from coadjoint.cli import terminal
 from coadjoint.cli.main import main
-from coadjoint.errors import CoadjointError, printable
+from coadjoint.errors import CoadjointError, Interrupted, printable, warn
 from coadjoint.log import logger
 from coadjoint.simulation.progress import Progress, compiling
 from coadjoint.vehicles.files.registry import vehicle_text
@@ -81,6 +81,10 @@ def test_errors_warnings_and_log_messages_hold_no_control_characters(caplog):
     with terminal.warned():
         assert warnings.formatwarning(f"Look: {HOSTILE}", UserWarning, "x.py", 1) == f"Warning: Look: {ESCAPED}\n"
         assert ESCAPED in warnings.formatwarning(HOSTILE, RuntimeWarning, "x.py", 1)
+    with pytest.warns(UserWarning) as told:
+        warn(HOSTILE)
+    assert str(told[0].message) == ESCAPED and told[0].filename == __file__
+    assert str(Interrupted(HOSTILE)) == ESCAPED
     with caplog.at_level(logging.INFO, "coadjoint"):
         logger("coadjoint.here").info("%s: %d steps", HOSTILE, 3)
     assert caplog.messages == [f"{ESCAPED}: 3 steps"]
@@ -169,6 +173,7 @@ def test_commands_print_through_one_place_alone():
     found = {name: telling.findall(re.sub(r'""".*?"""', "", text, flags=re.S)) for name, text in texts.items()}
     assert {name for name, calls in found.items() if calls} == PRINTING
     assert found["cli/start.py"] == ["sys.stderr.write"]  # of two words of its own
+    assert {name for name, text in texts.items() if "warnings.warn(" in text} == {"errors.py"}
 
 
 @pytest.mark.parametrize("arguments", [("info", "a.nc", HOSTILE), ("info", "a.nc", f"--{HOSTILE}"), (HOSTILE,)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.control.within_steps import WorstWithin, lines, worst_within
-from coadjoint.errors import OptimumError, StepError
+from coadjoint.errors import OptimumError, StepError, warn
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings
@@ -139,7 +138,7 @@ def flight(transcription: Transcription, parts: Split, start: State | None = Non
             f"The optimum cannot be flown: {error.sentence} Take a smaller dt, so that the steps stay in their chart."
         ) from error
     for told in accuracy_warnings(run):
-        warnings.warn(told, stacklevel=5)
+        warn(told, stacklevel=5)
     return Flight(run, commands, chosen)
 
 

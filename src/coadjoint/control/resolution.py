@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import jax
@@ -10,6 +9,7 @@ import numpy as np
 
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.transcription import Transcription
+from coadjoint.errors import warn
 from coadjoint.simulation.accuracy.metric import Numbers, Ruler
 from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
 from coadjoint.simulation.accuracy.ruler import acting
@@ -45,7 +45,7 @@ class JudgedMotions:
             self._z = z[some]
             times = t + h * some[:, None]
             if sentence := sample.judge(np.concatenate([x[some], u[some], times], axis=1), h):
-                warnings.warn(sentence, stacklevel=3)
+                warn(sentence, stacklevel=3)
             if sentence or sample.over:
                 self._sample = None
 

@@ -7,14 +7,13 @@ Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with App
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
-from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.errors import ArgumentError, StepError, shown, warn
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
@@ -203,7 +202,7 @@ class Filter(Remade):
             rows = self.process.with_inputs(rows, given)[some]
             if sentence := sample.judge(rows, before, after, dt, steps.count - 1):
                 self._sample = None
-                warnings.warn(sentence, stacklevel=3)
+                warn(sentence, stacklevel=3)
         if steps.over:
             self._sample = None
 
@@ -303,7 +302,7 @@ class Filter(Remade):
         for name, one in known.items():
             require_radians(name, one, self._prepared[name].turns)
         if doubt := self.process.doubt(self.rows[0], told):
-            warnings.warn(doubt, stacklevel=2)
+            warn(doubt, stacklevel=2)
         numbers = [self._numbers[name] for name in known]
         sizes = self.process.input_sizes
         places = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
@@ -327,7 +326,7 @@ class Filter(Remade):
         P = np.diagonal(P.reshape(len(nodes), n, n), axis1=1, axis2=2) if whole else P
         if sentence := judged_log(sample, times, nodes, rows, P):
             self._sample = None
-            warnings.warn(sentence, stacklevel=3)
+            warn(sentence, stacklevel=3)
 
     def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
         if given is not None and not isinstance(given, Mapping):

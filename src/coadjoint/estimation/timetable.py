@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint.clocks import jumps_ahead
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.estimation.numbers import float64, is_number
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 from coadjoint.memory import require_room
@@ -53,7 +52,7 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
     times = np.concatenate([nodes[:1], times[times > nodes[0]], nodes[-1:]])
     held = np.diff(times)
     if len(held) > 2 and (usual := float(np.median(held[:-1]))) >= SELDOM:
-        warnings.warn(
+        warn(
             f"Readings of `{name}` come every {usual:.6g} s, and each is held that long: are their times in seconds?",
             stacklevel=3,
         )
@@ -66,7 +65,7 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
                 "clock, or a pause that no filter bridges: run one filter on each stretch, up to there by `until`, and "
                 "from there from a new start."
             )
-        warnings.warn(
+        warn(
             f"There is no reading of `{name}` from {times[k]:.6g} s to {times[k + 1]:.6g} s: the one before is held, "
             "and the deviations do not tell what that costs.",
             stacklevel=3,
@@ -76,7 +75,7 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
 def require_radians(name: str, one: Series, turns: np.ndarray) -> None:
     """Warn of angles that are in degrees; turns: (size,), 0 of what is no angle."""
     if jumps_by_degrees(one.values[..., turns > 0]):
-        warnings.warn(
+        warn(
             f"`{name}` of `measured` jumps by 360 from one value to the next, as degrees do and radians never: give "
             "np.radians of it.",
             stacklevel=3,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,6 +13,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
+from coadjoint.errors import warn
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -84,7 +84,7 @@ def casimirs(system: System) -> dict[str, Casimir]:
     """
     found, stopped = _casimirs(system.group, system.advected)
     if stopped:
-        warnings.warn(
+        warn(
             f"Casimir functions of degree {stopped} and more were not looked for: {system.group!r} with its advected "
             f"parameters has more independent ones than the {len(found)} found, and too many monomials.",
             stacklevel=2,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.log import logger
@@ -68,7 +67,7 @@ def require_coupling(system: System, step: Step, state: State, how: Coupled) -> 
         if np.all(np.isfinite(per_link)):
             break
     if not np.all(np.isfinite(per_link)):
-        warnings.warn(
+        warn(
             f"Whether `coupling` of {system.group!r} pairs all links that act on each other was not checked, because "
             "the equations have no derivatives at random points near the start; missing pairs cost iterations.",
             stacklevel=2,

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.extensions import import_string
 from coadjoint.plotting import bodies
 from coadjoint.plotting.bodies import Solid
@@ -31,7 +30,7 @@ def scene(
     shown = [runs[place] for place in some(len(runs), MOST)]
     if len(shown) < len(runs):
         sentence = f"The scene shows {len(shown)} of {len(runs):,} members, chosen at random."
-        warnings.warn(sentence, stacklevel=2)
+        warn(sentence, stacklevel=2)
     for run in shown:
         if len(run.time) < 2:
             raise ArgumentError(f"The run of {run.label} has one saved node, so there is nothing to animate.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, Interrupted, StepError
+from coadjoint.errors import ArgumentError, Interrupted, StepError, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.newton.coupled import Factors
@@ -131,7 +130,7 @@ def trajectory(
         chosen = _choose(program, constants, begun, backend, False)
         plan = Plan(chosen, program, constants, float(h), steps, save_every, False)
         if sentence := unresolved_records(plan, found.records):
-            warnings.warn(sentence, stacklevel=3)
+            warn(sentence, stacklevel=3)
     return found
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import socket
 import time
-import warnings
 from urllib.parse import SplitResult, urlsplit
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, warn
 
 PROTOCOLS = ("tcp", "tls", "ws", "wss")
 """Those at whose ports a scheduler listens."""
@@ -41,7 +40,7 @@ def require_answer(scheduler: str, patience: float) -> None:
             )
         if not warned:
             sentence = f"The scheduler {scheduler} does not answer; it is waited for, up to {patience:.0f} s."
-            warnings.warn(sentence, stacklevel=2)
+            warn(sentence, stacklevel=2)
         warned = True
         time.sleep(LOOK)
 

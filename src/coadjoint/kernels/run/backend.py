@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Program
@@ -70,7 +69,7 @@ def fall_back(reason: Untraceable, backend: Backend) -> None:
         raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
     if sentence not in _told and not reason.quiet:
         _told.add(sentence)
-        warnings.warn(sentence, stacklevel=4)
+        warn(sentence, stacklevel=4)
 
 
 def run(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
@@ -123,7 +122,7 @@ class Stepper(Stepping):
         event = as_event(until)
         begun, version, told = checked(one, first, method, h, event)
         for sentence in told:
-            warnings.warn(sentence, stacklevel=2)
+            warn(sentence, stacklevel=2)
         constants = Constants(one.parameters, None)
         watched, seen = watch(one, observe, begun)
         skeleton = replace_parameters(system, None)
@@ -309,7 +308,7 @@ class Stepper(Stepping):
         return carried(self._beginning, states, before, after)
 
     def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
-        warnings.warn(
+        warn(
             f"Parameter {self._called(columns)} was compiled in as 0 or 1, and the step is compiled anew: name it in "
             "`changing` of co.Stepper, and it changes at once.",
             stacklevel=3,

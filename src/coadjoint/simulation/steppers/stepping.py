@@ -8,14 +8,13 @@ from __future__ import annotations
 import math
 import os
 import struct
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, Interrupted, shown
+from coadjoint.errors import ArgumentError, Interrupted, shown, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST, Clock
@@ -81,7 +80,7 @@ class Stepping(Standing):
         """Judge the step that comes next, if it belongs to the sample, and warn once."""
         if sample.due() and (sentence := self._judgement(sample)):
             self._end_sample()
-            warnings.warn(sentence, stacklevel=5)
+            warn(sentence, stacklevel=5)
 
     def _in_pieces(self, n: int, before: int = 0, of: int = 0) -> int:
         """n steps, all members together, in pieces between which Python sees signals; `before` were taken, `of` all."""

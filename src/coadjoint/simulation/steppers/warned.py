@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
+from coadjoint.errors import warn
 from coadjoint.kernels.program import Code, StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST
 from coadjoint.simulation.accuracy.metric import Ruler
@@ -45,7 +44,7 @@ class Warned:
         self._parts, self._sample, self._straight = parts, sample_of(self._engine, parts), 0
         if sentence := self._judgement(self._sample):
             self._end_sample()
-            warnings.warn(sentence, stacklevel=depth)
+            warn(sentence, stacklevel=depth)
 
     def _end_sample(self, later: SampledSteps | None = None) -> None:
         """Judge no step of the first ones any more, and those after them by `later`."""
@@ -77,10 +76,10 @@ class Warned:
         """Warn of what the engine says of a call of n steps, `StatusFlag`."""
         if flags & StatusFlag.CLIPPED:
             for sentence in self._clipped(n):
-                warnings.warn(sentence, stacklevel=4)
+                warn(sentence, stacklevel=4)
         if flags & StatusFlag.DUE and (sample := self._later) is not None and (sentence := self._judgement(sample)):
             self._later = None
-            warnings.warn(sentence, stacklevel=4)
+            warn(sentence, stacklevel=4)
 
     def _clipped(self, n: int) -> list[str]:
         """A sentence for each command that has just gone beyond its limits for the first time; n: steps taken."""

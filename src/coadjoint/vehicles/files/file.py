@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.texts import read_table, text_of
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.added_masses import read_added_mass
@@ -35,7 +34,7 @@ def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
     source = Path(path)
     vehicle = vehicle_from_text(_text(source), str(source), source.parent)
     for sentence in vehicle.warnings:
-        warnings.warn(f"{source.name}: {sentence}", stacklevel=2)
+        warn(f"{source.name}: {sentence}", stacklevel=2)
     return vehicle
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.models.quantities import matrix, vector
 
 ASYMMETRIC = 0.1
@@ -110,7 +109,7 @@ def _symmetric_part(found: np.ndarray, unit: np.ndarray, source: Any) -> np.ndar
     if skew[i, j] > ASYMMETRIC:
         raise FileError(f"{sentence}: check that the six modes refer to one point and one system of axes.")
     if skew[i, j] > SUSPICIOUS:
-        warnings.warn(f"{sentence}; the mean of both is taken. A finer mesh brings them together.", stacklevel=4)
+        warn(f"{sentence}; the mean of both is taken. A finer mesh brings them together.", stacklevel=4)
     return 0.5 * (scaled + scaled.T)
 
 
@@ -126,5 +125,5 @@ def _semidefinite(scaled: np.ndarray, source: Any) -> np.ndarray:
             "moments refer to the point and axes of its forces."
         )
     if values[0] < -1e-9 * values[-1]:
-        warnings.warn(f"{sentence}; it is set to zero. A finer mesh brings it there.", stacklevel=4)
+        warn(f"{sentence}; it is set to zero. A finer mesh brings it there.", stacklevel=4)
     return (vectors * np.maximum(values, 0.0)) @ vectors.T

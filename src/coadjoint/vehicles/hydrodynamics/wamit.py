@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.models.quantities import positive
 from coadjoint.texts import text_of
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
@@ -67,7 +66,7 @@ def wamit_added_mass(
     if steady:
         _require_order(found, _matrix(steady, source), source)
     elif infinite_frequency is None:
-        warnings.warn(
+        warn(
             f"The file {source} has rows at PERIOD = 0 but none at PERIOD < 0, so that nothing shows whether they are "
             "of infinite frequency, as WAMIT writes them, or of zero frequency, as Capytaine 2.3 and HAMS may; they "
             'are taken as infinite. If that is known, pass infinite_frequency="zero"; otherwise compute both limits.',

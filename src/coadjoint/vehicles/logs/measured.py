@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from coadjoint.clocks import Jumps, Unsorted, clock, require_choices
 from coadjoint.csv_tables import Sheet, csv_text, read_sheet
 from coadjoint.disk import atomic_file, write_text
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.identification.log import Log
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.columns import written
@@ -67,7 +66,7 @@ def read_log(
     require_choices(jumps, unsorted)
     log = _read(path, axes, ignore, jumps, unsorted, options)
     for doubt in log.doubts:
-        warnings.warn(f"{path}: {doubt}", stacklevel=2)
+        warn(f"{path}: {doubt}", stacklevel=2)
     return log
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.runs.run_file import read
 from coadjoint.runs.setup import Setup
 from coadjoint.vehicles.missions.file import MissionFile
@@ -37,7 +36,7 @@ class Mission:
         """
         made = self.file.set_up()
         for sentence in made.warnings:
-            warnings.warn(sentence, stacklevel=3)
+            warn(sentence, stacklevel=3)
         return made
 
     def run(self, *, progress: bool | None = None) -> Run | Ensemble:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller, Feedback
@@ -95,7 +94,7 @@ def _tell(function: Callable[..., Any]) -> None:
     name = getattr(function, "__name__", type(function).__name__)
     if (name, id(function)) not in _TOLD:
         _TOLD.add((name, id(function)))
-        warnings.warn(
+        warn(
             f"The controller `{name}` has Python `if`, float() or NumPy on what it sees: it is called from "
             f"outside JAX at "
             "every step, which is slower, by XLA, and without derivatives. With jax.numpy alone, and "

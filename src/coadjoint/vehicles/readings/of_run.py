@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import Origin, State
@@ -71,7 +70,7 @@ def readings(
     found = {one.name: _read(one, noise, moving) for one, noise in zip(chosen, noises, strict=True)}
     late = _never_there(found.values(), float(moving.t[-1]))
     for sentence in late:
-        warnings.warn(sentence, stacklevel=2)
+        warn(sentence, stacklevel=2)
     return Readings(found, int(seed), late)
 
 
