@@ -20,7 +20,7 @@ from benchmarks.problems import vehicle
 from coadjoint.kernels.run import ensemble, xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.ensemble import begin_members
+from coadjoint.simulation.members import begin_members
 
 SEED = 20
 YARDSTICK = "by hand, numba"

@@ -24,24 +24,13 @@ def modules(source: Path = SOURCE) -> dict[str, ast.Module]:
     return found
 
 
-def named(trees: Mapping[str, ast.Module], module: str, types: bool = True) -> set[str]:
-    """The modules that a module names, with or without what is imported for annotations alone.
+def named(trees: Mapping[str, ast.Module], module: str) -> set[str]:
+    """The modules that a module names, those included that it imports for annotations alone.
 
-    Texts for readers, which are docstrings, do not count. The faces of packages import under `if TYPE_CHECKING:` what
-    they load at the first use, which is no annotation.
+    Texts for readers, which are docstrings, do not count.
     """
-    written = (_of_library(trees, name) for name in _names(trees[module], types or _is_package(trees, module)))
+    written = (_of_library(trees, name) for name in _names(trees[module]))
     return {name for name in written if name not in ("", module)}
-
-
-def _is_package(trees: Mapping[str, ast.Module], module: str) -> bool:
-    return any(name.startswith(f"{module}.") for name in trees)
-
-
-def _for_types(tree: ast.Module) -> set[int]:
-    """What stands under `if TYPE_CHECKING:`."""
-    blocks = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
-    return {id(node) for block in blocks for node in ast.walk(block)}
 
 
 @cache
@@ -61,13 +50,10 @@ def _nodes(tree: ast.Module) -> list[ast.AST]:
     return found
 
 
-def _names(tree: ast.Module, types: bool) -> Iterator[str]:
+def _names(tree: ast.Module) -> Iterator[str]:
     nodes = _nodes(tree)
     readers = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
-    skipped = set() if types else _for_types(tree)
     for node in nodes:
-        if id(node) in skipped:
-            continue
         if isinstance(node, ast.ImportFrom) and node.module is not None:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):

@@ -108,8 +108,8 @@ if TYPE_CHECKING:
     from coadjoint.methods import Variational as Variational
     from coadjoint.methods import Yoshida4 as Yoshida4
     from coadjoint.simulation.events import Event as Event
-    from coadjoint.simulation.recording import load as load
     from coadjoint.simulation.resume import resume as resume
+    from coadjoint.simulation.saved import load as load
     from coadjoint.simulation.simulate import simulate as simulate
     from coadjoint.simulation.steppers.fmu import save_fmu as save_fmu
     from coadjoint.simulation.steppers.load import load_stepper as load_stepper

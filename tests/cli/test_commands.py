@@ -19,7 +19,7 @@ import coadjoint
 from coadjoint.cli import commands
 from coadjoint.cli.main import main
 from coadjoint.plotting.plots import OWN
-from coadjoint.simulation.recording import load
+from coadjoint.simulation.saved import load
 from files import TOP, TOP_OF_CATALOGUE, write
 
 MAIN = [sys.executable, "-c", "import sys; from coadjoint.cli.main import main; sys.exit(main(sys.argv[1:]))"]

@@ -212,7 +212,7 @@ def test_what_does_not_fit_in_memory_is_refused_before_it_is_tried(monkeypatch):
     fluid = fluids.euler(100)
     start = fluids.start(fluid, fluids.random_vorticity(1, degree=3))
     monkeypatch.setattr("coadjoint.memory.installed", lambda: 4e9)
-    monkeypatch.setattr("coadjoint.simulation.ensemble.MEMORY_LIMIT", 1e8)
+    monkeypatch.setattr("coadjoint.simulation.members.MEMORY_LIMIT", 1e8)
     for call, sentence in (
         (
             lambda: fluids.euler(4096),

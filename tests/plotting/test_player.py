@@ -18,7 +18,7 @@ from coadjoint.plotting.player import page
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.scene import Body, Member, Scene, plain, quaternions
 from coadjoint.plotting.scene_of_runs import scene
-from coadjoint.simulation.recording import SavedRun
+from coadjoint.simulation.saved import SavedRun
 from made_runs import VEHICLE, dataset
 
 THREE = "56662f375f9ea2a778b9b00d20769783e7898e73e26ab4145f1facfa1df56c3d"

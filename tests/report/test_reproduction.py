@@ -13,7 +13,7 @@ from coadjoint.errors import FileError
 from coadjoint.report.reproduce import reproduce
 from coadjoint.report.reproduction import FIGURES, Reproduction, compute
 from coadjoint.report.text import report
-from coadjoint.simulation.recording import load
+from coadjoint.simulation.saved import load
 
 KEYS = {
     "steps", "dt", "energy_initial", "energy_error_max", "energy_error_final", "kelvin_noether_initial",

@@ -23,7 +23,7 @@ from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.plotting import meshes
 from coadjoint.plotting.meshes import read_mesh
 from coadjoint.simulation import checkpoint
-from coadjoint.simulation.recording import SavedRun
+from coadjoint.simulation.saved import SavedRun
 from coadjoint.vehicles.hydrodynamics import capytaine_added_mass, wamit_added_mass
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
 from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite

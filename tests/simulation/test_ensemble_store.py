@@ -11,7 +11,7 @@ import pytest
 from test_store import assert_same, stopped_after
 
 import coadjoint as co
-from coadjoint.simulation import ensemble, store
+from coadjoint.simulation import members, store
 
 SEED = 20251122
 RUN = {"dt": 0.01, "steps": 301, "save_every": 3, "progress": False}
@@ -74,7 +74,7 @@ def test_an_ensemble_on_disk_is_the_one_in_memory_to_the_bit(tmp_path, small_blo
     whole = co.simulate(system, begun, **RUN, backend=backend)
     run = co.simulate(system, begun, **RUN, backend=backend, store=tmp_path / "run")
     across, length = chunks(run.dataset, "xi")[:2]
-    assert 1 < across < run.members.count or make is stiff
+    assert 1 < across < run.members or make is stiff
     assert 1 < length < 102
     assert_same(run, whole)
     assert_same(co.load(tmp_path / "run"), whole)
@@ -181,7 +181,7 @@ def test_a_missing_block_of_members_is_told(tmp_path, small_blocks):
 
 @pytest.mark.long
 def test_an_ensemble_too_large_for_memory_is_sent_to_a_store(tmp_path, monkeypatch):
-    monkeypatch.setattr(ensemble, "MEMORY_LIMIT", 1e5)
+    monkeypatch.setattr(members, "MEMORY_LIMIT", 1e5)
     system, begun = fleet()
     with pytest.raises(co.ArgumentError, match=r"`store=`, or raise save_every from 3 to \d+ or more"):
         co.simulate(system, begun, **RUN)

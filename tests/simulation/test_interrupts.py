@@ -14,8 +14,8 @@ import coadjoint as co
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import batch, ensemble, interruptible, native
 from coadjoint.mechanics.work_balance import with_ledger
-from coadjoint.simulation.driver import Position
 from coadjoint.simulation.event_driver import EventDriver
+from coadjoint.simulation.plan import Position
 
 STEPS, EVERY = 300, 20
 AT = {"dt": 0.01, "progress": False}
@@ -295,7 +295,7 @@ def test_groups_of_members_end_with_the_one_that_they_are_at(monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(ensemble.ThreadPoolExecutor, "map", waits)
-    result = ensemble.Result(*[np.zeros((100, 4, 1))] * 5)
+    result = ensemble.LaneArrays(*[np.zeros((100, 4, 1))] * 5)
     with pytest.raises(KeyboardInterrupt):
         ensemble._launch(cast(Any, Slow()), (np.zeros((100, 1)),) * 3, result, 1, 1, 2)
     assert 0 < len(called) < 10

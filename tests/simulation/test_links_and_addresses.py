@@ -15,7 +15,7 @@ from coadjoint.disk import write_text
 from coadjoint.errors import FileError
 from coadjoint.report.folder import claimed
 from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.recording import SavedRun
+from coadjoint.simulation.saved import SavedRun
 from coadjoint.vehicles.hydrodynamics import capytaine_added_mass
 from coadjoint.vehicles.water import Bottom
 from made_runs import dataset

@@ -11,7 +11,7 @@ import xarray as xr
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.simulation import energy_warnings
+from coadjoint.simulation import energy_budget
 from coadjoint.simulation.accuracy.pulses import _at, _unseen, unseen_pulses
 from coadjoint.simulation.accuracy.signals import PARTS, bent
 from coadjoint.simulation.chunks import _filled, _read
@@ -87,33 +87,30 @@ def test_a_signal_is_bent_where_it_is_neither_a_line_nor_constant_over_most_step
 
 def watched(change: float, **more: Any) -> Any:
     given: dict[str, Any] = {
-        "system": SimpleNamespace(takes=lambda name: False), "dt": 0.1, "extrema": {"energy": (0.0, 1.0)},
-        "method": SimpleNamespace(claims=SimpleNamespace(energy="bounded")), "relative_change": lambda name: change,
+        "system": SimpleNamespace(takes=lambda name: False), "plan": SimpleNamespace(h=0.1),
+        "extrema": {"energy": (0.0, 1.0)}, "relative_changes": lambda name: change,
+        "method": SimpleNamespace(claims=SimpleNamespace(energy="bounded")),
     }  # fmt: skip
     return SimpleNamespace(**given | more)
 
 
 def test_an_energy_that_nothing_changes_is_doubted_from_a_tenth_on(monkeypatch):
-    monkeypatch.setattr(energy_warnings, "energy_lines", lambda system: ())
-    (said,) = energy_warnings._changed(watched(0.1))
-    assert "is off by 10%: dt = 0.1 is too large" in said and energy_warnings._changed(watched(0.099)) == []
+    monkeypatch.setattr(energy_budget, "energy_lines", lambda system: ())
+    (said,) = energy_budget._changed(watched(0.1))
+    assert "is off by 10%: dt = 0.1 is too large" in said and energy_budget._changed(watched(0.099)) == []
     for name in ("inputs", "internal"):
         moved = SimpleNamespace(takes=lambda asked, name=name: asked == name)
-        assert energy_warnings._changed(watched(0.5, system=moved)) == []
+        assert energy_budget._changed(watched(0.5, system=moved)) == []
     losing = SimpleNamespace(claims=SimpleNamespace(energy="changed"))
-    assert (
-        energy_warnings._changed(watched(0.5, method=losing))
-        == []
-        == energy_warnings._changed(watched(0.5, extrema={}))
-    )
+    assert energy_budget._changed(watched(0.5, method=losing)) == [] == energy_budget._changed(watched(0.5, extrema={}))
 
 
 def test_an_energy_is_known_where_the_velocities_were_found():
-    for residual, known in ((energy_warnings.SOLVED, True), (2 * energy_warnings.SOLVED, False)):
-        run = watched(0.0, extrema={"legendre_residual": 1}, largest=lambda name, residual=residual: residual)
-        assert energy_warnings.energy_known(run) == known
-    (said,) = energy_warnings.energy_warnings(run)
-    assert f"a residual of {2 * energy_warnings.SOLVED:.1e}" in said and energy_warnings.energy_known(watched(0.0))
+    for residual, known in ((energy_budget.SOLVED, True), (2 * energy_budget.SOLVED, False)):
+        run = watched(0.0, extrema={"legendre_residual": (0.0, residual)})
+        assert energy_budget.energy_known(run) == known
+    (said,) = energy_budget.energy_warnings(run)
+    assert f"a residual of {2 * energy_budget.SOLVED:.1e}" in said and energy_budget.energy_known(watched(0.0))
 
 
 # Statistics and chunks.

@@ -7,7 +7,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import sealed
-from coadjoint.simulation.recording import SavedRun
+from coadjoint.simulation.saved import SavedRun
 from made_runs import dataset
 
 

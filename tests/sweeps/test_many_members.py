@@ -65,7 +65,7 @@ def test_few_failures_among_many_members_are_all_marked():
 
 
 def test_members_that_are_judged_are_no_stride_through_a_grid():
-    run = SimpleNamespace(members=SimpleNamespace(count=4000))
+    run = SimpleNamespace(members=4000)
     found = chosen_members(run)  # pyright: ignore[reportArgumentType]
     assert found[0] == 0 and found[-1] == 3999 and len({*np.diff(found).tolist()}) > 3
 

@@ -61,12 +61,12 @@ TWO = {"parameters": {"c": between(1.0, 1.2), "k": between(2.0, 3.0)}}
 def compared(sweep: Sweep) -> None:
     """Members that are put together are those that are made alone, to round-off of the start."""
     rows, all_of = sweep.rows(slice(0, sweep.members)), np.arange(sweep.members)
-    made = ensemble(sweep, rows, all_of, True, 1).members
+    made = ensemble(sweep, rows, all_of, True, 1).position
     for index in (0, sweep.members - 1):
         row = {name: values[index : index + 1] for name, values in rows.items()}
         alone = ensemble(sweep, row, all_of[:1], False, 1)
-        np.testing.assert_allclose(made.states.mu[index], alone.members.states.mu[0], rtol=1e-14)
-        np.testing.assert_allclose(made.states.g[index], alone.members.states.g[0], atol=1e-15)
+        np.testing.assert_allclose(made.state.mu[index], alone.position.state.mu[0], rtol=1e-14)
+        np.testing.assert_allclose(made.state.g[index], alone.position.state.g[0], atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -105,9 +105,9 @@ def test_numbers_in_which_members_differ_are_the_same_for_every_task(tmp_path):
     sweep = swept(tmp_path, TOP, {"parameters": {"mass": between(15.0, 25.0)}})
     file = sweep.run(sweep.rows(slice(0, 3)), True)
     assert members(file).varying == sweep.varying == {"[0].inertia", "[0].mass"}  # pyright: ignore[reportArgumentType]
-    one = ensemble(sweep, sweep.rows(slice(2, 3)), np.array([2]), True, 1).members
-    three = ensemble(sweep, sweep.rows(slice(0, 3)), np.arange(3), True, 1).members
-    assert np.array_equal(one.states.mu[0], three.states.mu[2])
+    one = ensemble(sweep, sweep.rows(slice(2, 3)), np.array([2]), True, 1).position
+    three = ensemble(sweep, sweep.rows(slice(0, 3)), np.arange(3), True, 1).position
+    assert np.array_equal(one.state.mu[0], three.state.mu[2])
 
 
 def test_lists_of_which_a_digest_is_kept_are_swept(tmp_path, monkeypatch):

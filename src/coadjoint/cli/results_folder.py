@@ -12,12 +12,12 @@ from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
 from coadjoint.texts import LARGEST_SUMMARY, read_table, text_of
 
 if TYPE_CHECKING:
-    from coadjoint.simulation.recording import SavedRun
+    from coadjoint.simulation.saved import SavedRun
 
 
 def recordings(source: Path) -> dict[str, SavedRun]:
     """The runs of a folder, or of one file, by the names of their files; raises FileError where there are none."""
-    from coadjoint.simulation.recording import load
+    from coadjoint.simulation.saved import load
 
     _require(source)
     _require_no_sweep(source)

@@ -2,65 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.identification.log import Log
 from coadjoint.plotting.style import COLOURS, PAGE, PlotFigure, canvas, legend, style, time_axis
-
-if TYPE_CHECKING:
-    from coadjoint.identification.result import Identification
 
 LAGS = 30
 """Of an autocorrelation that is shown."""
 
 
-def measured_and_simulated(found: Identification, columns: Sequence[str] | None = None) -> PlotFigure:
+def measured_and_simulated(
+    log: Log, simulated: Mapping[str, np.ndarray], columns: Sequence[str] | None = None
+) -> PlotFigure:
     """Every column as points, with the simulation of the segments as a line; two panels a row.
 
     Raises ArgumentError for columns that the log does not hold.
     """
-    names = _names(found, columns)
+    names = _names(simulated, columns)
     rows = -(-len(names) // 2)
     with style():
         figure = canvas(PAGE, 1.15 * rows + 0.4)
         panels = figure.subplots(rows, min(2, len(names)), squeeze=False, sharex=True)
         for axes, name in zip(panels.flat, names, strict=False):
-            unit = found.log.units.get(name, "")
+            unit = log.units.get(name, "")
             angle = unit.startswith("rad")
             factor = 180 / np.pi if angle else 1.0
-            measured, simulated = found.log.columns[name], found.simulated[name]
+            measured, values = log.columns[name], simulated[name]
             if unit == "rad":
-                simulated = measured + (simulated - measured + np.pi) % (2 * np.pi) - np.pi
+                values = measured + (values - measured + np.pi) % (2 * np.pi) - np.pi
                 # The pen is lifted where an angle goes round.
-                simulated = np.where(np.abs(np.diff(simulated, append=simulated[-1:])) > np.pi, np.nan, simulated)
-            axes.plot(found.log.time, factor * measured, ".", ms=1.6, color=COLOURS[5], label="measured")
-            axes.plot(found.log.time, factor * simulated, "-", lw=0.8, color=COLOURS[6], label="simulated")
+                values = np.where(np.abs(np.diff(values, append=values[-1:])) > np.pi, np.nan, values)
+            axes.plot(log.time, factor * measured, ".", ms=1.6, color=COLOURS[5], label="measured")
+            axes.plot(log.time, factor * values, "-", lw=0.8, color=COLOURS[6], label="simulated")
             shown = unit.replace("rad", "°") if angle else unit
             axes.set_ylabel(f"{name} ({shown})" if shown else name)
         for axes in list(panels.flat)[len(names) :]:
             axes.set_visible(False)
         legend(figure, *panels.flat[0].get_legend_handles_labels())
         for column in panels.T:
-            time_axis(column, [found.log.time])
+            time_axis(column, [log.time])
     return figure
 
 
-def autocorrelation_and_histogram(found: Identification, columns: Sequence[str] | None = None) -> PlotFigure:
+def autocorrelation_and_histogram(
+    innovations: Mapping[str, np.ndarray], columns: Sequence[str] | None = None
+) -> PlotFigure:
     """Innovations of every column: autocorrelation with the band that holds 95 % of white noise, ±1.96/√N, and
     histogram with the density of the normal distribution that the noise is said to have.
 
     Raises ArgumentError for columns that the log does not hold.
     """
-    names = _names(found, columns)
+    names = _names(innovations, columns)
     with style():
         figure = canvas(PAGE, 1.1 * len(names) + 0.5)
         panels = figure.subplots(len(names), 2, squeeze=False, sharex="col")
         x = np.linspace(-4, 4, 161)
         for (left, right), name in zip(panels, names, strict=True):
-            w = found.innovations[name]
+            w = innovations[name]
             rho, count = autocorrelation(w, LAGS), int(np.isfinite(w).sum())
             left.axhspan(-1.96 / np.sqrt(count), 1.96 / np.sqrt(count), color=COLOURS[5], alpha=0.3, lw=0)
             left.vlines(np.arange(1, len(rho) + 1), 0, rho, color=COLOURS[0], lw=1.2)
@@ -84,9 +85,9 @@ def autocorrelation(w: np.ndarray, lags: int) -> np.ndarray:
     return np.array([np.sum(product) / max(int(both.sum()), 1) / (variance or 1.0) for product, both in pairs])
 
 
-def _names(found: Identification, columns: Sequence[str] | None) -> list[str]:
-    names = list(found.simulated) if columns is None else list(columns)
-    unknown = [name for name in names if name not in found.simulated]
+def _names(known: Mapping[str, np.ndarray], columns: Sequence[str] | None) -> list[str]:
+    names = list(known) if columns is None else list(columns)
+    unknown = [name for name in names if name not in known]
     if unknown or not names:
-        raise ArgumentError(f"The log has no column `{(unknown or [''])[0]}`; it has {', '.join(found.simulated)}.")
+        raise ArgumentError(f"The log has no column `{(unknown or [''])[0]}`; it has {', '.join(known)}.")
     return names

@@ -82,14 +82,14 @@ class Identification:
         """Measured against simulated; a matplotlib Figure."""
         from coadjoint.identification.figures import measured_and_simulated
 
-        return measured_and_simulated(self, columns)
+        return measured_and_simulated(self.log, self.simulated, columns)
 
     def plot_innovations(self, columns: Any = None) -> Any:
         """Autocorrelation and histogram of the innovations of each column, against those of white normal noise; a
         matplotlib Figure."""
         from coadjoint.identification.figures import autocorrelation_and_histogram
 
-        return autocorrelation_and_histogram(self, columns)
+        return autocorrelation_and_histogram(self.innovations, columns)
 
 
 class Spread(NamedTuple):

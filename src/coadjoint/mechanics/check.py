@@ -18,17 +18,17 @@ from coadjoint.mechanics.coupling import large, structure
 from coadjoint.mechanics.derivative_check import require_own_derivative
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.trace_checks import in_words, require_float64, require_scalar
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
-    from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-13
 """The smallest |eigenvalue| of the scaled mass matrix that round-off cannot explain."""
 
 
-def check(system: System, start: State, regular: bool = True) -> list[str]:
+def check(system: ReducedFunctions, start: State, regular: bool = True) -> list[str]:
     """Raise LagrangianError where ℓ or ℋ cannot be integrated from `start`; return warnings, a sentence each.
 
     ℓ must return one float64 number that is finite, with a finite gradient that is that of its values, hold no float32
@@ -56,21 +56,21 @@ def check(system: System, start: State, regular: bool = True) -> list[str]:
         return _require_regular(system, function, arguments)
 
 
-def given(system: System) -> tuple[str, Callable[..., Any]]:
+def given(system: ReducedFunctions) -> tuple[str, Callable[..., Any]]:
     """What the user gave, in words, and as a function (ξ, n, ν, a, t, inputs, internal) or that of (μ, n, π, …)."""
     if system.hamiltonian is not None:
         return "The Hamiltonian", system.reduced_hamiltonian
     return "The Lagrangian", system.reduced_lagrangian
 
 
-def point(system: System, state: State) -> tuple[Any, ...]:
+def point(system: ReducedFunctions, state: State) -> tuple[Any, ...]:
     """The arguments of ℓ, or of ℋ, at a state."""
     if system.hamiltonian is not None:
         return state.mu, state.n, state.pi, state.a
     return state.xi, state.n, state.nu, state.a
 
 
-def _check_discrete(system: System, start: State) -> None:
+def _check_discrete(system: ReducedFunctions, start: State) -> None:
     rest = (start.n, start.n, start.a, np.float64(1.0))
 
     def in_algebra(xi, n, s, a, h):
@@ -93,7 +93,7 @@ def _check_discrete(system: System, start: State) -> None:
         _require_derivative_of_discrete(system, turned, what, (np.zeros(group.dim), *rest[:-1]), read)
 
 
-def _check_forces(system: System, start: State) -> None:
+def _check_forces(system: ReducedFunctions, start: State) -> None:
     """Raise unless every force is float64 and, where it is finite, has a finite derivative in the velocities."""
     if system.forces is None:
         return
@@ -131,7 +131,7 @@ def _finite(tree: Any) -> bool:
 
 
 def _require_derivative(
-    system: System, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
+    system: ReducedFunctions, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
 ) -> None:
     """Raise unless ℓ or ℋ and its gradient are finite at the start, and its gradient is that of its value.
 
@@ -153,7 +153,7 @@ def _require_derivative(
 
 
 def _require_derivative_of_discrete(
-    system: System, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
+    system: ReducedFunctions, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
 ) -> None:
     """Raise unless the gradient of Λ is that of its value; read as above."""
     if read is not None and not traced(system.parameters, arguments):
@@ -161,7 +161,7 @@ def _require_derivative_of_discrete(
         require_own_derivative(system.places, slopes, what, arguments, read)
 
 
-def _require_symmetric(system: System, start: State) -> None:
+def _require_symmetric(system: ReducedFunctions, start: State) -> None:
     """A matrix whose antisymmetric part is lost in ℓ was meant to be symmetric: say so instead of dropping it."""
     if system.parameters is None:
         return
@@ -180,7 +180,7 @@ def _require_symmetric(system: System, start: State) -> None:
             )
 
 
-def _parameter_gradients(system: System, start: State) -> list[dict[str, np.ndarray]]:
+def _parameter_gradients(system: ReducedFunctions, start: State) -> list[dict[str, np.ndarray]]:
     """∂ℓ/∂p or ∂ℋ/∂p by name at a random point, and at one next to the start, where it is defined."""
     random = np.random.default_rng(11)
     at_start = point(system, start)
@@ -203,7 +203,7 @@ def _asymmetric(matrix: Array) -> bool:
     return bool(np.max(np.abs(matrix - matrix.T), initial=0.0) > 1e-9 * np.max(np.abs(matrix), initial=0.0))
 
 
-def _require_regular(system: System, lagrangian: Callable[..., Any], arguments: tuple[Any, ...]) -> list[str]:
+def _require_regular(system: ReducedFunctions, lagrangian: Callable[..., Any], arguments: tuple[Any, ...]) -> list[str]:
     group, Q, _ = system.places
     xi, n, nu, a = arguments
 
@@ -260,7 +260,7 @@ def _require_regular_links(how: Coupled, at: Callable[..., Any], velocities: np.
     return unsound
 
 
-def require_regular_hamiltonian(system: System, state: State) -> None:
+def require_regular_hamiltonian(system: ReducedFunctions, state: State) -> None:
     """Raise LagrangianError where ∂²ℋ/∂(μ, π)² is singular at (μ, π), or where (ξ, ν) belong to no momenta."""
     z, p = np.concatenate([state.xi, state.nu]), np.concatenate([state.mu, state.pi])
     solved = bool(np.all(np.isfinite(p)))

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
-if TYPE_CHECKING:
-    from coadjoint.mechanics.parameters import Parameters
-    from coadjoint.mechanics.system import System
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
+
+S = TypeVar("S", bound=ReducedFunctions)
 
 
-def replaced(system: System, **values: Any) -> System:
+def replaced(system: S, **values: Any) -> S:
     """A copy of the system with these attributes."""
-    kind = type(system)
+    kind: Any = type(system)
     made = object.__new__(kind)
     for name in kind.__dataclass_fields__:
         object.__setattr__(made, name, values[name] if name in values else getattr(system, name))
     return made
 
 
-def replace_parameters(system: System, parameters: Parameters | None) -> System:
+def replace_parameters(system: S, parameters: Parameters | None) -> S:
     """A copy of the system with these parameters; with None, its static skeleton."""
     return replaced(system, parameters=parameters)

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, added
+from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import traced_once
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.jaxprs import depends
-
-if TYPE_CHECKING:
-    from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.spaces import Space
 
 NEAR_TRIPS, FAR_TRIPS = 6, 100
 """Newton's iterations from momenta that are near, as those of the node where a step starts, and from zero."""
@@ -21,13 +20,23 @@ SOLVED = 1e-9
 """Up to which relative error ∂ℋ = (ξ, ν) counts as solved: the next iteration would meet round-off."""
 
 
+class WithHamiltonian(Protocol):
+    """A system with a reduced Hamiltonian."""
+
+    @property
+    def group(self) -> LieGroup: ...
+    @property
+    def additional(self) -> Space: ...
+    def reduced_hamiltonian(self, mu, n, pi, a, t, inputs, internal) -> Array: ...
+
+
 class Place(NamedTuple):
     """Where the transform is taken: z = (ξ, ν), n, a, t, inputs, internal.
 
     z: (dim G + ambient,). n: (ambient,). a: (dim V*,). t: one number, s.
     """
 
-    system: ReducedFunctions
+    system: WithHamiltonian
     z: Array
     n: Array
     a: Array

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
-    from coadjoint.mechanics.system import System
 
 Quantities = tuple[tuple[str, Callable[..., Any]], ...]
 
@@ -32,7 +32,7 @@ def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None)
     return found
 
 
-def value(system: System, function: Callable[..., Any], state: State) -> Array:
+def value(system: ReducedFunctions, function: Callable[..., Any], state: State) -> Array:
     """function(state), or function(state, p) of two arguments with the system's parameters: one number."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [p for p in inspect.signature(function).parameters.values() if p.kind in kinds and p.default is p.empty]

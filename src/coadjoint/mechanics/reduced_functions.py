@@ -12,15 +12,19 @@ from coadjoint.errors import LagrangianError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import legendre
+from coadjoint.mechanics.forces import Forces
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.signatures import keyword_only
-from coadjoint.mechanics.system_arguments import TRIVIAL
-from coadjoint.spaces import Space
+from coadjoint.mechanics.state import Motion, NodeMotion, Places, State
+from coadjoint.spaces import Space, Trivial
+
+TRIVIAL = Trivial(0)
+"""The space of additional dynamics, or of advected parameters, of a system that has none."""
 
 
 class ReducedFunctions:
-    """ℓ(ξ, n, ν, a), ℋ(μ, n, π, a) and Λ(ξ or F, n, s, a; h) of a system, with its parameters and inputs."""
+    """ℓ(ξ, n, ν, a), ℋ(μ, n, π, a) and Λ(ξ or F, n, s, a; h) of a system, its forces, its parameters and its inputs."""
 
     group: LieGroup
     additional: Space
@@ -29,8 +33,22 @@ class ReducedFunctions:
     hamiltonian: Callable[..., Any] | None
     discrete_lagrangian: Callable[..., Any] | None
     group_lagrangian: Callable[..., Any] | None
+    forces: Forces | None
+    internal: Callable[..., Any] | None
+    name: str
+    verify: bool
     parameters: Parameters | None
     inputs: Inputs | None
+
+    @property
+    def places(self) -> Places:
+        """G, Q and V*."""
+        return Places(self.group, self.additional, self.advected)
+
+    @property
+    def unknowns(self) -> int:
+        """dim G + dim Q, the number of equations of a step."""
+        return self.group.dim + self.additional.dim(self.group)
 
     @property
     def continuous(self) -> bool:
@@ -119,3 +137,43 @@ class ReducedFunctions:
     def inputs_at(self, t, held) -> Any:
         """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
         return held if self.inputs is None else self.inputs.at(t, held)
+
+    def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
+        """The motion that forces and inputs read."""
+        n, nu = (self.additional.view(self.group, x) for x in (n, nu))
+        return Motion(
+            self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
+        )
+
+    def motion_at(self, state: State, inputs: Any = None, h: Any = 0.0) -> NodeMotion:
+        """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
+
+        A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.
+        """
+        s = state
+        motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal)
+        if s.g is None:
+            return motion  # pyright: ignore[reportReturnType]
+        q = self.additional.view(self.group, self.additional.act(self.group, s.g, s.n))
+        return NodeMotion(*motion, g=s.g, q=q, ahead=self.inputs_at(s.t + 0.5 * h, inputs))
+
+    def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
+        """(T, f) of every force of `forces`, in their order, (dim G,) and (ambient,) each."""
+        if self.forces is None:
+            return []
+        arguments = (motion,) if self.parameters is None else (motion, self.parameters)
+        return self.forces.each(self.places, *arguments)
+
+    def body_force(self, motion: Motion) -> tuple[Array, Array]:
+        """(T, f), (dim G,) and (ambient,): the sum of all forces; zero where the system has none."""
+        return added(self, self.body_forces(motion))
+
+
+def added(system: ReducedFunctions, forces: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The sum of forces (T, f), (dim G,) and (ambient,); zero of none."""
+    if not forces:
+        return jnp.zeros(system.group.dim), jnp.zeros(system.additional.ambient(system.group))
+    torque, force = forces[0]
+    for more in forces[1:]:
+        torque, force = torque + more[0], force + more[1]
+    return torque, force

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -24,14 +24,12 @@ from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
 from coadjoint.mechanics.members import count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start_arguments import Checked, checked, checked_element, checked_members
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import in_words, require_scalar
 from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.numbers import float64
-
-if TYPE_CHECKING:
-    from coadjoint.mechanics.system import System
 
 FROM_REST = 25
 """Newton's iterations for the velocities of momenta that are given."""
@@ -44,7 +42,7 @@ _given: ContextVar[bool] = ContextVar("starts are kept as they are given", defau
 class StartGiven:
     """What `System.state` was given, for a state that is to be made later, of several members together."""
 
-    system: System
+    system: ReducedFunctions
     arguments: tuple[Any, ...]
     by_momenta: bool = False
 
@@ -63,7 +61,9 @@ def starts_given(wanted: bool = True) -> Iterator[None]:
         _given.reset(token)
 
 
-def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal, by_momenta: bool = False) -> State:
+def starting_state(
+    system: ReducedFunctions, g, q, xi, qdot, a0, t, inputs, internal, by_momenta: bool = False
+) -> State:
     """The state of `System.state`; with `co.each` among the arguments, of all members with a leading axis.
 
     by_momenta: `xi` and `qdot` are μ and π.
@@ -88,7 +88,7 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal, by_m
     return state
 
 
-def _held(system: System, inputs: Any, internal: Any) -> tuple[Any, Any]:
+def _held(system: ReducedFunctions, inputs: Any, internal: Any) -> tuple[Any, Any]:
     """The inputs and the internal state of a start, checked."""
     if isinstance(inputs, dict):
         require_names(inputs)
@@ -104,7 +104,9 @@ def _held(system: System, inputs: Any, internal: Any) -> tuple[Any, Any]:
     return inputs, internal
 
 
-def _state_of(system: System, values: Checked, inputs: Any, internal: Any, many: bool, by_momenta: bool) -> State:
+def _state_of(
+    system: ReducedFunctions, values: Checked, inputs: Any, internal: Any, many: bool, by_momenta: bool
+) -> State:
     """n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17), and (μ, π) of (ξ, ν) or the other way round; `many` have a leading axis."""
     group, Q, V = system.places
 
@@ -142,7 +144,7 @@ def _state_of(system: System, values: Checked, inputs: Any, internal: Any, many:
             raise LagrangianError(TRACED_OUTSIDE) from error
 
 
-def _require_momenta(system: System, state: State, many: bool, by_momenta: bool) -> None:
+def _require_momenta(system: ReducedFunctions, state: State, many: bool, by_momenta: bool) -> None:
     """Raise where velocities belong to no momentum of ℋ or to several, or momenta to no velocity."""
     if traced(state):
         return
@@ -159,7 +161,7 @@ def _require_momenta(system: System, state: State, many: bool, by_momenta: bool)
         )
 
 
-def of_momenta(system: System, state: State) -> tuple[Any, Any]:
+def of_momenta(system: ReducedFunctions, state: State) -> tuple[Any, Any]:
     """(ξ, ν) of (μ, π): ∂ℋ/∂(μ, π), or Newton's iteration for ∂ℓ/∂(ξ, ν) = (μ, π) from rest; NaN where it fails."""
     Q, group, dim = system.additional, system.group, system.group.dim
     given = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
@@ -186,7 +188,7 @@ def of_momenta(system: System, state: State) -> tuple[Any, Any]:
     return unpack(jnp.where(solved, z, jnp.nan))
 
 
-def _require_one_momentum(system: System, state: State) -> None:
+def _require_one_momentum(system: ReducedFunctions, state: State) -> None:
     """Raise ArgumentError where Newton's iteration from elsewhere finds other momenta with the same velocities."""
     place = Place(system, np.concatenate([state.xi, state.nu]), state.n, state.a, state.t, state.inputs, state.internal)
     if not len(place.z) or quadratic(place):
@@ -209,7 +211,7 @@ def _require_one_momentum(system: System, state: State) -> None:
             )
 
 
-def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any, internal: Any) -> None:
+def _require_lagrangian(system: ReducedFunctions, arguments: tuple[Any, ...], inputs: Any, internal: Any) -> None:
     """Raise unless ℓ, or ℋ, is a number at these arguments; say where it only lacks its inputs."""
     what, function = given(system)
     try:
@@ -223,7 +225,7 @@ def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any,
         raise
 
 
-def momentum_start(system: System, state: State) -> State:
+def momentum_start(system: ReducedFunctions, state: State) -> State:
     """(μ₀, π₀) by the continuous Legendre transform of (ξ, ν), for a state that was given by its velocities."""
     if not state.from_velocities:
         return state
@@ -241,7 +243,7 @@ def momentum_start(system: System, state: State) -> State:
     return state.replace(mu=mu, pi=pi, from_velocities=False)
 
 
-def with_own_momenta(system: System, start: State) -> State:
+def with_own_momenta(system: ReducedFunctions, start: State) -> State:
     """The start with the momenta that it shows, where inputs reach ℓ: those of (ξ, ν) with its own inputs.
 
     Of members, with the parameters of each. system: without the inputs of a run.
@@ -261,7 +263,7 @@ def with_own_momenta(system: System, start: State) -> State:
     return evaluate(jax.vmap(begun, in_axes=(axes, 0)), parameters, start)
 
 
-def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None, internal=None, near=None) -> tuple[Any, Any]:
+def legendre(system: ReducedFunctions, xi, n, nu, a, t=0.0, inputs=None, internal=None, near=None) -> tuple[Any, Any]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian.
 
     near: (μ, π) from which the Legendre transform of ℋ is solved, as in `System.reduced_lagrangian`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -13,11 +13,9 @@ from coadjoint.groups import DirectProduct, LieGroup, Power
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.members import Each, count_members, member_of
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.spaces.numbers import float64, numeric
 from coadjoint.spaces.space import checked_vector
-
-if TYPE_CHECKING:
-    from coadjoint.mechanics.system import System
 
 ON_GROUP = 1e-9
 """How far outside its group an element may be by round-off."""
@@ -40,7 +38,7 @@ class Checked(NamedTuple):
     t: Array
 
 
-def checked(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> Checked:
+def checked(system: ReducedFunctions, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> Checked:
     if by_momenta:
         size = system.additional.ambient(system.group)
         if qdot is not None and size == 0 and np.shape(qdot) != (0,):
@@ -74,7 +72,9 @@ def _of_links(group: LieGroup, xi: Any, name: str) -> Array:
     return checked_vector(xi, group.dim, name)
 
 
-def checked_members(system: System, arguments: tuple[Any, ...], count: int, by_momenta: bool = False) -> Checked:
+def checked_members(
+    system: ReducedFunctions, arguments: tuple[Any, ...], count: int, by_momenta: bool = False
+) -> Checked:
     """All members, stacked; the group elements are checked together, because that is what takes time."""
     group = system.group
     if isinstance(arguments[-1], Each):
@@ -98,7 +98,9 @@ def checked_members(system: System, arguments: tuple[Any, ...], count: int, by_m
     return Checked(elements, *(np.stack([getattr(one, name) for one in rows]) for name in Checked._fields[1:]))
 
 
-def _as_given(system: System, others: list[Any], count: int, first: Checked, last: Checked) -> list[np.ndarray]:
+def _as_given(
+    system: ReducedFunctions, others: list[Any], count: int, first: Checked, last: Checked
+) -> list[np.ndarray]:
     """All arguments but g, stacked as `co.each` has them; empty where one has to look at every member.
 
     co.each holds finite numbers of one shape, of which flat spaces ask no more.
@@ -161,7 +163,7 @@ def _require_inside(group: LieGroup, element: Element) -> None:
     raise ArgumentError(f"Argument `g` must lie in {whole!r}, but{of} {why}; for a rotation, make it by co.attitude.")
 
 
-def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
+def _pair(system: ReducedFunctions, q: Any, qdot: Any) -> tuple[Any, Any]:
     group, Q = system.group, system.additional
     size = Q.ambient(group)
     if size == 0:
@@ -180,7 +182,7 @@ def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
     return point, velocity
 
 
-def _require_tangent(system: System, point: Array, velocity: Array) -> None:
+def _require_tangent(system: ReducedFunctions, point: Array, velocity: Array) -> None:
     """Raise ArgumentError where q̇ leaves T_qQ: E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
     group, Q = system.group, system.additional
     if Q.flat or traced(point, velocity):
@@ -194,7 +196,7 @@ def _require_tangent(system: System, point: Array, velocity: Array) -> None:
         )
 
 
-def _advected(system: System, a0: Any) -> Array:
+def _advected(system: ReducedFunctions, a0: Any) -> Array:
     group, V = system.group, system.advected
     if V.ambient(group) == 0:
         if a0 is not None:

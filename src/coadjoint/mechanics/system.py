@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
@@ -23,13 +21,8 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import starting_state
-from coadjoint.mechanics.state import Force, Motion, NodeMotion, Places, State
-from coadjoint.mechanics.system_arguments import (
-    parameters_from,
-    require_functions,
-    require_plain,
-    space_from,
-)
+from coadjoint.mechanics.state import Force, State
+from coadjoint.mechanics.system_arguments import parameters_from, require_functions, require_plain, space_from
 from coadjoint.portable import Portable
 from coadjoint.spaces import Space
 from coadjoint.spaces.axioms import require_own_forms
@@ -161,19 +154,9 @@ class System(ReducedFunctions, Portable):
         require_functions(self)
 
     @property
-    def places(self) -> Places:
-        """G, Q and V*."""
-        return Places(self.group, self.additional, self.advected)
-
-    @property
     def invariance(self) -> Invariance:
         """ "left", or "right" of a right-invariant system, whose `group` is the opposite of the group it was given."""
         return "right" if is_right(self.places) else "left"
-
-    @property
-    def unknowns(self) -> int:
-        """dim G + dim Q, the number of equations of a step."""
-        return self.group.dim + self.additional.dim(self.group)
 
     def replace(self, **values: Any) -> System:
         """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`.
@@ -200,36 +183,6 @@ class System(ReducedFunctions, Portable):
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
         """A copy whose runs observe more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
         return replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
-
-    def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
-        """The motion that forces and inputs read."""
-        n, nu = (self.additional.view(self.group, x) for x in (n, nu))
-        return Motion(
-            self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
-        )
-
-    def motion_at(self, state: State, inputs: Any = None, h: Any = 0.0) -> NodeMotion:
-        """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
-
-        A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.
-        """
-        s = state
-        motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal)
-        if s.g is None:
-            return motion  # pyright: ignore[reportReturnType]
-        q = self.additional.view(self.group, self.additional.act(self.group, s.g, s.n))
-        return NodeMotion(*motion, g=s.g, q=q, ahead=self.inputs_at(s.t + 0.5 * h, inputs))
-
-    def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
-        """(T, f) of every force of `forces`, in their order, (dim G,) and (ambient,) each."""
-        if self.forces is None:
-            return []
-        arguments = (motion,) if self.parameters is None else (motion, self.parameters)
-        return self.forces.each(self.places, *arguments)
-
-    def body_force(self, motion: Motion) -> tuple[Array, Array]:
-        """(T, f), (dim G,) and (ambient,): the sum of all forces; zero where the system has none."""
-        return added(self, self.body_forces(motion))
 
     @deferred_interrupts()
     def state(
@@ -290,13 +243,3 @@ jax.tree_util.register_pytree_node(
     lambda system: ((system.parameters,), replace_parameters(system, None)),
     lambda skeleton, leaves: replace_parameters(skeleton, *leaves),
 )
-
-
-def added(system: System, forces: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """The sum of forces (T, f), (dim G,) and (ambient,); zero of none."""
-    if not forces:
-        return jnp.zeros(system.group.dim), jnp.zeros(system.additional.ambient(system.group))
-    torque, force = forces[0]
-    for more in forces[1:]:
-        torque, force = torque + more[0], force + more[1]
-    return torque, force

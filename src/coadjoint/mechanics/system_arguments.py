@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.reduced_functions import TRIVIAL, ReducedFunctions
 from coadjoint.mechanics.signatures import require_signature
-from coadjoint.spaces import Several, Space, Trivial
+from coadjoint.spaces import Several, Space
 from coadjoint.spaces.named import require_names
-
-if TYPE_CHECKING:
-    from coadjoint.mechanics.system import System
-
-TRIVIAL = Trivial(0)
-"""The space of additional dynamics, or of advected parameters, of a system that has none."""
 
 
 def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
@@ -53,7 +48,7 @@ def require_plain(name: object, units: object, verify: object) -> None:
         raise ArgumentError(f"Argument `verify` must be True or False, but is {shown(verify)}.")
 
 
-def require_functions(system: System) -> None:
+def require_functions(system: ReducedFunctions) -> None:
     """Raise LagrangianError unless a system has ℓ, ℋ or Λ, and its functions take what they are called with."""
     if not system.continuous and system.discrete_lagrangian is None and system.group_lagrangian is None:
         raise LagrangianError(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +17,6 @@ from coadjoint.mechanics.state import State
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
-    from coadjoint.methods.step import Step
 
 _log = logger(__name__)
 APART = 1e-9
@@ -26,8 +26,10 @@ REACHES = (1.0, 1e-3)
 """Of the random points, the second where derivatives at the first are no numbers."""
 
 
-def require_coupling(system: System, step: Step, state: State, how: Coupled) -> None:
-    """Raise ArgumentError where an equation of the step has unknowns of a link that it is not paired with.
+def require_coupling(system: System, equations: Callable[..., Any], state: State, how: Coupled) -> None:
+    """Raise ArgumentError where an equation of a step has unknowns of a link that it is not paired with.
+
+    equations: the residual of the step, a function of (system, state, h, z).
 
     At a random configuration and velocity about the state, J v of a random v is compared with that of the blocks, each
     equation by its own size. Where there are no derivatives that are numbers, a warning says that nothing was checked.
@@ -43,7 +45,7 @@ def require_coupling(system: System, step: Step, state: State, how: Coupled) -> 
         g = system.group.exp(eta)
         back = system.group.inverse(g)
         here = state.replace(a=system.advected.act(system.group, back, state.a), memory=None)
-        return step.residual(system, here, h, z)
+        return equations(system, here, h, z)
 
     def compared(eta, z, v):
         along = jnp.concatenate([how.seeds(), v[None]])

@@ -14,8 +14,9 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.continuous import energy
 from coadjoint.mechanics.discrete import power
+from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import Motion, State
-from coadjoint.mechanics.system import System, added
+from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Halved
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.quadrature import gauss

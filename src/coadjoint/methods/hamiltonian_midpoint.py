@@ -11,8 +11,9 @@ import jax.numpy as jnp
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, power
+from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, added
+from coadjoint.mechanics.system import System
 from coadjoint.methods.midpoint import Midpoint
 
 

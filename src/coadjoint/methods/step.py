@@ -85,7 +85,7 @@ class Step(ABC):
         how = self.structure(system)
         if not isinstance(how, Coupled):
             return state
-        require_coupling(system, self, state, how)
+        require_coupling(system, self.residual, state, how)
         return state if how.native else self.remember_by_xla(system, state)
 
     def remember_by_xla(self, system: System, state: State) -> State:

@@ -115,7 +115,7 @@ def _carried_on(
 
 def finished(claim: Claim) -> Written:
     """What a folder holds that is complete; raises FileError where any of its files is not what was written."""
-    from coadjoint.simulation.recording import load
+    from coadjoint.simulation.saved import load
 
     if damaged := next(claim.manifest.problems(), None):
         raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the run again.")

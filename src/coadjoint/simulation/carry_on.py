@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, TypeVar
 
 from coadjoint.errors import StepError
 from coadjoint.interrupts import forget, look
@@ -11,29 +11,28 @@ from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger
 from coadjoint.mechanics.internal_state import failure
-from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
 from coadjoint.simulation.accuracy.sample import Sampler
-from coadjoint.simulation.driver import Driver, Sink
-from coadjoint.simulation.energy_warnings import driven, energy_warnings, members_driven
-from coadjoint.simulation.ensemble import (
-    Ensemble,
-)
+from coadjoint.simulation.certificate import fixed_steps
+from coadjoint.simulation.dense import not_finite, part_of_step
+from coadjoint.simulation.driver import Driver
+from coadjoint.simulation.energy_budget import driven, energy_warnings, gap, members_driven
 from coadjoint.simulation.ensemble_driver import EnsembleDriver
 from coadjoint.simulation.ensemble_events import EnsembleEvents
 from coadjoint.simulation.event_driver import EventDriver
-from coadjoint.simulation.events import not_finite, part_of_step
 from coadjoint.simulation.interrupts import interrupted
-from coadjoint.simulation.run import Run
-from coadjoint.simulation.step_sizes import fixed_steps
+from coadjoint.simulation.plan import Sink
+from coadjoint.simulation.result import Result
 
 _log = logger(__name__)
+
+R = TypeVar("R", bound=Result)
 
 HALVINGS = 20
 """How often dt is halved in search of a step that is solved where dt failed."""
 
 
-def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy: bool = True) -> Run | Ensemble:
+def carry_on(run: R, progress: bool | None, began: float, accuracy: bool = True) -> R:
     """Drive a run from where it stands to its end; raises StepError at a step that fails, save in an ensemble."""
     ended = run.position.ended
     complete = run.memory.complete
@@ -50,13 +49,13 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         if not ended:
             run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
         run.warnings += accuracy_warnings(run)
-        if isinstance(run, Ensemble):
+        if run.members is not None:
             run.warnings += members_driven(run) if run.count else []
         elif run.position.failed:
             before_it = driven(run) if run.count else []
             run.warnings += before_it
         else:
-            run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
+            run.warnings += energy_warnings(run) + gap(run) + fixed_steps(run)
         look()
         if not complete:
             sink.finish(run.position)
@@ -68,24 +67,24 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         raise interrupted(run, loop, sink) from None
     finally:
         sink.release()
-    if not isinstance(run, Ensemble) and run.position.failed:
+    if run.position.failed:
         raise StepError(" ".join([_sentence(run), *before_it]), run)
     return run
 
 
-def driver(run: Run | Ensemble, sink: Sink, progress: bool | None) -> Any:
+def driver(run: Result, sink: Sink, progress: bool | None) -> Any:
     """What drives a run, its records into a sink."""
     plan, how = run.plan, (progress, run.title)
-    if isinstance(run, Ensemble):
+    if run.members is not None:
         if plan.events:
-            return EnsembleEvents(plan, run.axes, sink, *how, run.crossed, run.ended)
-        return EnsembleDriver(plan, run.axes, sink, *how)
+            return EnsembleEvents(plan, sink, *how, run.crossed, run.ended)
+        return EnsembleDriver(plan, sink, *how)
     if plan.events:
         return EventDriver(plan, sink, *how, run.crossed)
     return Driver(plan, sink, *how)
 
 
-def _solved(run: Run) -> str:
+def _solved(run: Result) -> str:
     """The longest of dt/2, dt/4, … that is solved where dt failed, as words; none where none is, Newton solves, or the
     internal state has no course without the whole step."""
     fixed = all(isinstance(stage.structure, FixedPoint) for stage in run.plan.program.stages)
@@ -96,25 +95,25 @@ def _solved(run: Run) -> str:
         for halvings in range(1, HALVINGS + 1):
             fraction = 0.5**halvings
             if not part_of_step(run.plan, state, fraction, monitors=True).code:
-                return f", and a step of {fraction * run.dt:.6g} s is solved there"
+                return f", and a step of {fraction * run.plan.h:.6g} s is solved there"
     except (Exception, KeyboardInterrupt):  # the sentence of what failed is what counts
         forget()
     return ""
 
 
-def _sentence(run: Run) -> str:
+def _sentence(run: Result) -> str:
     """What happened, where, and the remedy."""
     index, code = run.good_steps, run.position.code
     unsolved, beyond = run.method.remedies
-    where = f"Step {index} of {run.steps} (t = {float(run.position.state.t):.6g} s)"
+    where = f"Step {index} of {run.plan.steps} (t = {float(run.position.state.t):.6g} s)"
     if code is Code.NOT_CONVERGED:
         many = run.plan.program.stages[0].structure.limit
-        return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}{_solved(run)}."
+        return f"{where} did not converge in {many} with dt = {run.plan.h:g}; {unsolved}{_solved(run)}."
     if code is Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}."
     if reason := not_finite(run.plan, run.position.state):
         return f"{where}: {reason}"
-    if reason := failure(run.system, float(run.position.state.t), run.dt):
+    if reason := failure(run.system, float(run.position.state.t), run.plan.h):
         return f"{where}: {reason}"
     energy = "Lagrangian" if run.system.hamiltonian is None else "Hamiltonian"
     return (

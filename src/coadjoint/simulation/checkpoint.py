@@ -18,8 +18,7 @@ from coadjoint.errors import FileError
 from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.driver import Position
-from coadjoint.simulation.ensemble_driver import MembersPosition
+from coadjoint.simulation.plan import MembersPosition, Position
 
 Arrays = Mapping[str, np.ndarray]
 AnyPosition = Position | MembersPosition

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -17,16 +17,11 @@ from coadjoint.mechanics.invariance import group_of, is_right
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.simulation.card import accuracy_numbers
-from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes
+from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes, times
 from coadjoint.simulation.monitors import watched
-from coadjoint.simulation.step_sizes import times
+from coadjoint.simulation.result import Result
 from coadjoint.simulation.watched import Monitor
 from coadjoint.spaces import Space
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
 
 _MEANINGS = {
     "n": "n = g⁻¹q, body frame",
@@ -83,20 +78,29 @@ def reserved(system: System) -> set[str]:
 Variables = dict[str, tuple[tuple[str, ...], Any]]
 
 
-def dataset(run: Run) -> xarray.Dataset:
-    """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`."""
+def dataset(run: Result) -> xarray.Dataset:
+    """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`.
+
+    Those of an ensemble have a dimension `member` in front, and are NaN where a member has failed.
+    """
+    records, derive, lead = run.records, derivation(run.plan.program), () if run.members is None else ("member",)
+    if run.members is None:
+        found = variables(run.system, records, run.monitors, partial(derive, run.system.parameters))
+    else:
+        found = member_variables(run.system, records, run.monitors, derive, members_of(records, 0))
     made = xarray.Dataset(
-        variables(run.system, run.records, run.monitors, partial(derivation(run), run.system.parameters)),
+        {name: ((*lead, *dims), values) for name, (dims, values) in found.items()},
         coords={
-            "time": times(run.plan.program, run.start, run.dt, run.steps_saved, run.records),
+            "time": times(run.plan.program, run.start, run.plan.h, run.steps_saved, records),
             "step": ("time", run.steps_saved),
+            **member_coordinates(run),
         },
         attrs=attributes(run),
     )
     return labelled(made, meanings(made, run.system))
 
 
-def outline(run: Run | Ensemble) -> xarray.Dataset:
+def outline(run: Result) -> xarray.Dataset:
     """The variables that a run will have, of its first record, with monitors of 0; of an ensemble those of a member.
 
     They are of the parameters of all members, as its dataset is: what is reported of one of them may be unknown of all.
@@ -105,33 +109,20 @@ def outline(run: Run | Ensemble) -> xarray.Dataset:
     monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
     observed = {one.name: np.zeros(1) for made in monitors for one in made.watched}
     records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
-    derive = partial(derivation(run), run.system.parameters)
+    derive = partial(derivation(run.plan.program), run.system.parameters)
     return xarray.Dataset(variables(run.system, records, observed, derive), attrs={"system": run.system.name})
 
 
-def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:
-    """The records of an ensemble, as `dataset` with a dimension `member`; NaN where a member has failed."""
-    records, monitors = ensemble.records, ensemble.monitors
-    found = member_variables(ensemble.system, records, monitors, derivation(ensemble), members_of(records, 0))
-    made = xarray.Dataset(
-        {name: (("member", *dims), values) for name, (dims, values) in found.items()},
-        coords={
-            "time": ensemble.plan.h * ensemble.steps_saved + np.ravel(ensemble.start.t)[0],
-            "step": ("time", ensemble.steps_saved),
-            **member_coordinates(ensemble.steps_done, ensemble.codes),
-        },
-        attrs=ensemble_attributes(ensemble),
-    )
-    return labelled(made, meanings(made, ensemble.system))
+def member_coordinates(run: Result) -> dict[str, Any]:
+    """The number of each member, how many good steps it did, and how its last one ended; none of a single run."""
+    if run.members is None:
+        return {}
+    return coordinates_of(run.position.steps_done, run.position.codes)
 
 
-def member_coordinates(steps_done: np.ndarray, codes: np.ndarray) -> dict[str, Any]:
-    """The number of each member, how many good steps it did, and how its last one ended."""
-    return {
-        "member": np.arange(len(codes)),
-        "steps_done": ("member", steps_done),
-        "code": ("member", codes),
-    }
+def coordinates_of(steps_done: np.ndarray, codes: np.ndarray) -> dict[str, Any]:
+    """Those of members by these, (members,) each."""
+    return {"member": np.arange(len(codes)), "steps_done": ("member", steps_done), "code": ("member", codes)}
 
 
 def member_variables(
@@ -267,29 +258,16 @@ def _parts(space: Space, group: Any, name: str, values: np.ndarray) -> dict[str,
     return {part: (("time", dims[part]), values[..., span]) for part, span in parts.items()}
 
 
-def attributes(run: Run) -> dict[str, Any]:
+def attributes(run: Result) -> dict[str, Any]:
     """The certificate of a run as the attributes of its dataset."""
     found = {key: value for key, value in run.summary().items() if value is not None}
     found |= {f"events_{name}": count for name, count in found.pop("events", {}).items()}
-    lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in run.extrema.items()}
-    highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in run.extrema.items()}
+    limits = {} if run.members is not None else run.extrema
+    lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in limits.items()}
+    highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in limits.items()}
     return {**_place(run.system), "card": str(run), **found, **lows, **highs}
 
 
 def _place(system: System) -> dict[str, str]:
     """The group, and "right" where a system is right-invariant."""
     return {"group": repr(group_of(system.places)), **({"invariance": "right"} if is_right(system.places) else {})}
-
-
-def ensemble_attributes(ensemble: Ensemble) -> dict[str, Any]:
-    """The certificate of an ensemble as the attributes of its dataset."""
-    return {
-        **_place(ensemble.system),
-        "system": ensemble.system.name,
-        "method": ensemble.method.title,
-        "dt": ensemble.plan.h,
-        "card": str(ensemble),
-        "seconds": ensemble.seconds,
-        "set_up_seconds": ensemble.set_up_seconds,
-        **accuracy_numbers(ensemble.accuracy),
-    }

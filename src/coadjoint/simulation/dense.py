@@ -1,18 +1,94 @@
-"""The motion between saved nodes."""
+"""The motion within a step, and between saved nodes, by parts of the method's own steps."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.internal_state import later_in, part_of
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.events import as_held, holding, part_of_step, sound
+from coadjoint.methods.program import ALL_HELD, EVENTS
+from coadjoint.simulation.plan import Plan
 from coadjoint.spaces.numbers import float64
+
+
+def not_finite(plan: Plan, state: State) -> str | None:
+    """Which event has no value at a state, in a sentence; None where all have one."""
+    for name, event in plan.events:
+        if not np.isfinite(evaluate(event.function, state)):
+            return f"the function `{name}` is not finite there: give one that is, wherever the motion goes."
+    return None
+
+
+def part_of_step(plan: Plan, state: State, fraction: float, monitors: bool = False) -> Chunk:
+    """A step of fraction·h from a state, by the method itself.
+
+    The internal state goes on along the course that it has over the whole step.
+    """
+    watches = monitors and plan.watches
+    if fraction != 1.0 and state.internal_due is not None:
+        if np.any(state.internal_due):
+            whole = kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, 1, watches)
+            if whole.code:
+                return whole
+            state = taking_course(state, jax.tree.map(lambda leaf: leaf[0], whole.records)).replace(internal_due=0.0)
+        state = part_of(state, fraction)
+    return kernels.run(plan.backend, plan.program, plan.constants, state, fraction * plan.h, 1, 1, watches)
+
+
+def sound(chunk: Chunk) -> Chunk:
+    """The chunk itself; raises StepError where its step failed."""
+    if chunk.code:
+        what = chunk.code.name.lower().replace("_", " ")
+        raise StepError(f"A step to a time between two nodes failed ({what}): take a smaller dt.")
+    return chunk
+
+
+def as_held(plan: Plan) -> Plan:
+    """The plan of steps that take the inputs in the state: a record holds those of its step, and its velocities."""
+    inputs = plan.program.skeleton.inputs
+    return plan if inputs is None or not inputs.holds else holding(plan)
+
+
+def holding(plan: Plan) -> Plan:
+    """The plan of steps that take inputs and internal state as they are, by the same program."""
+    held = None if plan.constants.renewal is None else ALL_HELD
+    return replace(plan, constants=replace(plan.constants, renewal=held))
+
+
+def taking_course(state: State, of: State) -> State:
+    """The state with the internal state of another one, at t and over the step from there."""
+    return state.with_course(of.internal, of.internal_mean, of.internal_end, state.internal_due)
+
+
+class DenseStep:
+    """The records within a step from a record: Φ_{θh}, with the unknowns of the whole step that starts there.
+
+    The method's own step of part θ leads there: momenta are as exact as at the nodes, the state is on the group, and
+    all is continuous with both nodes. Inputs are held over the step; an internal state goes on along its course.
+    Raises StepError where such a step cannot be solved.
+    """
+
+    def __init__(self, plan: Plan, record: State):
+        self.record, self.held = record, as_held(plan)
+        self.opening = plan if plan.program.skeleton.internal is None else holding(plan)
+
+    def __call__(self, fraction: float) -> tuple[State, np.ndarray]:
+        """The record after a part of the step, and the values of all events at it."""
+        state = self.record
+        if fraction:
+            state = sound(part_of_step(self.held, state, fraction, monitors=True)).final
+            state = taking_course(state, later_in(self.record, fraction))
+        chunk = sound(part_of_step(self.opening if fraction else self.held, state, 1.0, monitors=True))
+        return jax.tree.map(lambda leaf: leaf[0], chunk.records), chunk.monitors[EVENTS][0]
+
 
 SLACK = 1e-9
 """The part of a step that is round-off of the time."""

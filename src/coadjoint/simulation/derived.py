@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -16,10 +16,7 @@ from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.members import Each, member_of
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
+from coadjoint.methods.program import StepProgram
 
 BATCH = 1024
 """Records that are looked at together. Always this many, so that no value depends on which others were."""
@@ -80,9 +77,8 @@ class Derivation:
         return jax.vmap(one)(records, own)
 
 
-def derivation(run: Run | Ensemble) -> Derivation:
-    """That of a run's system; what was traced is kept for further runs of the same functions."""
-    program = run.plan.program
+def derivation(program: StepProgram) -> Derivation:
+    """That of a program's system; what was traced is kept for further runs of the same functions."""
     return _kept(program.skeleton, program.version)
 
 
@@ -140,3 +136,10 @@ def _split(parameters: Any, members: np.ndarray | None) -> tuple[Any, dict[int, 
 
 def _is_missing(leaf: Any) -> bool:
     return leaf is None
+
+
+def times(program: StepProgram, start: State, h: float, steps: np.ndarray, records: State) -> np.ndarray:
+    """The times of records, s: those of the grid, or where a variable method or an event has led to."""
+    if np.ndim(records.t) == 1 and (program.method.variable or program.events):
+        return np.asarray(records.t)
+    return np.ravel(start.t)[0] + h * steps

@@ -2,148 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from coadjoint.kernels.chunk import Chunk
-from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend as kernels
-from coadjoint.kernels.run import xla
-from coadjoint.kernels.run.backend import Backend
 from coadjoint.mechanics.state import State
-from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.plan import Plan, Position, Sink
 from coadjoint.simulation.progress import Progress, compiling
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.events import Event
-
-Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 
 PATIENCE = 0.25
 """Seconds between two updates of progress: what chunks are sized for."""
-
-CAPACITY = 8192
-"""The most records of a chunk by machine code, so that what a call costs is lost among them."""
-
-
-@dataclass
-class Position:
-    """Where a run stands: all that going on from here needs, and the certificate so far.
-
-    `state` is the state after `steps` good steps; `extrema` are (minimum, maximum) of the monitors and certificates
-    over those steps, `iterations` Newton's; `code`: how the last step ended; `event` when an event ended the run;
-    `complete` that the last node has been recorded too.
-    """
-
-    state: State
-    steps: int = 0
-    iterations: int = 0
-    iterations_max: int = 0
-    seconds: float = 0.0
-    extrema: Extrema = field(default_factory=dict)
-    code: Code = Code.CONVERGED
-    event: float | None = None
-    complete: bool = False
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing more will come."""
-        return self.complete or self.failed
-
-    @property
-    def failed(self) -> bool:
-        """Whether a step failed."""
-        return self.code is not Code.CONVERGED
-
-    def advance(self, chunk: Chunk) -> None:
-        """Move to the end of a chunk, at once: an interrupt finds it before the chunk or behind it."""
-        vars(self).update(
-            state=chunk.final,
-            steps=self.steps + chunk.steps,
-            code=chunk.code,
-            iterations=self.iterations + chunk.iterations,
-            iterations_max=max(self.iterations_max, chunk.iterations_max),
-            extrema=self._widened(chunk),
-        )
-
-    def watch(self, chunk: Chunk) -> None:
-        """Widen the extrema by those of a chunk."""
-        self.extrema = self._widened(chunk)
-
-    def _widened(self, chunk: Chunk) -> Extrema:
-        return widened(self.extrema, chunk.extrema) if chunk.steps else self.extrema
-
-
-def widened(before: Extrema, now: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Extrema:
-    """Extrema over two stretches of a run."""
-    both = {name: (before.get(name, limits), limits) for name, limits in now.items()}
-    return {**before, **{name: (np.minimum(a[0], b[0]), np.maximum(a[1], b[1])) for name, (a, b) in both.items()}}
-
-
-class Sink(Protocol):
-    """Where records go; `seconds` is the time that this took."""
-
-    @property
-    def seconds(self) -> float: ...
-
-    @property
-    def length(self) -> int:
-        """How many nodes of an ensemble it takes at once."""
-        ...
-
-    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
-        """Take the records at these step indices, with one row of every monitor each."""
-        ...
-
-    def checkpoint(self, position: Any) -> None:
-        """All records up to `position` have been appended: make sure that a run can go on from there."""
-        ...
-
-    def finish(self, position: Any, complete: bool = True) -> None:
-        """Make sure of all records up to `position`; `complete` where the run has ended and is judged."""
-        ...
-
-    def release(self) -> None:
-        """Nothing more will come."""
-        ...
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is run: a program from a start, over a grid."""
-
-    backend: Backend
-    program: StepProgram
-    constants: Constants
-    h: float
-    steps: int
-    save_every: int
-    monitors: bool
-    events: tuple[tuple[str, Event], ...] = ()
-    """Names and events that are monitored; with `until` the first of them ends the run."""
-    until: bool = False
-
-    @property
-    def solution(self) -> str:
-        """How XLA solves the equations of a step, in words; empty for machine code, which is Newton's method."""
-        if self.backend == "native":
-            return ""
-        return "by XLA, " + "; ".join(dict.fromkeys(stage.structure.words for stage in self.program.stages))
-
-    def capacity(self, state: State) -> int:
-        """The most records of a chunk from such a state."""
-        return CAPACITY if self.backend == "native" else xla.capacity(state)
-
-    @property
-    def watches(self) -> bool:
-        """Whether a kernel is to compute what is observed: monitors, or the values of events."""
-        return self.monitors or bool(self.events)
 
 
 class Driver:
@@ -218,40 +88,3 @@ class Driver:
 
     def _last(self, position: Position) -> Chunk:
         return self._run(position.state, 1, 1)
-
-
-class Memory:
-    """A sink that keeps everything."""
-
-    seconds = 0.0
-    length = sys.maxsize
-    complete = False
-    sampled: Mapping[str, np.ndarray] = MappingProxyType({})
-    last: State | None = None
-
-    def __init__(self) -> None:
-        self.sample: Callable[[], Mapping[str, np.ndarray]] = dict
-        self.steps: list[np.ndarray] = []
-        self.records: list[State] = []
-        self.monitors: list[Mapping[str, np.ndarray]] = []
-
-    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
-        self.steps.append(steps)
-        self.records.append(records)
-        self.monitors.append(monitors)
-
-    def cut(self, step: int) -> None:
-        """Forget what came from a step on, and what an interrupt has left by halves."""
-        good = min(len(self.steps), len(self.records), len(self.monitors))
-        good = sum(bool(steps[0] < step) for steps in self.steps[:good])
-        for rows in (self.steps, self.records, self.monitors):
-            del rows[good:]
-
-    def checkpoint(self, position: Any) -> None:
-        pass
-
-    def finish(self, position: Any, complete: bool = True) -> None:
-        pass
-
-    def release(self) -> None:
-        pass

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Self
 
 import jax
 import numpy as np
@@ -15,74 +13,25 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import xla
 from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.driver import PATIENCE, Extrema, Plan, Sink, widened
+from coadjoint.simulation.driver import PATIENCE
+from coadjoint.simulation.plan import MembersPosition, Plan, Sink
 from coadjoint.simulation.progress import Progress, compiling
 
 LONGEST = 5.0
 """Seconds of a part of a block at most: what an interrupt may cost."""
 
 
-@dataclass
-class MembersPosition:
-    """Where an ensemble stands: as `Position`, with an axis of members in all but `steps`, the grid's.
-
-    A member that failed keeps the state before its bad step, with how far it came in `steps_done` and why it stopped
-    in `codes`.
-    """
-
-    state: State
-    steps_done: np.ndarray
-    codes: np.ndarray
-    iterations: np.ndarray
-    iterations_max: np.ndarray
-    steps: int = 0
-    seconds: float = 0.0
-    extrema: Extrema = field(default_factory=dict)
-    complete: bool = False
-    event: np.ndarray | None = None
-    """When an event ended each member, NaN where none has; None where none may."""
-
-    @classmethod
-    def at_start(cls, states: State, count: int) -> Self:
-        """No step done."""
-        nothing = np.zeros(count, dtype=int)
-        return cls(states, nothing, nothing, nothing, nothing)
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing more will come."""
-        return self.complete
-
-    def advance(self, chunk: EnsembleChunk, steps: int) -> None:
-        """Move by `steps` steps to the end of a chunk; a member that failed stays where it was."""
-        good = self.codes == 0
-        vars(self).update(
-            state=chunk.final,
-            steps=self.steps + steps,
-            steps_done=self.steps_done + np.where(good, chunk.steps, 0),
-            iterations=self.iterations + np.where(good, chunk.iterations, 0),
-            iterations_max=np.maximum(self.iterations_max, chunk.iterations_max),
-            codes=np.where(good, chunk.code, self.codes),
-            extrema=widened(self.extrema, chunk.extrema),
-        )
-
-    def watch(self, chunk: EnsembleChunk) -> None:
-        """Take over the failures of a chunk, and widen the extrema by its own."""
-        codes, extrema = np.where(self.codes == 0, chunk.code, self.codes), widened(self.extrema, chunk.extrema)
-        vars(self).update(codes=codes, extrema=extrema)
-
-
 class EnsembleDriver:
     """Runs all members from a position to the end of the plan, each to its own first bad step."""
 
-    def __init__(self, plan: Plan, axes: Any, sink: Sink, progress: bool | None, title: str):
-        self.plan, self.axes, self.sink, self.progress, self.title = plan, axes, sink, progress, title
+    def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
+        self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
         self.taking = False
         """Whether a sink is taking up records."""
 
     def _run(self, state: State, records: int, every: int) -> EnsembleChunk:
         arguments = (self.plan.program, self.plan.constants, state, self.plan.h, records, every, self.plan.watches)
-        return kernels.run_ensemble(self.plan.backend, *arguments, axes=(self.axes, True))
+        return kernels.run_ensemble(self.plan.backend, *arguments, axes=(self.plan.axes, True))
 
     def drive(self, position: MembersPosition) -> None:
         """Move all members to the end of the plan."""

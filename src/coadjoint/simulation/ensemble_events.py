@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import jax
 import numpy as np
@@ -13,10 +12,10 @@ from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.crossings import AHEAD, from_zero
-from coadjoint.simulation.driver import PATIENCE, Plan, Sink
-from coadjoint.simulation.ensemble import member_constants
-from coadjoint.simulation.ensemble_driver import EnsembleDriver, MembersPosition, nodes_first
+from coadjoint.simulation.driver import PATIENCE
+from coadjoint.simulation.ensemble_driver import EnsembleDriver, nodes_first
 from coadjoint.simulation.event_driver import Found, found_in, up_to
+from coadjoint.simulation.plan import MembersPosition, Plan, Sink
 
 Crossed = dict[str, list[list[State]]]
 
@@ -29,10 +28,10 @@ class EnsembleEvents(EnsembleDriver):
     """
 
     def __init__(
-        self, plan: Plan, axes: Any, sink: Sink, progress: bool | None, title: str, crossed: Crossed,
+        self, plan: Plan, sink: Sink, progress: bool | None, title: str, crossed: Crossed,
         ended: dict[int, State],
     ):  # fmt: skip
-        super().__init__(plan, axes, sink, progress, title)
+        super().__init__(plan, sink, progress, title)
         self.crossed, self.ended = crossed, ended
 
     def drive(self, position: MembersPosition) -> None:
@@ -83,8 +82,7 @@ class EnsembleEvents(EnsembleDriver):
 
     def _look(self, index: int, chunk: EnsembleChunk, values: np.ndarray) -> Found | None:
         """Take up the events of a member; the one that ends it."""
-        constants = member_constants(self.plan.constants, self.axes, index)
-        plan = replace(self.plan, constants=constants)
+        plan = replace(self.plan, constants=self.plan.constants_of(index))
         records = jax.tree.map(lambda leaf: leaf[index, : chunk.rows[index]], chunk.records)
         end = next(found_in(plan, records, values, 0), None) if plan.until else None
         for k, (name, _) in enumerate(plan.events):

@@ -14,8 +14,10 @@ from coadjoint.kernels.chunk import Chunk
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.crossings import AHEAD, candidates, crossings, from_zero
-from coadjoint.simulation.driver import PATIENCE, Driver, Plan, Position
-from coadjoint.simulation.events import DenseStep, Event, part_of_step
+from coadjoint.simulation.dense import DenseStep, part_of_step
+from coadjoint.simulation.driver import PATIENCE, Driver
+from coadjoint.simulation.events import Event
+from coadjoint.simulation.plan import Plan, Position
 
 
 class Found(NamedTuple):

@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.methods.program import Constants
-from coadjoint.simulation.driver import Plan
+from coadjoint.simulation.plan import Plan
 
 TRACING = "2"
 """How equations are traced for a fingerprint: those of other numbers cannot be compared."""

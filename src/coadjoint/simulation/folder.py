@@ -11,14 +11,13 @@ from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.simulation.checkpoint import packed
-from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.lock import LOCK, Lock
 from coadjoint.simulation.reading import CHECKPOINTS, CONFIGURATION, require_run
-from coadjoint.simulation.run import Run
+from coadjoint.simulation.result import Result
 from coadjoint.simulation.store import Store
 
 
-def create(path: Path, run: Run | Ensemble, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
+def create(path: Path, run: Result, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
     """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
 
     Until then it has a hidden name; what a process that was killed left under this name is made anew.

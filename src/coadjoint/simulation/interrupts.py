@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from coadjoint.errors import Interrupted
-from coadjoint.simulation.driver import Memory, Sink
+from coadjoint.simulation.plan import Memory, Sink
 
 
 class Loop(Protocol):

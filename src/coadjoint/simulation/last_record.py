@@ -16,25 +16,23 @@ from coadjoint.mechanics.invariance import in_words
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
-from coadjoint.simulation.formats import LAST_RECORD
+from coadjoint.simulation.recording import LAST_RECORD
 from coadjoint.spaces.named import Named
 
 if TYPE_CHECKING:
     import xarray
 
-    from coadjoint.simulation.run import Run
-
 _VECTORS = ("n", "nu", "pi", "a", "mu", "xi")
 _FREE = ("inputs", "internal", "internal_mean", "internal_end")
 
 
-def written(run: Run) -> dict[str, Any]:
+def written(record: State, system: System) -> dict[str, Any]:
     """The last record, without what a method remembers, and the parameters of the run.
 
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
     """
-    last = run.last_record.replace(memory=None, ledger=None)
-    return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, run.system.parameters), strict=True)}
+    last = record.replace(memory=None, ledger=None)
+    return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, system.parameters), strict=True)}
 
 
 def _row(name: str, tree: Any) -> tuple[str, np.ndarray, dict[str, str]]:

@@ -30,27 +30,12 @@ from coadjoint.simulation import known
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.arguments import require_kinds, require_quantities
 from coadjoint.simulation.backwards import require_forward
-from coadjoint.simulation.card import card as run_card
-from coadjoint.simulation.card import certificate, ensemble_card
-from coadjoint.simulation.driver import Memory, Plan, Position
-from coadjoint.simulation.ensemble import (
-    Ensemble,
-    begin_members,
-    count_of,
-    first_member,
-    require_one_time,
-    with_own_directions,
-)
-from coadjoint.simulation.ensemble_driver import MembersPosition
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
-from coadjoint.simulation.finished import Shown
 from coadjoint.simulation.inputs import inputs_held, with_inputs
-from coadjoint.simulation.run import Run
+from coadjoint.simulation.members import begin_members, count_of, first_member, require_one_time, with_own_directions
+from coadjoint.simulation.plan import MembersPosition, Memory, Plan, Position
+from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.without_g import needs_g
-
-ALONE = Shown(run_card, certificate)
-TOGETHER = Shown(ensemble_card)
-"""How runs and ensembles are told."""
 
 MOST_DIRECTIONS = 500
 """The most dimensions of a group of which all spatial momenta are observed at every step."""
@@ -90,7 +75,7 @@ def prepare(
     state = method.begin_by_xla(system, state) if chosen == "xla" else state
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
-    return Run(system, method, start, plan, Position(state), Memory(), warnings, ALONE, crossed=crossed)
+    return Run(system, method, start, plan, Position(state), Memory(), warnings, crossed=crossed)
 
 
 def _checked(
@@ -236,11 +221,11 @@ def _prepare_members(
     if chosen == "xla":
         states = evaluate(jax.vmap(lambda state: method.begin_by_xla(first, state)), members.states)
         members = replace(members, states=states)
-    plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
+    plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None, count, axes)
     position = MembersPosition.at_start(members.states, count)
     warnings = driven_warnings(first, float(state.t), float(state.t) + h * steps) + warnings
     crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}
-    return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings, TOGETHER, crossed=crossed)
+    return Ensemble(system, method, start, plan, position, Memory(), warnings, crossed=crossed)
 
 
 def require_chart(system: System, method: Method, state: State, h: float) -> None:

@@ -14,7 +14,7 @@ import xarray
 from coadjoint.errors import FileError
 from coadjoint.manifest import DAMAGED, MANIFEST, Manifest
 from coadjoint.simulation import checkpoint
-from coadjoint.simulation.dataset import labelled, member_coordinates
+from coadjoint.simulation.dataset import coordinates_of, labelled
 from coadjoint.simulation.verified import arrays, verified
 
 CONFIGURATION, RECORDS = "configuration.npz", "records.zarr"
@@ -51,7 +51,7 @@ def saved_dataset(folder: Path) -> xarray.Dataset:
     """The dataset of the run in a folder, as far as its checkpoint; raises FileError where it is incomplete."""
     manifest, header, arrays = standing(folder)
     members = [arrays[name] for name in ("position/steps_done", "position/codes") if name in arrays]
-    coordinates = member_coordinates(*members) if members else {}
+    coordinates = coordinates_of(*members) if members else {}
     return stored_dataset(manifest, header["records"], header["attributes"], coordinates)
 
 

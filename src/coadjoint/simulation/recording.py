@@ -10,33 +10,21 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from coadjoint import disk
-from coadjoint.errors import ArgumentError, FileError, printable, shown
-from coadjoint.extensions import import_string
-from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
+from coadjoint.csv_tables import csv_text
+from coadjoint.errors import ArgumentError, FileError, shown
+from coadjoint.extensions import Registry, import_string
 from coadjoint.plotting.plots import Plots
-from coadjoint.sealed import readable, seal
-from coadjoint.simulation.csv_table import csv_table
-from coadjoint.simulation.formats import FORMATS, LAST_RECORD
+from coadjoint.sealed import seal
 
 if TYPE_CHECKING:
     import xarray
 
-    from coadjoint.mechanics.state import State
-    from coadjoint.mechanics.system import System
-
 
 NETCDF = ("", ".nc", ".nc4", ".netcdf")
 """Endings of names that stand for netCDF."""
-
-HDF5 = b"\x89HDF\r\n\x1a\n"
-"""The first bytes of a netCDF file as `save` writes it."""
-READERS = {
-    ".csv": "numpy.genfromtxt and pandas.read_csv read a table, `read_log` the log of a vehicle",
-    ".toml": "`coadjoint run` runs a run file or a mission, and writes a netCDF file",
-    ".zip": "co.load_stepper loads what stepper.save wrote",
-}
-"""What reads files that are no runs, by their endings."""
 
 
 class Recording:
@@ -70,7 +58,7 @@ class Recording:
         Raises FileError rather than replace a file, ArgumentError for another ending and for options that the format
         does not have.
         """
-        target = _path(path)
+        target = run_path(path)
         if target.exists() and not overwrite:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
         if not target.parent.is_dir():
@@ -117,92 +105,6 @@ class Recording:
         return write(self.dataset, **options)
 
 
-class SavedRun(Recording):
-    """A run that was read from a file; `print` it for the certificate."""
-
-    def __init__(self, dataset: xarray.Dataset, system: System | None = None):
-        last = [name for name in LAST_RECORD if name in dataset]
-        self._written, self._system = {name: dataset[name] for name in last}, system
-        self.__dict__["dataset"] = dataset.drop_vars(last)
-
-    def _last_record(self) -> dict[str, Any]:
-        return self._written
-
-    @cached_property
-    def final(self) -> State:
-        """The last record, a State from which a run goes on to the bit. Needs the system: co.load(path, system).
-
-        Raises ArgumentError without a system and for another one, FileError where the file lacks the record.
-        """
-        from coadjoint.simulation.last_record import read
-
-        return read(self._written, self.dataset, self._system)
-
-    @property
-    def event(self) -> float | None:
-        """When `until` crossed zero and ended the run, s; None where it did not."""
-        found = self.dataset.attrs.get("event")
-        return None if found is None else float(found)
-
-    @property
-    def events(self) -> dict[str, State]:
-        """Raises ArgumentError: a file holds the dataset of a run, and not the records at its events."""
-        raise ArgumentError(
-            "The records at events are not in the file of a run: take them from the run itself, `run.events[name]`, "
-            "and save what is wanted of them."
-        )
-
-    def __str__(self) -> str:
-        return printable(str(self.dataset.attrs.get("card", "a run without a certificate")))
-
-    def __repr__(self) -> str:
-        return printable(f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>")
-
-
-def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun:
-    """The run in a netCDF file written by `save`, or in a folder to which a run streams, as far as it has come.
-
-        run = co.load("top.nc")
-        print(run); run.dataset.energy; run.plot.energy()
-
-        more = co.simulate(top, co.load("top.nc", top).final, dt=0.01, duration=10.0)
-
-    path: the file, or the folder that was given as `store`. system: that of the run, by default None; needed for
-    `final` alone. Returns a `SavedRun` with `dataset`, `final`, `plot` and `save`.
-
-    Raises FileError where there is none, or where it was not written by this library; ArgumentError for what is no
-    system.
-    """
-    import xarray
-
-    if system is not None:
-        from coadjoint.mechanics.system import System
-
-        if not isinstance(system, System):
-            raise ArgumentError(f"Argument `system` must be a co.System, but is {shown(system)}.")
-
-    source = _path(path)
-    if os.path.isdir(source):
-        from coadjoint.simulation.reading import saved_dataset
-
-        return SavedRun(saved_dataset(source.absolute()), system)
-    if not os.path.isfile(source):
-        raise FileError(f"There is no file {source}.")
-    _require_listed(source)
-    try:
-        if not _begins(source, HDF5) or not readable(source):
-            raise _unreadable(source)
-        with xarray.open_dataset(source.absolute(), engine="h5netcdf") as opened:
-            found = opened.load()
-    except FileError:
-        raise
-    except Exception as error:  # h5py and what is above it have errors of all kinds for what is damaged
-        raise _unreadable(source) from error
-    if "time" not in found or "card" not in found.attrs:
-        raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
-    return SavedRun(found, system)
-
-
 def _require_equal(file: Path, whole: xarray.Dataset) -> None:
     """Raise OSError unless a file holds the values of a dataset, to the bit."""
     import xarray
@@ -214,39 +116,7 @@ def _require_equal(file: Path, whole: xarray.Dataset) -> None:
                 raise OSError(f"what was read again of `{name}` is not what was written")
 
 
-def _require_listed(source: Path) -> None:
-    """Raise FileError where a manifest beside a file says that other bytes were written."""
-    listing = source.parent / MANIFEST
-    if not listing.is_file() or not _begins(listing, BEGINNING):  # of another program
-        return
-    manifest = Manifest.read(source.parent)
-    if source.name in manifest.files:
-        manifest.require(source.name)
-
-
-def _unreadable(source: Path) -> FileError:
-    """What to raise for a file that is not opened as netCDF: what it is instead, and what reads it."""
-    try:
-        hdf5, zipped = _begins(source, HDF5), _begins(source, b"PK")
-    except OSError as refusal:
-        return FileError(f"The file {source} cannot be read: {refusal.strerror or refusal}.")
-    if hdf5:
-        return FileError(
-            f"The file {source} cannot be read as netCDF: it is damaged, not whole, or still being written."
-        )
-    reader = READERS.get(".zip" if zipped else source.suffix.lower())
-    return FileError(
-        f'The file {source} is not a netCDF file of a run, such as run.save("run.nc") writes, nor the folder of a '
-        f"streamed run{f': {reader}' if reader else ''}."
-    )
-
-
-def _begins(source: Path, word: bytes) -> bool:
-    with source.open("rb") as opened:
-        return opened.read(len(word)) == word
-
-
-def _path(given: Any) -> Path:
+def run_path(given: Any) -> Path:
     if not isinstance(given, (str, os.PathLike)) or not str(given) or "\0" in str(given):
         raise ArgumentError(f'Argument `path` must be the name of a file, such as "run.nc", but is {shown(given)}.')
     return Path(given)
@@ -255,3 +125,31 @@ def _path(given: Any) -> Path:
 def beside(target: Path) -> Path:
     """A hidden, unique name next to `target`; the system gives what is made there its permissions."""
     return target.parent / f".{target.name}.{secrets.token_hex(4)}"
+
+
+FORMATS: Registry[str] = Registry("FORMATS")
+"""By ending, such as ".csv": "module:function", (dataset, **options) → the text of the file."""
+
+
+LAST_RECORD = ("last_record", "run_parameters")
+"""Variables of a netCDF file that hold what a run goes on from; a dataset in memory is without them."""
+
+
+def csv_table(dataset: xarray.Dataset) -> str:
+    """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one line a node.
+
+    Columns are `time` and, of every variable, its name, with the indices behind it where it is an array: mu_0, g_0_2.
+    Numbers have all of their digits; NaN is an empty field.
+    """
+    leading = [name for name in ("member", "time") if name in dataset.dims]
+    count = int(np.prod([dataset.sizes[name] for name in leading]))
+    grid = np.meshgrid(*(dataset[name].values for name in leading), indexing="ij")
+    columns = {name: np.ravel(values) for name, values in zip(leading, grid, strict=True)}
+    for name, variable in dataset.data_vars.items():
+        if not set(leading) <= set(variable.dims):
+            continue
+        values = variable.transpose(*leading, ...).values
+        rows = values.reshape(count, -1)
+        for column, index in enumerate(np.ndindex(*values.shape[len(leading) :])):
+            columns["_".join([str(name), *map(str, index)])] = rows[:, column]
+    return csv_text(columns, repr)

@@ -20,16 +20,16 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
-from coadjoint.simulation.accuracy.judgement import accuracy_from
+from coadjoint.simulation.accuracy.accuracy import accuracy_from
 from coadjoint.simulation.carry_on import carry_on
 from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
-from coadjoint.simulation.dataset import attributes, ensemble_attributes
-from coadjoint.simulation.ensemble import Ensemble
+from coadjoint.simulation.dataset import attributes
 from coadjoint.simulation.fingerprint import fingerprint
 from coadjoint.simulation.folder import create, holds_run, sweep_beside, tidy
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.reading import read_configuration, run_manifest, standing
+from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
 from coadjoint.simulation.streamed import StreamedEnsemble, StreamedRun
@@ -38,7 +38,7 @@ _log = logger(__name__)
 
 
 def streamed(
-    run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any, accuracy: bool, traces: Traced
+    run: Result, path: str | os.PathLike[str], chosen: Any, accuracy: bool, traces: Traced
 ) -> StreamedRun | StreamedEnsemble:
     """A run that has not begun, put into a new folder, or taken up where a folder holds the same run.
 
@@ -80,13 +80,9 @@ def streamed(
     return _taken_up(run, folder)
 
 
-def _with_store(run: Run | Ensemble, store: Store) -> StreamedRun | StreamedEnsemble:
+def _with_store(run: Result, store: Store) -> StreamedRun | StreamedEnsemble:
     parts: dict[str, Any] = {field.name: getattr(run, field.name) for field in fields(run)} | {"memory": store}
-    if isinstance(run, Ensemble):
-        ensemble = StreamedEnsemble(**parts)
-        store.attributes = lambda: ensemble_attributes(ensemble)
-        return ensemble
-    made = StreamedRun(**parts)
+    made = StreamedRun(**parts) if run.members is None else StreamedEnsemble(**parts)
     store.attributes = lambda: attributes(made)
     return made
 
@@ -142,7 +138,7 @@ def resume(
     return carry_on(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
 
 
-def _taken_up(run: Run | Ensemble, folder: Path) -> StreamedRun | StreamedEnsemble:
+def _taken_up(run: Result, folder: Path) -> StreamedRun | StreamedEnsemble:
     """A run that was set up again, at the place where the folder stands; a finished one is only read."""
     complete = run_manifest(folder).facts["complete"]
     sweep_beside(folder)

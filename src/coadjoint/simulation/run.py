@@ -1,30 +1,43 @@
-"""A finished run: its records, its certificate, its dataset and plots."""
+"""A finished run, and many runs at once: records, certificate, dataset and plots."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import printable
 from coadjoint.mechanics.state import Origin, State
-from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Method
-from coadjoint.methods.program import Constants
-from coadjoint.simulation.accuracy.judgement import Accuracy
-from coadjoint.simulation.derived import derivation, one_at_node
-from coadjoint.simulation.driver import Memory, Plan, Position
-from coadjoint.simulation.finished import Finished, Shown
+from coadjoint.simulation.certificate import card, certificate, failure
+from coadjoint.simulation.derived import at_nodes, derivation, one_at_node
+from coadjoint.simulation.result import Result
 
 if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(repr=False, eq=False)
-class Run(Finished):
+class _Shown(Result):
+    """A result with its certificate and its dataset."""
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The records as a labelled xarray dataset with dimensions ([member,] time, …)."""
+        from coadjoint.simulation.dataset import dataset
+
+        return dataset(self)
+
+    def summary(self) -> dict[str, Any]:
+        """The certificate as plain numbers."""
+        return certificate(self)
+
+    def __str__(self) -> str:
+        return printable(card(self))
+
+
+class Run(_Shown):
     """What `co.simulate` returns; `print` it for the certificate.
 
     records: the saved states, with a leading axis of nodes in every leaf; ξ and ν are those of the step that starts at
@@ -33,28 +46,6 @@ class Run(Finished):
     accuracy: how well the steps that were judged resolve the motion. dataset: the same as an xarray.Dataset with names
     and units. plot: figures. `save(path)` writes the dataset, `at(times)` gives the motion between the nodes.
     """
-
-    system: System
-    method: Method
-    start: State
-    plan: Plan
-    position: Position
-    memory: Memory
-    warnings: list[str]
-    shown: Shown
-    set_up_seconds: float = 0.0
-    crossed: dict[str, list[State]] = field(default_factory=dict)
-    accuracy: Accuracy | None = None
-
-    @property
-    def title(self) -> str:
-        """The system and the method in words."""
-        return f"{self.system.name}, {self.method.title}"
-
-    @property
-    def one(self) -> tuple[Constants, State]:
-        """What the equations are traced for: the constants, and the state at which the run stands."""
-        return self.plan.constants, self.position.state
 
     @property
     def dt(self) -> float:
@@ -65,16 +56,6 @@ class Run(Finished):
     def steps(self) -> int:
         """The number of steps requested; `good_steps` were done."""
         return self.plan.steps
-
-    @property
-    def good_steps(self) -> int:
-        """The number of steps done."""
-        return self.position.steps
-
-    @property
-    def event(self) -> float | None:
-        """When `until` crossed zero and ended the run, s; None where it did not."""
-        return self.position.event
 
     @cached_property
     def events(self) -> dict[str, State]:
@@ -95,29 +76,16 @@ class Run(Finished):
     @cached_property
     def records(self) -> State:
         """The saved states, every leaf with a leading axis."""
-        if not self.memory.records:
-            raise ArgumentError("This run holds no records: its first step failed.")
-        return self._of_this(jax.tree.map(lambda *parts: np.concatenate(parts), *self.memory.records))
+        return self._of_this(Result.records.func(self))
 
     def _of_this(self, records: State) -> State:
         """Records that know of which system's run they are."""
         return records.replace(origin=Origin(self.system))
 
     @cached_property
-    def monitors(self) -> dict[str, np.ndarray]:
-        """Every monitored scalar, one row a record: (nodes, …) each."""
-        rows = self.memory.monitors
-        return {name: np.concatenate([part[name] for part in rows]) for name in (rows[0] if rows else {})}
-
-    @property
-    def ends(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Every monitored scalar at the first and at the last record, of the shape of one row of `monitors`."""
-        return {name: (rows[0], rows[-1]) for name, rows in self.monitors.items()}
-
-    @cached_property
     def final(self) -> State:
         """The last record, with the velocities at the node in place of those of the step that starts there."""
-        return one_at_node(derivation(self), self.system, self.last_record)
+        return one_at_node(derivation(self.plan.program), self.system, self.last_record)
 
     @property
     def last_record(self) -> State:
@@ -129,45 +97,88 @@ class Run(Finished):
         """Newton iterations a step."""
         return self.position.iterations / max(self.good_steps, 1)
 
-    @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """The records as a labelled xarray dataset."""
-        from coadjoint.simulation.dataset import dataset
-
-        return dataset(self)
-
     def _last_record(self) -> dict[str, Any]:
         from coadjoint.simulation.last_record import written
 
-        return written(self)
+        return written(self.last_record, self.system)
 
     def size(self, name: str) -> float:
         """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off of what X becomes."""
-        return float(sizes(*(np.ravel(x) for x in (self.ends[name][0], *self.extrema[name]))))
+        return float(self.sizes(name))
 
     def relative_change(self, name: str) -> float:
         """max_k |X_k − X₀| / |X₀| over every step, for a monitored X; absolute where `size` is 0."""
-        low, high = self.extrema[name]
-        first = self.ends[name][0]
-        change = float(np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low))))
-        return change / (self.size(name) or 1.0)
+        return float(self.relative_changes(name))
 
     def largest(self, name: str) -> float:
         """The largest value of a monitored scalar over every step."""
         return float(np.max(self.extrema[name][1]))
 
-    def summary(self) -> dict[str, Any]:
-        """The certificate as plain numbers."""
-        return dict(self.shown.numbers(self))
-
     def __repr__(self) -> str:
         return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; print it for the certificate>"
 
 
-def sizes(first: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """|X₀| along the last axis, (…,), of X₀ and of the bounds of X; 0 where it is round-off of what X becomes."""
-    size = np.linalg.norm(first, axis=-1)
-    return np.where(size > 1e-9 * np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=-1), size, 0.0)
+class Ensemble(_Shown):
+    """What `co.simulate` returns for many members; `print` it for the certificate.
+
+    `records` have axes (member, node, …); members that failed are NaN from there on, with `steps_done` and `codes`
+    saying where and why. `extrema` are (minimum, maximum) over every step, one row a member.
+    """
+
+    @property
+    def steps_done(self) -> np.ndarray:
+        """How many good steps each member did, (members,)."""
+        return self.position.steps_done
+
+    @property
+    def codes(self) -> np.ndarray:
+        """How the last step of each member ended, (members,), 0 where it was good."""
+        return self.position.codes
+
+    @property
+    def iterations(self) -> np.ndarray:
+        """Newton's, over all good steps of each member, (members,)."""
+        return self.position.iterations
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """What happened to the members that failed, by their index."""
+        return {int(i): failure(self, int(i)) for i in np.flatnonzero(self.codes)}
+
+    @property
+    def final(self) -> State:
+        """The records of all members at the last node, or at the event that ended them, with ξ and ν at the node."""
+        last = jax.tree.map(np.array, self.last_record)
+        for index, state in self.ended.items():
+            jax.tree.map(lambda rows, leaf, index=index: rows.__setitem__(index, leaf), last, state)
+        return at_nodes(derivation(self.plan.program), self.system, last, np.arange(len(self.codes)))
+
+    @property
+    def last_record(self) -> State:
+        """The records of all members at the last node."""
+        return jax.tree.map(lambda rows: rows[:, -1], self.records)
+
+    @cached_property
+    def events(self) -> dict[str, tuple[State, ...]]:
+        """The records at the events, in order, by the names given in `events`: for each member a State."""
+        one = self.one[1]
+        return {name: tuple(stacked_records(rows, one) for rows in found) for name, found in self.crossed.items()}
+
+    def statistics(
+        self, variables: str | Sequence[str] | None = None, quantiles: Sequence[float] = (0.05, 0.5, 0.95)
+    ) -> xarray.Dataset:
+        """Mean, standard deviation, extremes and quantiles over the members, at every saved node.
+
+            fleet.statistics(["q", "euler_angles"]).q.sel(statistic="95%")
+
+        Arguments, labels and errors as in `simulation.statistics`; all variables by default.
+        """
+        from coadjoint.simulation.statistics import statistics
+
+        return statistics(self.dataset, variables, quantiles)
+
+    def __repr__(self) -> str:
+        return f"<Ensemble of {self.title}: {len(self.failures)} failed; print it for the certificate>"
 
 
 def stacked_records(states: list[State], like: State) -> State:

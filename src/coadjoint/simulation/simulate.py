@@ -24,8 +24,8 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.accuracy.trajectory_error import require_full, with_trajectory_error
 from coadjoint.simulation.arguments import grid, require_kinds, truth, whole
 from coadjoint.simulation.carry_on import carry_on
-from coadjoint.simulation.ensemble import count_of, require_room
 from coadjoint.simulation.events import Event
+from coadjoint.simulation.members import count_of, require_room
 from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.run import Run
 

@@ -38,12 +38,10 @@ from coadjoint.methods.step import in_records
 from coadjoint.simulation import checkpoint
 from coadjoint.simulation.chunks import Chunks, unset
 from coadjoint.simulation.dataset import Variables, meanings, member_variables, members_of, variables
-from coadjoint.simulation.derived import derivation
-from coadjoint.simulation.ensemble import Ensemble
+from coadjoint.simulation.derived import derivation, times
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.reading import RECORDS
-from coadjoint.simulation.run import Run
-from coadjoint.simulation.step_sizes import times
+from coadjoint.simulation.result import Result
 
 _log = logger(__name__)
 
@@ -63,10 +61,10 @@ class Store:
     Those of `members` have a second axis, of members; on the disk it is the first.
     """
 
-    def __init__(self, run: Run | Ensemble, manifest: Manifest, lock: Lock | None):
+    def __init__(self, run: Result, manifest: Manifest, lock: Lock | None):
         self.manifest = manifest
         self.system, self.plan, self.start = run.system, run.plan, run.start
-        self.members = run.members.count if isinstance(run, Ensemble) else None
+        self.members = run.plan.members
         self.lock = lock
         self.attributes: Callable[[], Mapping[str, Any]] = dict
         self.sample: Callable[[], Mapping[str, np.ndarray]] = dict
@@ -77,7 +75,7 @@ class Store:
         self._pending: list[tuple[np.ndarray, State, Mapping[str, np.ndarray]]] = []
         self._chunks = Chunks(manifest)
         self._slot = 0
-        self._derive = derivation(run)
+        self._derive = derivation(run.plan.program)
         self._due, self._kept = 0.0, 0
 
     @property

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.dataset import attributes, ensemble_attributes, member_coordinates
-from coadjoint.simulation.derived import at_nodes, derivation
-from coadjoint.simulation.driver import Extrema
-from coadjoint.simulation.ensemble import Ensemble
+from coadjoint.simulation.dataset import attributes, member_coordinates
+from coadjoint.simulation.plan import Extrema
 from coadjoint.simulation.reading import stored_dataset
-from coadjoint.simulation.recording import Recording
-from coadjoint.simulation.run import Run
+from coadjoint.simulation.result import Result
+from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
 
 if TYPE_CHECKING:
     import xarray
 
 
-class _OnDisk(Recording):
+class _OnDisk(Result):
     """What runs and ensembles have in common when a store takes their records."""
-
-    memory: Any
 
     @property
     def store(self) -> Store:
@@ -55,34 +51,25 @@ class _OnDisk(Recording):
     def ends(self) -> Extrema:
         return self.store.ends
 
+    @property
+    def last_record(self) -> State:
+        if self.store.last is None:
+            raise ArgumentError("This run holds no records: its first step failed, or it has not begun.")
+        return self.store.last
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The records as a labelled xarray dataset, read from the disk when they are used."""
+        return stored_dataset(self.store.manifest, self.count, attributes(self), member_coordinates(self))
+
 
 class StreamedRun(_OnDisk, Run):
     """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
 
     @property
     def last_record(self) -> State:
-        if self.store.last is None:
-            raise ArgumentError("This run holds no records: its first step failed.")
-        return self._of_this(self.store.last)
-
-    @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """The records as a labelled xarray dataset, read from the disk when they are used."""
-        return stored_dataset(self.store.manifest, self.count, attributes(self))
+        return self._of_this(super().last_record)
 
 
 class StreamedEnsemble(_OnDisk, Ensemble):
     """The same for many members: as `Ensemble`, but read from the disk when used."""
-
-    @property
-    def final(self) -> State:
-        """The records of all members at the last node."""
-        if self.store.last is None:
-            raise ArgumentError("This ensemble holds no records: it has not begun.")
-        return at_nodes(derivation(self), self.system, self.store.last, np.arange(len(self.codes)))
-
-    @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """The records as a labelled xarray dataset with dimensions (member, time, …), read when they are used."""
-        coordinates = member_coordinates(self.steps_done, self.codes)
-        return stored_dataset(self.store.manifest, self.count, ensemble_attributes(self), coordinates)

@@ -33,14 +33,14 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step import in_records
-from coadjoint.simulation import ensemble
+from coadjoint.simulation import members
 from coadjoint.simulation.accuracy.judgement import unresolved_records
 from coadjoint.simulation.arguments import require_kinds, step_size, truth, whole
 from coadjoint.simulation.backwards import require_forward, require_reversible
-from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.ensemble import require_one_time
 from coadjoint.simulation.inputs import inputs_held, with_inputs
+from coadjoint.simulation.members import require_one_time
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
+from coadjoint.simulation.plan import Plan
 
 
 @jax.tree_util.register_dataclass
@@ -185,10 +185,10 @@ def _require_room(state: State, blocks: Blocks) -> None:
     """Raise ArgumentError where the records of a trajectory would not fit in memory."""
     records, save_every = blocks
     size = sum(8.0 * np.size(leaf) for leaf in jax.tree.leaves(state)) * records
-    if size > ensemble.MEMORY_LIMIT:
+    if size > members.MEMORY_LIMIT:
         raise ArgumentError(
             f"The {records:,} records of this trajectory would take {size / 1e9:.3g} GB of memory: raise save_every "
-            f"from {save_every} to {int(save_every * size / ensemble.MEMORY_LIMIT) + 1} or more."
+            f"from {save_every} to {int(save_every * size / members.MEMORY_LIMIT) + 1} or more."
         )
 
 

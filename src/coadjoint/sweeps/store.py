@@ -14,9 +14,10 @@ import json
 import os
 import uuid
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import zarr
@@ -31,13 +32,29 @@ from coadjoint.report.folder import UNFINISHED
 from coadjoint.simulation.chunks import unset
 from coadjoint.sweeps.sketch import Sketch
 
-if TYPE_CHECKING:
-    from coadjoint.sweeps.task import Shard
+
+@dataclass
+class Shard:
+    """What a task leaves: results of members by name, statistics, and what happened to those that failed."""
+
+    members: dict[str, np.ndarray]
+    sketches: dict[str, Sketch]
+    courses: dict[str, list[Sketch]]
+    times: np.ndarray
+    refusals: dict[int, str]
+    warnings: dict[str, int]
+    events: int = 0
+    kernel: float = 0.0
+    seconds: float = 0.0
+    nodes: dict[str, np.ndarray] | None = None
+
 
 MEMBERS, STATISTICS, SHARDS = "members.zarr", "statistics.nc", "shards"
 
+
 WHOLE = ("code", "steps_done")
 """The arrays of whole numbers, int64; all others are float64."""
+
 
 Layout = Mapping[str, tuple[tuple[str, ...], tuple[int, ...], str, Mapping[str, Any]]]
 """Dimensions, shape, kind of number and attributes of each array, by name."""

@@ -109,7 +109,7 @@ def probed(sweep: Sweep) -> dict[str, Any]:
         with contextlib.suppress(CoadjointError):
             quick = _same(alone, ensemble(sweep, *first, True, sweep.save_every))
     _log.info("%d members of %s in %d tasks of %d.", sweep.members, alone.system.name, sweep.tasks, sweep.size)
-    there = known(alone.system, alone.members.states)
+    there = known(alone.system, alone.position.state)
     chosen = choose(sweep.results.variables, there)
     told = meanings(dict.fromkeys(chosen), alone.system)
     dims = {name: list(there[name][0][1:]) for name in chosen}
@@ -148,7 +148,7 @@ def _first(sweep: Sweep) -> tuple[tuple[Any, np.ndarray], Any]:
 
 def _same(one: Any, other: Any) -> bool:
     """Whether two ways to set members up give the same numbers."""
-    pairs = [(x.members.states, x.members.parameters) for x in (one, other)]
+    pairs = [(x.position.state, x.plan.constants.system) for x in (one, other)]
     leaves = [jax.tree.leaves(pair) for pair in pairs]
     if len(leaves[0]) != len(leaves[1]):
         return False

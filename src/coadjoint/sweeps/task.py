@@ -34,17 +34,20 @@ from coadjoint.sweeps.file import QUICK, RUN, Sweep, of_tables
 from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import Observer, Reduction
 from coadjoint.sweeps.sketch import Sketch, merged
-from coadjoint.sweeps.store import write
+from coadjoint.sweeps.store import Shard, write
 from coadjoint.texts import read_table, text_of
 
 if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
+    from coadjoint.simulation.run import Ensemble
+
 
 REFUSED = -2
 """The code of a member that cannot be set up, such as one of a negative mass."""
 
+
 _OF_MEMBER = re.compile(r"^Of member \d+: ")
 """A number within those that are set up together, which says nothing of one that is alone."""
+
 
 _ONE = Lock()
 
@@ -72,22 +75,6 @@ class Task:
     identity: Mapping[str, str]
     size: int
     sample: Mapping[str, np.ndarray]
-
-
-@dataclass
-class Shard:
-    """What a task leaves: results of members by name, statistics, and what happened to those that failed."""
-
-    members: dict[str, np.ndarray]
-    sketches: dict[str, Sketch]
-    courses: dict[str, list[Sketch]]
-    times: np.ndarray
-    refusals: dict[int, str]
-    warnings: dict[str, int]
-    events: int = 0
-    kernel: float = 0.0
-    seconds: float = 0.0
-    nodes: dict[str, np.ndarray] | None = None
 
 
 _sweeps: dict[tuple[str, str], tuple[Sweep, dict[str, str]]] = {}
@@ -212,7 +199,7 @@ def _stepped(sweep: Sweep, task: Task, run: Ensemble) -> Reduction:
     """What is kept of members, which are stepped to their ends."""
     kept = sweep.results
     reduction = Reduction(
-        Observer(run.system, task.chosen), run.members.states, kept.courses, kept.keep == "trajectories"
+        Observer(run.system, task.chosen), run.position.state, kept.courses, kept.keep == "trajectories"
     )
     run.memory = reduction
     carry_on(run, False, time.perf_counter())

@@ -19,7 +19,7 @@ from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
-from coadjoint.kernels.run.native import Kernel, Result
+from coadjoint.kernels.run.native import Kernel, LaneArrays
 
 
 def lanes() -> int:
@@ -102,12 +102,12 @@ def _kernel_for(
     return native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), key), shape_s, p, s
 
 
-def _empty(kernel: Kernel, state: np.ndarray, records: int) -> Result:
+def _empty(kernel: Kernel, state: np.ndarray, records: int) -> LaneArrays:
     """Room for what the machine writes, with a first axis of groups and a last one of lanes."""
     groups, _, lanes = state.shape
     watched = kernel.monitor_size + len(kernel.certificates)
     limits = np.array([np.inf, -np.inf])[None, None, :, None]
-    return Result(
+    return LaneArrays(
         state=state,
         records=np.empty((groups, records, kernel.record.size, lanes)),
         monitors=np.empty((groups, records, kernel.monitor_size, lanes)),
@@ -116,7 +116,7 @@ def _empty(kernel: Kernel, state: np.ndarray, records: int) -> Result:
     )
 
 
-def _launch(kernel: Kernel, inputs: tuple, result: Result, records: int, save_every: int, threads: int) -> None:
+def _launch(kernel: Kernel, inputs: tuple, result: LaneArrays, records: int, save_every: int, threads: int) -> None:
     """Run all groups, a share of them at a time on each thread; the machine releases the interpreter's lock."""
     before = [(array.ctypes.data, array.strides[0]) for array in inputs]
     outputs = (result.records, result.monitors, result.extrema, result.status)
@@ -166,7 +166,7 @@ def _count(*lengths: int) -> int:
     return count
 
 
-def _gathered(kernel: Kernel, state: Layout, result: Result, count: int, save_every: int) -> EnsembleChunk:
+def _gathered(kernel: Kernel, state: Layout, result: LaneArrays, count: int, save_every: int) -> EnsembleChunk:
     """Lanes of all groups as members."""
 
     def gather(name: str) -> np.ndarray:

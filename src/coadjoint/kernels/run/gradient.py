@@ -94,7 +94,7 @@ class _Pullback:
             p_bar, s_bar, h_bar = np.full(self.p.size, np.nan), np.full(self.s.size, np.nan), np.full(1, np.nan)
         return Cotangents(self.shape_p.unpack(p_bar[: self.p.size]), self.shape_s.unpack(s_bar), h_bar[0])
 
-    def _forward(self, kernel: native.Kernel, start: np.ndarray, records: int, every: int) -> native.Result:
+    def _forward(self, kernel: native.Kernel, start: np.ndarray, records: int, every: int) -> native.LaneArrays:
         found = native.launch(kernel, self.p[:, None], self.h, start[:, None], records, every)
         if found.status[1, 0]:
             raise _Failed

@@ -41,7 +41,7 @@ class Kernel(NamedTuple):
         return sum(map(math.prod, self.monitor_shapes.values()))
 
 
-class Result(NamedTuple):
+class LaneArrays(NamedTuple):
     """What the machine code wrote, with a last axis of SIMD lanes everywhere."""
 
     state: np.ndarray
@@ -146,14 +146,14 @@ def _chunk(kernel: Kernel, state: Layout, result: Any, records: int, save_every:
     )
 
 
-def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> Result:
+def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> LaneArrays:
     """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes).
 
     Raises Cut with the steps that were done where Python is interrupted meanwhile.
     """
     lanes = h.shape[0]
     watched = kernel.monitor_size + len(kernel.certificates)
-    result = Result(
+    result = LaneArrays(
         state=np.array(s, np.float64, order="C"),
         records=np.empty((records, kernel.record.size, lanes)),
         monitors=np.empty((records, kernel.monitor_size, lanes)),
@@ -176,7 +176,7 @@ def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records:
     return result
 
 
-def _piece(kernel: Kernel, inputs: tuple, result: Result, done: int, save_every: int) -> tuple[int, Result]:
+def _piece(kernel: Kernel, inputs: tuple, result: LaneArrays, done: int, save_every: int) -> tuple[int, LaneArrays]:
     """Some steps after those that are done: whole blocks of save_every, or a part of one; how many, and the result."""
     row, phase = divmod(done, save_every)
     wished, room = kernel.pace.steps, len(result.records) - row
@@ -186,7 +186,7 @@ def _piece(kernel: Kernel, inputs: tuple, result: Result, done: int, save_every:
     here = slice(row, row + blocks)
     kept = (np.empty((1, *a.shape[1:])) if phase else a[here] for a in (result.records, result.monitors))
     records, monitors = kept
-    part = Result(result.state.copy(), records, monitors, result.extrema, np.zeros_like(result.status))
+    part = LaneArrays(result.state.copy(), records, monitors, result.extrema, np.zeros_like(result.status))
     _call(kernel, inputs, part, blocks, length)
     before, now = result.status, part.status
     # A lane that has failed tries its bad step again at each piece, and fails again.
@@ -195,7 +195,7 @@ def _piece(kernel: Kernel, inputs: tuple, result: Result, done: int, save_every:
     return blocks * length, result._replace(state=part.state, status=status)
 
 
-def _call(kernel: Kernel, inputs: tuple, result: Result, records: int, save_every: int) -> None:
+def _call(kernel: Kernel, inputs: tuple, result: LaneArrays, records: int, save_every: int) -> None:
     outputs = (result.records, result.monitors, result.extrema, result.status)
     pointers = [array.ctypes.data for array in (*inputs, result.state)]
     kernel.function(*pointers, records, save_every, *(array.ctypes.data for array in outputs))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import numpy as np
 
@@ -12,7 +10,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.methods.program import INPUTS_HELD, Constants
 from coadjoint.simulation.accuracy.parts import PartsOfSteps
 from coadjoint.simulation.accuracy.ruler import course_of, numbered, ruler_of
-from coadjoint.simulation.driver import Plan
+from coadjoint.simulation.plan import Plan
 
 
 class Doubling(PartsOfSteps):
@@ -20,11 +18,11 @@ class Doubling(PartsOfSteps):
 
     probe: Probe
 
-    def __init__(self, plan: Plan, state: State, axes: Any = None, count: int = 1):
+    def __init__(self, plan: Plan, state: State):
         self.plan, constants = plan, plan.constants
         if constants.renewal is not None:
             constants = Constants(constants.system, constants.monitors, INPUTS_HELD)
-        probe = Probe(plan.backend, plan.program, constants, state, plan.watches, axes, count)
+        probe = Probe(plan.backend, plan.program, constants, state, plan.watches, plan.axes, plan.members or 1)
         method, system = plan.program.method, plan.program.skeleton
         self.places = numbered(probe.layout)
         memory = jax.tree.leaves(self.places.memory) if method.variable else []

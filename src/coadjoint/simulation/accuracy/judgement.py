@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
-
 import jax
 import numpy as np
 
 from coadjoint.mechanics.state import State
+from coadjoint.simulation.accuracy.accuracy import Accuracy
 from coadjoint.simulation.accuracy.doubling import Doubling
 from coadjoint.simulation.accuracy.explicit_time import unresolved_time
 from coadjoint.simulation.accuracy.pulses import unseen_pulses
@@ -19,87 +16,22 @@ from coadjoint.simulation.accuracy.sample import FIRST, Kept, Sampler
 from coadjoint.simulation.accuracy.signals import unresolved_inputs
 from coadjoint.simulation.accuracy.stretches import with_steps_between
 from coadjoint.simulation.accuracy.verdict import sentence, verdict, whose
-from coadjoint.simulation.driver import Plan
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
+from coadjoint.simulation.plan import Plan
+from coadjoint.simulation.result import Result
 
 STEPS, STEPS_BY_XLA, NODES_OF_MEMBERS, MEMBERS = 20, 6, 5, 8
 """How many steps are judged: of a run in native code, by XLA, of each member of an ensemble, and of how many."""
 
 
-@dataclass(frozen=True)
-class Accuracy:
-    """The accuracy of a run at the steps that were judged, a row each.
-
-    `steps` their indices, `times` in s, `local_errors` relative to the motion of the run over a step (empty where a
-    finished run was read again); `count` how many, `median` and `worst` of the errors, `part` of the state and time
-    `when` of the worst; `turn` the largest h‖ξ‖ as an angle, rad; `rate` h times the fastest rate of the linearised
-    motion that is excited, where known; `resolving` the dt that would do where the motion is not resolved, None where
-    it is; `reasons` why it is not. With accuracy="full": `trajectory` the largest error of the trajectory, relative to
-    how far the run goes, and `holds` the time up to which it is below 10 %, None where it is all along.
-    """
-
-    count: int
-    median: float
-    worst: float
-    part: str
-    when: float
-    turn: float
-    rate: float | None = None
-    resolving: float | None = None
-    reasons: tuple[str, ...] = ()
-    trajectory: float | None = None
-    holds: float | None = None
-    steps: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    local_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def resolved(self) -> bool:
-        """Whether nothing speaks against dt."""
-        return not self.reasons
-
-    def numbers(self) -> dict[str, Any]:
-        """What goes into a summary and into a file, under plain names."""
-        found = {key: getattr(self, name) for name, key in NAMES.items() if getattr(self, name) is not None}
-        return {**found, "unresolved": "; ".join(self.reasons), "resolved": int(self.resolved)}
-
-
-NAMES = {
-    "count": "local_error_steps",
-    "median": "local_error_median",
-    "worst": "local_error_max",
-    "part": "local_error_part",
-    "when": "local_error_time",
-    "turn": "turn_max",
-    "rate": "fastest_rate",
-    "resolving": "dt_resolving",
-    "trajectory": "trajectory_error_max",
-    "holds": "trajectory_holds_until",
-}
-"""What the fields of an `Accuracy` are called in a summary."""
-
-
-def accuracy_from(numbers: Mapping[str, Any]) -> Accuracy | None:
-    """The accuracy that `Accuracy.numbers` wrote; None where there is none."""
-    if "local_error_max" not in numbers:
-        return None
-    reasons = tuple(filter(None, str(numbers.get("unresolved", "")).split("; ")))
-    return Accuracy(**{name: numbers[key] for name, key in NAMES.items() if key in numbers}, reasons=reasons)
-
-
-def chosen_members(run: Run | Ensemble) -> np.ndarray | None:
+def chosen_members(run: Result) -> np.ndarray | None:
     """Which members of an ensemble are judged: the first, the last and a random choice; None of a run."""
-    members = getattr(run, "members", None)
-    if members is None:
+    if run.members is None:
         return None
-    between = np.random.default_rng(0).integers(0, members.count, MEMBERS - 2)
-    return np.unique([0, *between, members.count - 1])
+    between = np.random.default_rng(0).integers(0, run.members, MEMBERS - 2)
+    return np.unique([0, *between, run.members - 1])
 
 
-def accuracy_warnings(run: Run | Ensemble) -> list[str]:
+def accuracy_warnings(run: Result) -> list[str]:
     """A sentence where the steps do not resolve the motion."""
     found = run.accuracy
     if found is None or found.resolved:
@@ -107,16 +39,15 @@ def accuracy_warnings(run: Run | Ensemble) -> list[str]:
     return [sentence(run.plan.h, found.reasons, found.resolving)]
 
 
-def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
+def judged(run: Result, sampler: Sampler) -> Accuracy | None:
     """The accuracy of a run at the records that were kept; None where none were, or no step could be judged."""
     many = sampler.members is not None
     alone = STEPS if run.plan.backend == "native" else STEPS_BY_XLA
     kept = sampler.chosen(NODES_OF_MEMBERS if many else alone)
     if kept is None:
         return None
-    axes, count = (run.axes, run.members.count) if many else (None, 1)  # pyright: ignore[reportAttributeAccessIssue]
-    kept = with_steps_between(kept, sampler.largest, run.plan, run.one[1], sampler.members, axes, count)
-    doubling = Doubling(run.plan, run.one[1], axes, count)
+    kept = with_steps_between(kept, sampler.largest, run.plan, run.one[1], sampler.members)
+    doubling = Doubling(run.plan, run.one[1])
     steps, rows, members = _finite(kept, sampler.members, np.ravel(doubling.places.xi))
     if not len(rows):
         return None

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from coadjoint.mechanics.signals import Held, Linear
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
+from coadjoint.simulation.result import Result
 
 HIGH = 0.5
 """How far a pulse must be beyond the values at both ends of its step, relative to the range of the table."""
@@ -19,7 +16,7 @@ ON_GRID = 1e-6
 """A time that is nearer to a node than this, in steps, is on it."""
 
 
-def unseen_pulses(run: Run | Ensemble) -> list[tuple[str, float]]:
+def unseen_pulses(run: Result) -> list[tuple[str, float]]:
     """The tables with values within a step that are far from those at its ends, each with a dt that would show them."""
     inputs, found = run.plan.program.skeleton.inputs, []
     if inputs is None or run.method.variable:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from coadjoint.mechanics.state import State
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.driver import Memory
-    from coadjoint.simulation.store import Store
+from coadjoint.simulation.plan import RecordSink
 
 FIRST, SPREAD = 3, 16
 """How many records of the start are kept, and how many are spread evenly over the whole run; those after 4, 8, 16, …
@@ -55,7 +52,7 @@ class Sampler:
     steps, save_every: those of the run. members: of an ensemble, which of them are kept.
     """
 
-    def __init__(self, sink: Memory | Store, steps: int, save_every: int, members: np.ndarray | None = None):
+    def __init__(self, sink: RecordSink, steps: int, save_every: int, members: np.ndarray | None = None):
         self.sink, self.members = sink, members
         nodes = -(-steps // save_every)
         powers = 2 ** np.arange(2, max(nodes, 4).bit_length())

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.kernels.trace.evaluate import tabulate
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
+from coadjoint.simulation.result import Result
 
 PARTS = np.array([0.0, 0.173, 0.382, 0.594, 0.809, 1.0])
 """Where in a step a signal is looked at, in no simple ratios."""
@@ -25,7 +22,7 @@ LARGE = 0.1
 """The same, relative to the largest value: a ripple beside which all else is constant is none."""
 
 
-def unresolved_inputs(run: Run | Ensemble, records: Any, h: np.ndarray) -> list[tuple[str, float]]:
+def unresolved_inputs(run: Result, records: Any, h: np.ndarray) -> list[tuple[str, float]]:
     """The inputs that are no straight line over more than half of the steps, each with a dt that would resolve it.
 
     A function of the motion is looked at as a function of time, everything else in the motion held.

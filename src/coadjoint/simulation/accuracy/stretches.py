@@ -9,24 +9,22 @@ import numpy as np
 from coadjoint.kernels.run.probe import Probe
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.sample import CHANGING, Kept
-from coadjoint.simulation.driver import Plan
+from coadjoint.simulation.plan import Plan
 
 SHARE = 0.05
 """How many of a run's steps are run again at most, as a share of them."""
 
 
-def with_steps_between(
-    kept: Kept, largest: list[int], plan: Plan, state: State, members: Any = None, axes: Any = None, count: int = 1
-) -> Kept:
+def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State, members: Any = None) -> Kept:
     """The kept records, and from the stretches that start at the steps `largest` those after which a step changes most.
 
-    state: one, for its layout. members: of an ensemble of `count`, with `axes`, those that were kept. By XLA, where
+    state: one, for its layout. members: of an ensemble, those that were kept. By XLA, where
     each length of a stretch would be compiled, and where every step is saved, the kept records alone.
     """
     left = int(SHARE * plan.steps)
     if plan.save_every == 1 or plan.backend != "native" or min(left, len(largest)) < 1:
         return kept
-    probe = Probe("native", plan.program, plan.constants, state, plan.watches, axes, count)
+    probe = Probe("native", plan.program, plan.constants, state, plan.watches, plan.axes, plan.members or 1)
     places: Any = probe.layout.unpack(np.arange(probe.layout.size))
     found = dict(zip(kept.steps.tolist(), kept.rows, strict=True))
     for step in largest:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -13,9 +12,7 @@ from coadjoint.kernels.packing import layout
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.metric import differences, relative, sizes_of
 from coadjoint.simulation.accuracy.ruler import packed, ruler_of
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.run import Run
+from coadjoint.simulation.result import Result
 
 HOLDS = 0.1
 """Up to which error, relative to how far the run goes, a trajectory holds."""
@@ -30,7 +27,7 @@ def require_full(many: bool, variable: bool, stored: bool, watched: bool) -> Non
         raise ArgumentError('accuracy="full" compares whole runs: leave out `until` and `events`.')
 
 
-def with_trajectory_error(run: Run, finer: Run) -> None:
+def with_trajectory_error(run: Result, finer: Result) -> None:
     """Put the error of the trajectory of `run` into its accuracy, by `finer`, the same run of half the step."""
     if run.accuracy is None:
         return
@@ -40,7 +37,7 @@ def with_trajectory_error(run: Run, finer: Run) -> None:
     run.accuracy = replace(run.accuracy, trajectory=float(errors.max()), holds=holds)
 
 
-def trajectory_errors(run: Run, others: State, ratio: float = 2.0) -> np.ndarray:
+def trajectory_errors(run: Result, others: State, ratio: float = 2.0) -> np.ndarray:
     """The error at every node, from the difference to records of steps h/ratio: divided by 1 − ratio^{−p}.
 
     Relative to how far each part of the state is from its start at most, momenta to their own size.

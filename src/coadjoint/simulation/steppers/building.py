@@ -20,9 +20,9 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import known
 from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.backwards import require_forward
-from coadjoint.simulation.ensemble import count_of
 from coadjoint.simulation.events import Event
 from coadjoint.simulation.inputs import inputs_held, with_inputs
+from coadjoint.simulation.members import count_of
 from coadjoint.simulation.preparing import require_chart, require_events
 from coadjoint.simulation.steppers.commands import Commands
 from coadjoint.simulation.steppers.fields import Fields

@@ -9,8 +9,9 @@ import numpy as np
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.crossings import crossings, from_zero
-from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.events import Event, part_of_step, sound
+from coadjoint.simulation.dense import part_of_step, sound
+from coadjoint.simulation.events import Event
+from coadjoint.simulation.plan import Plan
 
 
 def ending(plan: Plan, event: Event, state: State, first: bool) -> tuple[State, bool]:

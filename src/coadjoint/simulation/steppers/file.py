@@ -17,7 +17,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -31,9 +31,9 @@ from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
 from coadjoint.simulation.steppers.numbers import named_file
+from coadjoint.simulation.steppers.standing import Standing
 
-if TYPE_CHECKING:
-    from coadjoint.simulation.steppers.stepping import Stepping
+S = TypeVar("S", bound=Standing)
 
 FORMAT, VERSION = "coadjoint stepper", 2
 """Files of version 1 have no limits of commands."""
@@ -87,7 +87,7 @@ def _content(stepper: Any, engine: Any) -> bytes:
     return kept.getvalue()
 
 
-def from_bytes(content: bytes, kind: type[Stepping]) -> Stepping:
+def from_bytes(content: bytes, kind: type[S]) -> S:
     """The stepper of a file's content; raises FileError with what follows the file's name in a sentence."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -115,7 +115,7 @@ def _require_small(archive: zipfile.ZipFile, size: int) -> None:
             )
 
 
-def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Stepping]) -> Stepping:
+def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[S]) -> S:
     face = dict(header["face"])
     for name in _FIELDS:
         face[name] = Fields.of({key: tuple(shape) for key, shape in face[name]})

@@ -28,9 +28,9 @@ from coadjoint.simulation.accuracy.metric import Ruler
 from coadjoint.simulation.accuracy.parts import PartsOfSteps
 from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
 from coadjoint.simulation.arguments import positive, require_kinds, truth, whole
-from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.ensemble import first_member
 from coadjoint.simulation.events import Event, as_event
+from coadjoint.simulation.members import first_member
+from coadjoint.simulation.plan import Plan
 from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.building import (

@@ -54,7 +54,7 @@ def set_up(file: MissionSections) -> Setup:
         lost.require_sensor(vehicle)
     sea = water(file.water, file.axes, file.located, seeds(file.perturb, members))
     craft = Craft(vehicle, controller=controller, water=sea, faults=faulty)
-    kinds = measures(craft)
+    kinds = measures(craft.vehicle, craft.parameters, craft.owners)
     craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
     if file.parameters and count_members(craft.parameters.asdict()) is None:
         doubts += [f"With [parameters] {sentence}" for sentence in doubts_of_changes(craft)]

@@ -15,8 +15,7 @@ from coadjoint.vehicles.missions.file import MissionFile
 
 if TYPE_CHECKING:
     from coadjoint.runs.running import Written
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
+    from coadjoint.simulation.run import Ensemble, Run
 
 
 class Mission:

@@ -163,7 +163,7 @@ class Craft:
         commands = {part.name: part.command.unit for part in self.vehicle.commanded if part.command is not None}
         wanted = {} if self.controller is None else self.controller.inputs
         return {
-            **parameter_units(self),
+            **parameter_units(self.vehicle, self.parameters, self.owners),
             **UNITS,
             "current": "m/s",
             **{f"inputs_{name}": unit for name, unit in {**commands, **wanted}.items()},

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from coadjoint.paths import paths
 from coadjoint.spaces.named import Named
 from coadjoint.units import Dimension
 from coadjoint.vehicles.model.changed import part_of
+from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts import measured
 from coadjoint.vehicles.water.density import Density
 from coadjoint.vehicles.water.dimensions import DIMENSIONS as OF_WATER
 from coadjoint.vehicles.water.profiles import Profile
 from coadjoint.vehicles.water.water import Water
 
-if TYPE_CHECKING:
-    from coadjoint.vehicles.model.craft import Craft
 
+def measures(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> dict[str, Any]:
+    """What each parameter of a craft measures, in dictionaries as its parameters are; None for what no unit does.
 
-def measures(craft: Craft) -> dict[str, Any]:
-    """What each parameter of a craft measures, in dictionaries as its parameters are; None for what no unit does."""
-    of_body = dimensions(craft.vehicle)
+    owners: the parts of the craft that groups of parameters belong to, by the names of the groups.
+    """
+    of_body = dimensions(vehicle)
     return {
-        name: _measures(value, craft.owners[name]) if isinstance(value, Named) else of_body.get(name)
-        for name, value in craft.parameters.asdict().items()
+        name: _measures(value, owners[name]) if isinstance(value, Named) else of_body.get(name)
+        for name, value in parameters.asdict().items()
     }
 
 
@@ -42,7 +44,7 @@ def dimensions(of: Any) -> dict[str, Dimension | None]:
     return {name: found.dimension for name, found in measured.measures(of).items()}
 
 
-def parameter_units(craft: Craft) -> dict[str, str]:
+def parameter_units(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> dict[str, str]:
     """The SI unit of each parameter of a craft that measures one thing, by its path as "rudder.area"."""
-    known = paths(measures(craft)).items()
+    known = paths(measures(vehicle, parameters, owners)).items()
     return {path: kind.si.replace("^2", "²").replace("^3", "³") for path, kind in known if kind is not None}

@@ -1,21 +1,71 @@
-"""Warnings about the energy of a run: where it is not known, and where it changed though nothing may change it."""
+"""The energy of a run: its budget, and warnings where it is not known, or changed though nothing may change it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.members import member_of
+from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import energy_lines
-from coadjoint.simulation.driver import Memory
+from coadjoint.simulation.plan import Memory
+from coadjoint.simulation.result import Result
 
-if TYPE_CHECKING:
-    from coadjoint.mechanics.system import System
-    from coadjoint.simulation.ensemble import Ensemble
-    from coadjoint.simulation.run import Run
+POORLY = 0.1
+"""The relative gap of a budget from which on the card warns."""
+
+
+def budget(run: Result) -> dict[str, Any]:
+    """E_N − E_0, the work W of each force, and the largest |E_k − E_0 − ΣW_k| over every step.
+
+    The last is relative to the largest of these energies.
+    """
+    if "energy_budget" not in run.ends:
+        return {}
+    stored = "energy" if "energy" in run.ends else "discrete_energy"
+    names = [stored, *(f"work_{line}" for line in energy_lines(run.system))]
+    size = max(float(np.max(np.abs(run.extrema[name]))) for name in names)
+    return {
+        **{f"{name}_change": float(run.ends[name][1] - run.ends[name][0]) for name in names},
+        "energy_budget_error_max": _widest(run, "energy_budget") / (size or 1.0),
+    }
+
+
+def momentum_gap(run: Result) -> float:
+    """The largest change of the Kelvin–Noether quantities less the impulse of forces, relative to their largest."""
+    first, (low, high) = run.ends["kelvin_noether_budget"][0], run.extrema["kelvin_noether_budget"]
+    change = float(np.linalg.norm(np.maximum(high - first, first - low)))
+    size = float(np.linalg.norm(np.max(np.abs(run.extrema["kelvin_noether"]), axis=0)))
+    return change / (size or 1.0)
+
+
+def _widest(run: Result, name: str) -> float:
+    """The largest change of a monitored number since the start, over every step."""
+    first, (low, high) = run.ends[name][0], run.extrema[name]
+    return float(np.maximum(high - first, first - low))
+
+
+def in_words(run: Result) -> str:
+    """The budget in words."""
+    found = budget(run)
+    parts = []
+    for line in energy_lines(run.system):
+        energy = found[f"work_{line}_change"]
+        parts.append(f"{line} {'took' if energy < 0 else 'put in'} {abs(energy):.6g}")
+    stored = next(value for name, value in found.items() if name.endswith("energy_change"))
+    return f"stored {stored:.6g}; {', '.join(parts)}; closes to {found['energy_budget_error_max']:.1e}, relative"
+
+
+def gap(run: Result) -> list[str]:
+    """A warning where the budget closes poorly: the step does not resolve the motion."""
+    much = budget(run).get("energy_budget_error_max", 0.0)
+    if much < POORLY:
+        return []
+    return [f"The energy budget closes only to {much:.0%}: the motion or a force is too fast for dt = {run.plan.h:g}."]
+
 
 TOO_MUCH = 0.1
 """The relative change of a conserved energy from which on the card warns."""
@@ -28,15 +78,15 @@ BLOCK = 1 << 20
 """Values of a monitor that are read at once, of as many members as have them."""
 
 
-def energy_known(run: Run) -> bool:
+def energy_known(run: Result) -> bool:
     """Whether the velocities at all nodes were found, on which the Legendre energy rests."""
-    return "legendre_residual" not in run.extrema or run.largest("legendre_residual") <= SOLVED
+    return "legendre_residual" not in run.extrema or float(np.max(run.extrema["legendre_residual"][1])) <= SOLVED
 
 
-def energy_warnings(run: Run) -> list[str]:
+def energy_warnings(run: Result) -> list[str]:
     """A sentence each for an energy that is not known, and for one that changed."""
     if not energy_known(run):
-        much = run.largest("legendre_residual")
+        much = float(np.max(run.extrema["legendre_residual"][1]))
         return [
             "The energy is not known at every node, nor what follows from it: the velocities could not be found from "
             f"the momenta there (the inverse Legendre transform leaves a residual of {much:.1e}). Look whether ∂ℓ can "
@@ -45,19 +95,19 @@ def energy_warnings(run: Run) -> list[str]:
     return [*_changed(run), *driven(run)]
 
 
-def _changed(run: Run) -> list[str]:
+def _changed(run: Result) -> list[str]:
     driven = energy_lines(run.system) or run.system.takes("inputs") or run.system.takes("internal")
     if (
         driven
         or run.method.claims.energy == "changed"
         or "energy" not in run.extrema
-        or run.relative_change("energy") < TOO_MUCH
+        or float(run.relative_changes("energy")) < TOO_MUCH
     ):
         return []
+    change = float(run.relative_changes("energy"))
     return [
-        f"The energy, which nothing changes, is off by {run.relative_change('energy'):.0%}: dt = {run.dt:g} is too "
-        "large for this motion, or functions of the system contradict each other, such as a space's `diamond` and its "
-        "`act`."
+        f"The energy, which nothing changes, is off by {change:.0%}: dt = {run.plan.h:g} is too large for this motion, "
+        "or functions of the system contradict each other, such as a space's `diamond` and its `act`."
     ]
 
 
@@ -80,7 +130,7 @@ class _Watched(NamedTuple):
     times: np.ndarray
 
 
-def driven(run: Run) -> list[str]:
+def driven(run: Result) -> list[str]:
     """A sentence where passive forces have put energy in, also of a run whose step failed."""
     rows = _rows(run, _asked(run))
     extrema = {name: (float(run.extrema[name][0]), float(run.extrema[name][1])) for name in rows}
@@ -88,13 +138,13 @@ def driven(run: Run) -> list[str]:
     return [f"{_told(run.system, gain)}."] if gain else []
 
 
-def members_driven(ensemble: Ensemble) -> list[str]:
+def members_driven(ensemble: Result) -> list[str]:
     """A sentence where passive forces have put energy into members: that of the most, and the others by number."""
     asked = _asked(ensemble)
-    if not asked:
+    if not asked or ensemble.members is None:
         return []
     times, parameters, extrema = _times(ensemble), ensemble.system.parameters, ensemble.extrema
-    count, gains = ensemble.members.count, dict[int, _Gain]()
+    count, gains = ensemble.members, dict[int, _Gain]()
     block = max(BLOCK // len(times), 1)
     for first in range(0, count, block):
         rows = _rows(ensemble, asked, slice(first, first + block))
@@ -114,7 +164,7 @@ def members_driven(ensemble: Ensemble) -> list[str]:
     return [f"In member {most} {_told(ensemble.system, gains[most])}{also}."]
 
 
-def _asked(run: Run | Ensemble) -> list[str]:
+def _asked(run: Result) -> list[str]:
     """The monitors that tell of passive forces; none where there are none, or where their work is not observed."""
     names = [f"work_{name}" for name, force in run.system.forces or () if hasattr(force, "passive")]
     if not names or any(name not in run.ends for name in names):
@@ -122,7 +172,7 @@ def _asked(run: Run | Ensemble) -> list[str]:
     return [*names, *(name for name in ("energy", "energy_budget") if name in run.ends)]
 
 
-def _rows(run: Run | Ensemble, names: Sequence[str], members: slice | None = None) -> dict[str, np.ndarray]:
+def _rows(run: Result, names: Sequence[str], members: slice | None = None) -> dict[str, np.ndarray]:
     """Monitors at the saved nodes, (nodes,) or (members, nodes), from memory or from the disk."""
     at = slice(None) if members is None else members
     if isinstance(run.memory, Memory):
@@ -132,7 +182,7 @@ def _rows(run: Run | Ensemble, names: Sequence[str], members: slice | None = Non
     return found
 
 
-def _times(run: Run | Ensemble) -> np.ndarray:
+def _times(run: Result) -> np.ndarray:
     """The times of the saved nodes, s, (nodes,), without what failed; of a run with variable steps those it took."""
     if isinstance(run.memory, Memory) and np.ndim(run.records.t) == 1:
         return np.asarray(run.records.t)

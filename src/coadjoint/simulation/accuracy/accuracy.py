@@ -1,0 +1,70 @@
+"""How accurate a run was found to be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """The accuracy of a run at the steps that were judged, a row each.
+
+    `steps` their indices, `times` in s, `local_errors` relative to the motion of the run over a step (empty where a
+    finished run was read again); `count` how many, `median` and `worst` of the errors, `part` of the state and time
+    `when` of the worst; `turn` the largest h‖ξ‖ as an angle, rad; `rate` h times the fastest rate of the linearised
+    motion that is excited, where known; `resolving` the dt that would do where the motion is not resolved, None where
+    it is; `reasons` why it is not. With accuracy="full": `trajectory` the largest error of the trajectory, relative to
+    how far the run goes, and `holds` the time up to which it is below 10 %, None where it is all along.
+    """
+
+    count: int
+    median: float
+    worst: float
+    part: str
+    when: float
+    turn: float
+    rate: float | None = None
+    resolving: float | None = None
+    reasons: tuple[str, ...] = ()
+    trajectory: float | None = None
+    holds: float | None = None
+    steps: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    local_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def resolved(self) -> bool:
+        """Whether nothing speaks against dt."""
+        return not self.reasons
+
+    def numbers(self) -> dict[str, Any]:
+        """What goes into a summary and into a file, under plain names."""
+        found = {key: getattr(self, name) for name, key in NAMES.items() if getattr(self, name) is not None}
+        return {**found, "unresolved": "; ".join(self.reasons), "resolved": int(self.resolved)}
+
+
+NAMES = {
+    "count": "local_error_steps",
+    "median": "local_error_median",
+    "worst": "local_error_max",
+    "part": "local_error_part",
+    "when": "local_error_time",
+    "turn": "turn_max",
+    "rate": "fastest_rate",
+    "resolving": "dt_resolving",
+    "trajectory": "trajectory_error_max",
+    "holds": "trajectory_holds_until",
+}
+"""What the fields of an `Accuracy` are called in a summary."""
+
+
+def accuracy_from(numbers: Mapping[str, Any]) -> Accuracy | None:
+    """The accuracy that `Accuracy.numbers` wrote; None where there is none."""
+    if "local_error_max" not in numbers:
+        return None
+    reasons = tuple(filter(None, str(numbers.get("unresolved", "")).split("; ")))
+    return Accuracy(**{name: numbers[key] for name, key in NAMES.items() if key in numbers}, reasons=reasons)

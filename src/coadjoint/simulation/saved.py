@@ -1,0 +1,149 @@
+"""Runs that are read from files and folders."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError, FileError, printable, shown
+from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
+from coadjoint.sealed import readable
+from coadjoint.simulation.recording import LAST_RECORD, Recording, run_path
+
+if TYPE_CHECKING:
+    import xarray
+
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
+
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+"""The first bytes of a netCDF file as `save` writes it."""
+
+
+READERS = {
+    ".csv": "numpy.genfromtxt and pandas.read_csv read a table, `read_log` the log of a vehicle",
+    ".toml": "`coadjoint run` runs a run file or a mission, and writes a netCDF file",
+    ".zip": "co.load_stepper loads what stepper.save wrote",
+}
+"""What reads files that are no runs, by their endings."""
+
+
+class SavedRun(Recording):
+    """A run that was read from a file; `print` it for the certificate."""
+
+    def __init__(self, dataset: xarray.Dataset, system: System | None = None):
+        last = [name for name in LAST_RECORD if name in dataset]
+        self._written, self._system = {name: dataset[name] for name in last}, system
+        self.__dict__["dataset"] = dataset.drop_vars(last)
+
+    def _last_record(self) -> dict[str, Any]:
+        return self._written
+
+    @cached_property
+    def final(self) -> State:
+        """The last record, a State from which a run goes on to the bit. Needs the system: co.load(path, system).
+
+        Raises ArgumentError without a system and for another one, FileError where the file lacks the record.
+        """
+        from coadjoint.simulation.last_record import read
+
+        return read(self._written, self.dataset, self._system)
+
+    @property
+    def event(self) -> float | None:
+        """When `until` crossed zero and ended the run, s; None where it did not."""
+        found = self.dataset.attrs.get("event")
+        return None if found is None else float(found)
+
+    @property
+    def events(self) -> dict[str, State]:
+        """Raises ArgumentError: a file holds the dataset of a run, and not the records at its events."""
+        raise ArgumentError(
+            "The records at events are not in the file of a run: take them from the run itself, `run.events[name]`, "
+            "and save what is wanted of them."
+        )
+
+    def __str__(self) -> str:
+        return printable(str(self.dataset.attrs.get("card", "a run without a certificate")))
+
+    def __repr__(self) -> str:
+        return printable(f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>")
+
+
+def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun:
+    """The run in a netCDF file written by `save`, or in a folder to which a run streams, as far as it has come.
+
+        run = co.load("top.nc")
+        print(run); run.dataset.energy; run.plot.energy()
+
+        more = co.simulate(top, co.load("top.nc", top).final, dt=0.01, duration=10.0)
+
+    path: the file, or the folder that was given as `store`. system: that of the run, by default None; needed for
+    `final` alone. Returns a `SavedRun` with `dataset`, `final`, `plot` and `save`.
+
+    Raises FileError where there is none, or where it was not written by this library; ArgumentError for what is no
+    system.
+    """
+    import xarray
+
+    if system is not None:
+        from coadjoint.mechanics.system import System
+
+        if not isinstance(system, System):
+            raise ArgumentError(f"Argument `system` must be a co.System, but is {shown(system)}.")
+
+    source = run_path(path)
+    if os.path.isdir(source):
+        from coadjoint.simulation.reading import saved_dataset
+
+        return SavedRun(saved_dataset(source.absolute()), system)
+    if not os.path.isfile(source):
+        raise FileError(f"There is no file {source}.")
+    _require_listed(source)
+    try:
+        if not _begins(source, HDF5) or not readable(source):
+            raise _unreadable(source)
+        with xarray.open_dataset(source.absolute(), engine="h5netcdf") as opened:
+            found = opened.load()
+    except FileError:
+        raise
+    except Exception as error:  # h5py and what is above it have errors of all kinds for what is damaged
+        raise _unreadable(source) from error
+    if "time" not in found or "card" not in found.attrs:
+        raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
+    return SavedRun(found, system)
+
+
+def _require_listed(source: Path) -> None:
+    """Raise FileError where a manifest beside a file says that other bytes were written."""
+    listing = source.parent / MANIFEST
+    if not listing.is_file() or not _begins(listing, BEGINNING):  # of another program
+        return
+    manifest = Manifest.read(source.parent)
+    if source.name in manifest.files:
+        manifest.require(source.name)
+
+
+def _unreadable(source: Path) -> FileError:
+    """What to raise for a file that is not opened as netCDF: what it is instead, and what reads it."""
+    try:
+        hdf5, zipped = _begins(source, HDF5), _begins(source, b"PK")
+    except OSError as refusal:
+        return FileError(f"The file {source} cannot be read: {refusal.strerror or refusal}.")
+    if hdf5:
+        return FileError(
+            f"The file {source} cannot be read as netCDF: it is damaged, not whole, or still being written."
+        )
+    reader = READERS.get(".zip" if zipped else source.suffix.lower())
+    return FileError(
+        f'The file {source} is not a netCDF file of a run, such as run.save("run.nc") writes, nor the folder of a '
+        f"streamed run{f': {reader}' if reader else ''}."
+    )
+
+
+def _begins(source: Path, word: bytes) -> bool:
+    with source.open("rb") as opened:
+        return opened.read(len(word)) == word
