@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.accuracy.metric import Ruler
+from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
+from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
 
 J = np.array([1.0, 2.0, 3.0])
 UNRESOLVED = "does not resolve this motion"
@@ -222,3 +225,28 @@ def test_warnings_name_the_line_that_called(tmp_path):
         co.trajectory(BODY, BODY.state(xi=SPIN), dt=0.3, steps=3)
         co.Stepper(BODY, BODY.state(xi=SPIN), dt=0.1).step(n=40)
     assert [one.filename for one in said] == [__file__] * 4
+
+
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+def test_momenta_that_move_alone_are_judged_by_how_far_they_move(speed):
+    """As of a fluid whose method leaves g out: μ of size 1 turns by hω, which a midpoint step takes as 2 atan(hω/2)."""
+
+    def midpoint(rows, h, steps=1, members=None):
+        turn = steps * 2 * np.arctan(h * speed / 2)
+        mu, way = rows[:, 1] + 1j * rows[:, 2], np.exp(1j * turn)
+        after = np.stack([rows[:, 0] + steps * h, (mu * way).real, (mu * way).imag], axis=1)
+        return after, rows, np.zeros(len(rows), int)
+
+    ruler = Ruler(0, (), (), (), (1, 2), (), (1, 2), (), None, lambda xi: np.zeros(len(xi)))
+    row = np.array([[0.0, 1.0, 0.0]])
+    for turn, resolved in ((0.6, True), (0.9, False)):
+        parts = PartsOfSteps(midpoint, ruler, InternalPlaces(), 2)
+        errors, _ = parts.errors(row, np.array([turn / speed]))
+        exact = (turn - 2 * np.arctan(turn / 2)) / (2 * np.sin(turn / 2))
+        assert errors.local[0] == pytest.approx(exact, rel=0.15)
+        found = SampledSteps(parts).judge(row, turn / speed)
+        assert (found is None) is resolved
+        if found is not None:
+            assert "of what it moves (μ, t = 0 s)" in found
+            proposed = float(found.split("Take dt = ")[1].split(" or less")[0])
+            assert turn / speed / 4 <= proposed < turn / speed

@@ -13,6 +13,9 @@ NO_MOTION = 1e-12
 ROUND_OFF = 1e-9
 """A motion over a step, relative to where things are, or a momentum to another, that counts as none."""
 
+KEPT = "momentum "
+"""How the names of parts begin whose size does not shrink with the step."""
+
 Numbers = tuple[int, ...]
 """Which numbers of a row something is."""
 
@@ -50,7 +53,8 @@ class Difference(NamedTuple):
 def differences(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
     """What separates rows `one` (k, size) from rows `other`, both a step away from `begun`.
 
-    Group elements and positions q in space are relative to the way from `begun`; momenta μ and π to their own size.
+    Group elements and positions q in space are relative to the way from `begun`; momenta μ and π to their own size, or
+    to the way from `begun` where nothing else moves, as of a fluid whose method leaves g out.
     """
     found = []
     for name, numbers in ruler.configuration:
@@ -73,14 +77,13 @@ def _momenta(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray
     """Those of μ and π; one beside whose energy another's is round-off is none."""
     mu, pi, xi, nu = (list(numbers) for numbers in (ruler.mu, ruler.pi, ruler.xi, ruler.nu))
     energies = [_largest(begun[:, p]) * _largest(begun[:, v]) for p, v in ((mu, xi), (pi, nu))]
-    kinds = [("momentum μ", mu, _largest(begun[:, xi]))]
-    kinds += [
-        (f"momentum {name}", pi[begin:end], _largest(begun[:, nu[begin:end]])) for name, begin, end in ruler.momenta
-    ]
-    found = []
+    kinds = [(f"{KEPT}μ", mu, _largest(begun[:, xi]))]
+    kinds += [(f"{KEPT}{name}", pi[begin:end], _largest(begun[:, nu[begin:end]])) for name, begin, end in ruler.momenta]
+    found, alone = [], not (ruler.configuration or ruler.points)
     for name, part, speed in kinds:
         first, here, there = (rows[:, part] for rows in (begun, one, other))
-        size = np.maximum(_norm(first), _norm(here))
+        size = _norm(here - first) if alone else np.maximum(_norm(first), _norm(here))
+        name = name.removeprefix(KEPT) if alone else name
         least = 1e3 * ROUND_OFF * sum(energies) / speed if speed > 0 else np.inf
         found.append(Difference(name, _norm(here - there), size, least))
     return found

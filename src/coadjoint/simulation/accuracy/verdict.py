@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.simulation.accuracy.metric import KEPT
 from coadjoint.simulation.accuracy.parts import Errors, PartsOfSteps
 
 TOO_MUCH, TOO_MUCH_OF_ORDER_ONE = 0.05, 0.1
@@ -86,4 +87,4 @@ def _resolving(parts: PartsOfSteps, row, h, member, limit: float, sizes: dict[st
 
 def _local_sizes(sizes: dict[str, float], halving: int) -> dict[str, float]:
     """What is moved over a step shrinks with it, momenta do not."""
-    return {name: size if name.startswith("momentum") else size / 2**halving for name, size in sizes.items()}
+    return {name: size if name.startswith(KEPT) else size / 2**halving for name, size in sizes.items()}
