@@ -143,15 +143,16 @@ def test_lag_and_rate_of_an_actuator_are_found_in_20_of_20_logs(rule, name, off)
     assert misses <= stats.binom.ppf(0.999, 40, 0.05)
 
 
-def test_a_search_that_fails_names_the_internal_state_whose_derivative_does_not_cross_segments():
+def test_an_internal_state_whose_derivative_does_not_cross_segments_is_named_and_by_default_there_are_none():
     system = rotor(braked, lag=2.0)
     start, (log,) = logged(system, duration=30.0, noise=1e-6)
     with pytest.raises(CoadjointError, match=r"`motor` depends on the motion.*segment=None"):
         identify(rotor(braked, lag=1.4), log, start=start, parameters=["lag", "drag"], measured=MEASURED, segment=2.0)
-    whole = identify(
-        rotor(braked, lag=1.4), log, start=start, parameters=["lag", "drag"], measured=MEASURED, segment=None
-    )
-    assert whole["lag"].covers(2.0) and whole["lag"].standard_error < 1e-2
+    sought: dict[str, Any] = {"start": start, "parameters": ["lag", "drag"], "measured": MEASURED, "progress": False}
+    whole = identify(rotor(braked, lag=1.4), log, **sought)
+    assert whole.segments == 1 and whole["lag"].covers(2.0) and whole["lag"].standard_error < 1e-2
+    cut = identify(rotor(braked, lag=1.4), log, segment=10.0, **sought)
+    assert any("`motor` depends on the motion" in said and "the 3 segments" in said for said in cut.warnings)
 
 
 @pytest.mark.long

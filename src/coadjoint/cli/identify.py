@@ -40,8 +40,9 @@ class Identify:
     """Of a bag that was not closed take what is whole."""
     noise: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """A standard deviation that is known, SI units and rad; repeatable. The others are estimated."""
-    segment: float = 10.0
-    """Length of the segments, s; 0 takes the log as one run."""
+    segment: float | None = None
+    """Length of the segments, s; 0 takes the log as one run; by default 10, or 0 where an internal state, as that of a
+    controller, depends on the motion."""
     dt: float | None = None
     """Step, s; by default one that shifts no parameter by much."""
     between: Literal["held", "linear"] = "held"
@@ -89,7 +90,7 @@ class Identify:
             start=craft.start(actuators=actuators),
             parameters=self.parameters,
             noise=dict(map(_given, self.noise)),
-            segment=self.segment or None,
+            segment="auto" if self.segment is None else self.segment or None,
             dt=self.dt,
             between=self.between,
             settle=self.settle if self.settle is not None else 0.0 if set(actuators) <= set(log.actual) else 2.0,

@@ -139,6 +139,18 @@ def misjudged(names: tuple[str, ...], rms: np.ndarray, sigma: np.ndarray, estima
     ]
 
 
+def handed_on(internal: tuple[str, ...], segments: int) -> list[str]:
+    """Where segments begin with an internal state whose derivative is not known."""
+    if not internal:
+        return []
+    names, verb = ", ".join(f"`{name}`" for name in internal), "depends" if len(internal) == 1 else "depend"
+    return [
+        f"The internal state {names} {verb} on the motion, but what a parameter does to it is not followed through the "
+        f"starts of the {segments} segments: parameters may be off by more than their intervals; take the log as one "
+        "run, segment=None or --segment 0, and cut it at its gaps."
+    ]
+
+
 def coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[str]:
     """Where the step size shifts a parameter by much of its standard error."""
     if not len(shift) or not np.nanmax(shift) > COARSE:

@@ -6,7 +6,7 @@ import difflib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def identify(
     parameters: Sequence[str],
     noise: Mapping[str, float] | None = None,
     measured: Mapping[str, Callable[[State], Any]] | None = None,
-    segment: float | None = 10.0,
+    segment: float | Literal["auto"] | None = "auto",
     dt: float | None = None,
     between: Between = "held",
     settle: float = 0.0,
@@ -68,8 +68,10 @@ def identify(
     own values are where the search starts.
     noise: standard deviations in SI units by column, or for position, attitude, velocity, rates; those not given are
     estimated from the residuals. measured: functions of the state for columns that are not those of a vehicle.
-    segment: s; None takes the log as one run from one start. dt: s, by default that of the simulation which wrote
-    the log, and of a measured log one that shifts no parameter by more than about a tenth of its standard error.
+    segment: s; None takes the log as one run from one start; by default 10 s, and None where an internal state depends
+    on the motion, as that of a controller that is simulated: what parameters do to it does not cross segments.
+    dt: s, by default that of the simulation which wrote the log, and of a measured log one that shifts no parameter by
+    more than about a tenth of its standard error.
     between: whether inputs are held between samples or run linearly. settle: for how long, s, the log is not
     fitted, because nobody knows where actuators start. positive: parameters that must stay positive,
     sought by their logarithms; the diagonals of positive definite matrices always are, and the matrices stay so.
@@ -93,12 +95,13 @@ def identify(
     method = Midpoint() if method is None else method
     require_arguments(system, log, start, method)
     require_numbers(level=level, settle=settle, longest_delay=longest_delay)
-    require_numbers(**{name: value for name, value in {"segment": segment, "dt": dt}.items() if value is not None})
+    lengths = {"segment": None if segment == "auto" else segment, "dt": dt}
+    require_numbers(**{name: value for name, value in lengths.items() if value is not None})
     require_named(noise={} if noise is None else noise, measured={} if measured is None else measured)
     if not 0 < level < 1:
         raise ArgumentError(f"Argument `level` must lie between 0 and 1, but is {level:g}.")
-    if segment is not None and not (np.isfinite(segment) and segment > 0):
-        raise ArgumentError(f"Argument `segment` must be a positive time in s, or None, but is {segment:g}.")
+    if (length := lengths["segment"]) is not None and not (np.isfinite(length) and length > 0):
+        raise ArgumentError(f"Argument `segment` must be a positive time in s, or None, but is {length:g}.")
     if between not in get_args(Between):
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     progress = None if progress is None else truth(progress, "progress")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,9 @@ SAME_TIME = 0.02
 
 SHIFT = 0.1
 """How many standard errors the step size may shift a parameter: the aim; twice that is left as it is."""
+
+SEGMENT = 10.0
+"""The length of segments, s, where none is given."""
 
 SHORT = (2.0, 6.0)
 """Segments, s, with which the search begins where those asked for are at least twice as long."""
@@ -57,8 +60,10 @@ class Fitted(NamedTuple):
     """What of the noise still changed in the last round of least squares, and by what part."""
 
 
-def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fitted:
+def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[str, float]) -> Fitted:
     """The fit; unless the step is fixed, on one that shifts no parameter by much more than SHIFT standard errors.
+
+    segment: s; "auto" is SEGMENT, or one run where a segment would hand what depends on the motion to the next.
 
     The rule is of an order r, so from h to h/2 parameters shift by 1 − 2⁻ʳ of what they are shifted at h.
     """
@@ -66,7 +71,11 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
     sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
     open_ = np.array([name not in given for name in names])
     h, left = asked.longest, FINEST
-    fit = Fit(asked.shooting(h, segment, "new"), asked, sigma)
+    shooting = asked.shooting(h, SEGMENT if segment == "auto" else segment, "new")
+    if segment == "auto":
+        segment = None if shooting.handed else SEGMENT
+        shooting = shooting if segment else asked.shooting(h, segment, "new")
+    fit = Fit(shooting, asked, sigma)
     place, trips = fit.at(_begun(asked, h, segment, sigma, np.zeros(fit.count))), 0
     fit.find_process_noise(place)
     if asked.step is None:

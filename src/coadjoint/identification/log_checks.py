@@ -15,9 +15,9 @@ STEEPEST, SELDOM = np.pi, 0.01
 HIGHEST = 3.0
 """m above the surface, where the middle of all depths is no error of a sensor."""
 
-FULL, EDGE, SELDOM_JUMP = 0.9, 0.05, 0.2
-"""The part of a turn that angles must cover and jump by, how far they may be beyond its ends, and how often they may
-jump, to betray radians."""
+FULL, EDGE, SELDOM_JUMP, SMOOTH = 0.9, 0.05, 0.2, 0.1
+"""The part of a turn that angles must cover and jump by, how far they may be beyond its ends, how often they may jump,
+and below which part of a turn all other changes from one sample to the next are, to betray radians."""
 
 WILD, SPREAD, FEWEST = 50.0, 3.0, 10
 """How far a single value is off the mean of its neighbours: in such differences that 90 % of the values stay below, in
@@ -73,7 +73,10 @@ def _wrapped_by_radians(degrees: np.ndarray) -> bool:
     if not inside or np.ptp(degrees) < FULL * turn:
         return False
     jumps = step > FULL * turn
-    return bool(jumps.any() and not np.any((step > 0.5 * turn) & ~jumps) and np.mean(jumps) < SELDOM_JUMP)
+    # Near a pitch of 90° a heading turns fast, so that some crossings are seen from further inside.
+    between = int(np.sum((step > 0.5 * turn) & ~jumps))
+    smooth = np.quantile(step, 1 - SELDOM_JUMP) < SMOOTH * turn
+    return bool(smooth and between <= 0.5 * np.sum(jumps) and 0 < np.mean(jumps) < SELDOM_JUMP)
 
 
 def _marks(known: np.ndarray, floor: float) -> np.ndarray:

@@ -131,6 +131,7 @@ def judged(found: Fitted, level: float) -> Identification:
     warnings += diagnostics.missed(fit.log, names, rms, found.estimated)
     warnings += diagnostics.unsettled(found.unsettled) + diagnostics.misjudged(names, rms, sigma, found.estimated)
     warnings += diagnostics.coarse(estimates, found.shift, shooting.samples.h)
+    warnings += diagnostics.handed_on(shooting.handed, shooting.runs)
     innovations = _by_rows(fit, np.where(fit.there, -surprise, np.nan))
     missed = misfits(fit.log, innovations)
     return Identification(

@@ -236,6 +236,18 @@ def test_a_heading_in_another_unit_is_betrayed_by_its_jumps_or_by_where_the_vehi
     assert "would if that were deg read as rad: name the column `heading_deg`" in told
 
 
+def test_a_heading_that_turns_fast_near_a_pitch_of_90_degrees_is_betrayed_by_its_jumps():
+    """Two of thirteen crossings are seen from further inside than others; white noise has many such steps."""
+    turned = 0.07 * np.arange(1200)
+    for crossing in (270, 810):
+        turned[crossing:] += 1.2
+    heading = np.mod(turned + np.random.default_rng(4).normal(0, 0.01, 1200), 2 * np.pi)
+    (told,) = Log(0.1 * np.arange(1200), {"heading": np.radians(heading)}).doubts
+    assert told.startswith("`heading` jumps by 6.28 degrees")
+    noise = np.random.default_rng(5).uniform(0, 2 * np.pi, 1200)
+    assert not Log(0.1 * np.arange(1200), {"heading": np.radians(noise)}).doubts
+
+
 def test_a_wild_value_is_named_by_row_and_column():
     t, columns = cruise()
     for name, value in (("north", 1e6), ("depth", -4000.0), ("u", 99.0), ("pitch", 1e3), ("r", 500.0)):
