@@ -15,7 +15,7 @@ from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.problems import NODES, Problem, Ready, heavy_top, ready, vehicle
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import native, xla
-from coadjoint.simulation.preparing import prepare
+from coadjoint.simulation.problem import prepare
 
 YARDSTICK = "by hand, numba: left rule"
 H, STEPS = 0.01, 50_000

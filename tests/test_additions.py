@@ -15,7 +15,7 @@ import coadjoint as co
 from coadjoint.cli import main as command_line
 from coadjoint.methods import left_rectangle, midpoint
 from coadjoint.simulation import monitors
-from coadjoint.simulation.watched import Watched, monitor
+from coadjoint.simulation.monitors import Watched, monitor
 
 SYSTEM = co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi))
 START = SYSTEM.state(xi=[0.3, 1.0, -0.2])

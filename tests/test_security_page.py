@@ -29,7 +29,7 @@ IMPORTED = re.compile(
 )
 KNOWN = {
     "cli/start.py": {"exec"},  # of an empty text
-    "simulation/lock.py": {"socket"},  # the name of this machine
+    "simulation/folder.py": {"socket"},  # the name of this machine
     "sweeps/address.py": {"socket"},
     "sweeps/cluster.py": {"distributed"},
     "sweeps/local.py": {"pickle"},  # of this library's own processes

@@ -112,8 +112,8 @@ if TYPE_CHECKING:
     from coadjoint.simulation.saved import load as load
     from coadjoint.simulation.simulate import simulate as simulate
     from coadjoint.simulation.steppers.fmu import save_fmu as save_fmu
-    from coadjoint.simulation.steppers.load import load_stepper as load_stepper
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
+    from coadjoint.simulation.steppers.stepping import load_stepper as load_stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import Adjoint as Adjoint
     from coadjoint.spaces import Coadjoint as Coadjoint

@@ -11,7 +11,7 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.run import xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.preparing import prepare
+from coadjoint.simulation.problem import prepare
 
 LINKS = Coupled(4, (3,), ((0, 1), (1, 2), (2, 3)))
 

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.simulation.accuracy.doubling import Doubling
-from coadjoint.simulation.accuracy.metric import relative
-from coadjoint.simulation.accuracy.ruler import packed
-from coadjoint.simulation.accuracy.trajectory_error import trajectory_errors
+from coadjoint.simulation.accuracy.local_error import relative
+from coadjoint.simulation.accuracy.resolution import trajectory_errors
+from coadjoint.simulation.accuracy.ruler import Doubling, packed
 from resolution import RESOLVED, UNRESOLVED, driven, lag, near_collision, spring, top
 
 QUICK = (

@@ -14,9 +14,9 @@ import pytest
 
 import coadjoint as co
 from coadjoint.mechanics.internal_state import require_internal
-from coadjoint.simulation.arguments import require_quantities
+from coadjoint.simulation.arguments import with_inputs
 from coadjoint.simulation.events import Event, require_event
-from coadjoint.simulation.inputs import with_inputs
+from coadjoint.simulation.problem import require_quantities
 from coadjoint.simulation.trajectory import Trajectory
 from paper_vehicle import PARAMETERS, lagrangian, start, system
 from strange import RESULTS, VALUES

@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
-import coadjoint as co
 from coadjoint.simulation.accuracy.metric import Ruler
 from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
 from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
+
+import coadjoint as co
 
 J = np.array([1.0, 2.0, 3.0])
 UNRESOLVED = "does not resolve this motion"
@@ -154,7 +154,7 @@ def test_a_loaded_stepper_is_judged_without_jax(tmp_path):
     assert len(said) == 1
     code = (
         "import sys, warnings\n"
-        "from coadjoint.simulation.steppers.load import load_stepper\n"
+        "from coadjoint.simulation.steppers.stepping import load_stepper\n"
         "warnings.simplefilter('always')\n"
         "for name in sys.argv[1:]:\n"
         "    with warnings.catch_warnings(record=True) as said:\n"

@@ -18,9 +18,9 @@ from coadjoint.kernels.run import native
 from coadjoint.kernels.trace import library as files
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.models import catalogue
-from coadjoint.simulation import known
-from coadjoint.simulation.fingerprint import fingerprint
-from coadjoint.simulation.preparing import prepare
+from coadjoint.simulation import setup_cache
+from coadjoint.simulation.configuration import fingerprint
+from coadjoint.simulation.problem import prepare
 from coadjoint.simulation.steppers import engines
 from coadjoint.vehicles.controllers.attitude import Attitude
 from coadjoint.vehicles.files.registry import load_vehicle
@@ -40,7 +40,7 @@ def cache(tmp_path, monkeypatch):
 
 def forget():
     """Be like another process."""
-    for memory in (known._known, known._verdicts, native._kernels, engines._engines):
+    for memory in (setup_cache._known, setup_cache._verdicts, native._kernels, engines._engines):
         memory.clear()
 
 

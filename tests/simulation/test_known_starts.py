@@ -12,7 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import CoadjointError
 from coadjoint.mechanics import check, trace_checks
-from coadjoint.simulation import known
+from coadjoint.simulation import setup_cache
 
 INERTIA = np.diag([1.0, 2.0, 3.0])
 GLOBAL = 0.1
@@ -212,7 +212,10 @@ def test_a_second_ensemble_or_stepper_reads_every_function_once_and_checks_nothi
     system = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ INERTIA @ xi, forces=forces, parameters={"drag": 0.1})
     start = system.state(xi=[0.3, 1.0, -0.2])
     first = run(system, start)
-    for kept in (known._known, known._verdicts):  # as in another process, which finds on the disk what this one checked
+    for kept in (
+        setup_cache._known,
+        setup_cache._verdicts,
+    ):  # as in another process, which finds on the disk what this one checked
         kept.clear()
     run(system, start)
     readings.clear()
@@ -245,7 +248,7 @@ def test_only_where_all_functions_are_the_librarys_own_are_they_not_read_to_see_
     craft = co.vehicles.Craft(co.vehicles.load("remus_100"))
     system = craft.system if forces is None else co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=forces)
     start = craft.start(speed=1.5) if forces is None else system.state(xi=np.ones(3))
-    own = known.read(system, start, [], (), (), co.Midpoint(), 0.05).own
+    own = setup_cache.read(system, start, [], (), (), co.Midpoint(), 0.05).own
     assert own == (forces is None)
     random = np.random.default_rng(0)
     with (

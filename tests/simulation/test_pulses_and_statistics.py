@@ -12,10 +12,9 @@ import xarray as xr
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.simulation import energy_budget
-from coadjoint.simulation.accuracy.pulses import _at, _unseen, unseen_pulses
-from coadjoint.simulation.accuracy.signals import PARTS, bent
-from coadjoint.simulation.chunks import _filled, _read
+from coadjoint.simulation.accuracy.time_dependence import PARTS, _table_at, _unseen, bent, unseen_pulses
 from coadjoint.simulation.statistics import _angles, _rows, statistics
+from coadjoint.simulation.zarr_writer import _filled, _read
 
 H = 1.0
 
@@ -64,8 +63,8 @@ def test_a_pulse_counts_from_half_of_the_range_of_its_column():
 def test_a_held_value_begins_at_its_time_up_to_round_off_and_a_linear_one_is_between():
     times, values = np.array([0.0, 1.0, 2.0]), np.array([[0.0, 5.0], [1.0, 7.0], [4.0, 9.0]])
     at = np.array([0.5, 1.0 - 1e-9, 1.5, 3.0])
-    assert _at(co.Held(times, values), times, values, at).tolist() == [[0, 5], [1, 7], [1, 7], [4, 9]]
-    assert _at(co.Linear(times, values), times, values, at) == pytest.approx(
+    assert _table_at(co.Held(times, values), times, values, at).tolist() == [[0, 5], [1, 7], [1, 7], [4, 9]]
+    assert _table_at(co.Linear(times, values), times, values, at) == pytest.approx(
         np.array([[0.5, 6.0], [1.0, 7.0], [2.5, 8.0], [4.0, 9.0]])
     )
 

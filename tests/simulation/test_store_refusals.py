@@ -17,9 +17,9 @@ from test_store import stopped_after
 import coadjoint as co
 from coadjoint import disk
 from coadjoint.manifest import MANIFEST, Manifest
-from coadjoint.simulation import fingerprint
+from coadjoint.simulation import configuration
 from coadjoint.simulation import store as streaming
-from coadjoint.simulation.lock import Lock
+from coadjoint.simulation.folder import Lock
 
 RUN = {"dt": 0.01, "steps": 2_000, "save_every": 2, "progress": False}
 
@@ -216,7 +216,7 @@ print(co.resume({str(folder)!r}, interrupted.system()).good_steps)
 
 
 def test_a_run_whose_equations_were_traced_in_another_way_is_of_another_version(folder, vehicle, monkeypatch):
-    monkeypatch.setattr(fingerprint, "TRACING", "1")
+    monkeypatch.setattr(configuration, "TRACING", "1")
     with pytest.raises(co.ArgumentError, match="another version of coadjoint began"):
         co.resume(folder, vehicle)
 

@@ -10,7 +10,7 @@ import xarray
 
 from coadjoint.cli import terminal
 from coadjoint.plotting.decimation import some
-from coadjoint.simulation.accuracy.judgement import chosen_members
+from coadjoint.simulation.accuracy.resolution import chosen_members
 from coadjoint.sweeps import figures
 from coadjoint.sweeps.figures import columns, failure_map, parallel, responses
 

@@ -50,9 +50,9 @@ VARY = {
 def run(sweep: Sweep, members: slice, quick: bool = True) -> co.State:
     numbers = np.arange(sweep.members)[members]
     made = ensemble(sweep, sweep.rows(members), numbers, quick, 10)
-    from coadjoint.simulation.carry_on import carry_on
+    from coadjoint.simulation.execution import execute
 
-    return carry_on(made, False, 0.0).final
+    return execute(made, False, 0.0).final
 
 
 def test_a_member_swims_the_mission_with_its_numbers(tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ from coadjoint.control.within_steps import WorstWithin, lines, worst_within
 from coadjoint.errors import OptimumError, StepError, warn
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.simulation.accuracy.judgement import accuracy_warnings
+from coadjoint.simulation.accuracy.resolution import accuracy_warnings
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 

@@ -10,10 +10,9 @@ import numpy as np
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import warn
-from coadjoint.simulation.accuracy.metric import Numbers, Ruler
-from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
+from coadjoint.simulation.accuracy.local_error import InternalPlaces, Numbers, PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import acting
-from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
+from coadjoint.simulation.accuracy.verdict import SampledSteps
 
 NODES = 8
 """How many steps of a motion are judged, evenly among all."""

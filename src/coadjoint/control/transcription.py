@@ -30,8 +30,8 @@ from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.simulation.backwards import require_forward
-from coadjoint.simulation.inputs import with_inputs
+from coadjoint.simulation.arguments import with_inputs
+from coadjoint.simulation.dissipation_checks import require_forward
 from coadjoint.spaces.named import Named
 
 

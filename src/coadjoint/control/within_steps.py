@@ -14,8 +14,7 @@ from coadjoint.control.problem_data import ProblemData
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.accuracy.doubling import Doubling
-from coadjoint.simulation.accuracy.ruler import packed
+from coadjoint.simulation.accuracy.ruler import Doubling, packed
 from coadjoint.simulation.run import Run
 
 POINTS, POINTS_BY_XLA = 9, 3

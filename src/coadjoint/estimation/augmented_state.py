@@ -13,7 +13,7 @@ from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.methods.program import Constants
-from coadjoint.simulation.steppers.trees import shapes_of
+from coadjoint.simulation.steppers.beginning import shapes_of
 from coadjoint.spaces.named import Named
 
 FAR = 5.0

@@ -31,12 +31,11 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.accuracy.parts import PartsOfSteps, recorded
+from coadjoint.simulation.accuracy.local_error import PartsOfSteps, recorded
 from coadjoint.simulation.accuracy.ruler import course_of, ruler_of
-from coadjoint.simulation.arguments import require_kinds
-from coadjoint.simulation.inputs import with_inputs
-from coadjoint.simulation.steppers.commands import commands_from, places_of
-from coadjoint.simulation.steppers.trees import shapes_of
+from coadjoint.simulation.arguments import require_kinds, with_inputs
+from coadjoint.simulation.steppers.beginning import shapes_of
+from coadjoint.simulation.steppers.building import commands_from, places_of
 
 
 class ModelProcess(Process):

@@ -17,7 +17,7 @@ from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.numbers import float64, numbers
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.portable import Remade
-from coadjoint.simulation.accuracy.parts import PartsOfSteps
+from coadjoint.simulation.accuracy.local_error import PartsOfSteps
 
 
 def arguments_of(function: Callable[..., Any]) -> int | None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from coadjoint.estimation.process import Process
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.simulation.accuracy.parts import HALVES, PartsOfSteps
-from coadjoint.simulation.accuracy.sampled_steps import MEMBERS, SampledSteps
+from coadjoint.simulation.accuracy.local_error import HALVES, PartsOfSteps
+from coadjoint.simulation.accuracy.verdict import MEMBERS, SampledSteps
 
 TOO_MUCH = 2.0
 """How many deviations the errors of the steps may add up to."""

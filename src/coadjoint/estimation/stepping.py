@@ -17,7 +17,7 @@ from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.steppers.trees import shapes_of
+from coadjoint.simulation.steppers.beginning import shapes_of
 
 
 class ModelSteps:

@@ -43,7 +43,7 @@ def identity(file: Runnable, made: Setup | None = None) -> dict[str, str]:
     if not file.written_in_python:
         return {"library": digest_of_files(), **versions()}
     from coadjoint.runs.prepared import prepared
-    from coadjoint.simulation.fingerprint import fingerprint
+    from coadjoint.simulation.configuration import fingerprint
 
     run = prepared(file, file.set_up() if made is None else made)
     traced = fingerprint(run.plan, run.position.state, run.one)

@@ -19,7 +19,7 @@ def prepared(file: Runnable, made: Setup) -> Run:
     """
     from coadjoint.runs.methods import method
     from coadjoint.simulation.arguments import grid, require_kinds
-    from coadjoint.simulation.preparing import prepare
+    from coadjoint.simulation.problem import prepare
 
     chosen, section = method(file.method), file.run
     require_kinds(made.system, made.start, chosen)

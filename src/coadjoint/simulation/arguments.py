@@ -1,21 +1,48 @@
-"""Checks of the arguments of `simulate` and `trajectory`, before anything runs."""
+"""The arguments of `simulate`, `trajectory` and `Stepper`, checked before anything runs."""
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
+import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics import quantities
+from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.members import Each, member_of
+from coadjoint.mechanics.signals import Held, Linear, Signal
+from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.trace_checks import require_scalar
+from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.methods.method import Method
-from coadjoint.simulation.without_g import read_of
 from coadjoint.spaces.numbers import float64
+
+
+def read_of(read: Callable[[State], Any], what: str, state: State) -> Any:
+    """read(state); raises what it raises, or ArgumentError where `what` can be read of the state with a g alone."""
+    try:
+        return read(state)
+    except (LagrangianError, AttributeError) as error:
+        if state.g is None and _can_be_read(read, state.replace(g=evaluate(state.places.group.identity))):
+            raise needs_g(what) from error
+        raise
+
+
+def needs_g(what: str, verb: str = "needs") -> ArgumentError:
+    """What is told of something that cannot be read without g."""
+    return ArgumentError(f"{what} {verb} g, which this method does not compute: see its carry_g.")
+
+
+def _can_be_read(read: Callable[[State], Any], state: State) -> bool:
+    try:
+        read(state)
+    except (LagrangianError, AttributeError):
+        return False
+    return True
+
 
 MOST = 2**53
 """Up to here every whole number is a float64, so that times of nodes are distinct."""
@@ -31,20 +58,6 @@ def require_kinds(system: Any, start: Any, method: Any) -> None:
         raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
     if not isinstance(method, Method):
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {shown(method)}.")
-
-
-def require_quantities(system: System, state: State) -> None:
-    """Raise ArgumentError where a quantity has a name that a dataset has already; LagrangianError unless a number."""
-    from coadjoint.simulation.dataset import reserved
-
-    for name, function in system.quantities:
-        if name in reserved(system) or name.startswith(("work_", "inputs_", "internal_")):
-            raise ArgumentError(
-                f"The quantity `{name}` must have a name of its own: datasets have a variable `{name}`."
-            )
-        what = f"The quantity `{name}`"
-        value = partial(quantities.value, system, function)
-        read_of(lambda state, value=value, what=what: require_scalar(value, what, (state,)), what, state)
 
 
 def whole(value: Any, name: str) -> int:
@@ -98,3 +111,67 @@ def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
     if count > MOST:
         raise ArgumentError(f"Argument `duration` must be at most 2⁵³ steps, but {duration} s is {count:.3g} of {h} s.")
     return h, count
+
+
+def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool = False) -> tuple[System, State]:
+    """The system driven by `inputs`, and the start with what is held over its first step.
+
+    Its momenta stay those that it shows, with its own inputs, whatever drives the run; `by_velocities` ξ₀, ν₀ stay.
+    Of an ensemble what is held is that of its first member: every member takes its own when it starts.
+    Raises ArgumentError and LagrangianError for what cannot be an input.
+    """
+    if isinstance(inputs, Each):
+        raise ArgumentError("Argument `inputs` must be the same for all members: let it depend on their parameters.")
+    own, system = system, system.driven(inputs)
+    if system.inputs is None:
+        return system, start
+    if not (system.forces or system.internal or system.quantities or system.takes("inputs")):
+        raise ArgumentError(
+            "Nothing takes these inputs: this system has no forces and no rule, and its functions do not take `inputs`."
+        )
+    for source in system.inputs.sources:
+        if isinstance(source, Signal):
+            _check_signal(source, start)
+    if not by_velocities:
+        start = with_own_momenta(own, start)
+    many = np.ndim(start.t) > 0
+    first = jax.tree.map(lambda leaf: leaf[0], start) if many else start
+    held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
+    if many:
+        held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
+    return system, start.replace(inputs=held)
+
+
+def held_at(system: System, state: State) -> Any:
+    """What is held over the step that starts at a state."""
+
+    def first(state):
+        return inputs_held(system, state)
+
+    require_float64(first, "The function `inputs`", (state,))
+    with in_words("The function `inputs`"):
+        found = evaluate(first, state)
+        return found if traced(found) else jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), found)
+
+
+def inputs_held(system: System, s: State) -> Any:
+    """The held inputs as a function of the state, for tracing."""
+    assert system.inputs is not None
+    return system.inputs.held(system.motion_at(s), s.inputs)
+
+
+def _check_signal(source: Signal, start: State) -> None:
+    """Raise unless a signal is finite and float64 at the start."""
+    if traced(getattr(source, "values", None), getattr(source, "times", None)):
+        raise ArgumentError(
+            "Argument `inputs` cannot hold numbers that are being differentiated or mapped: make them parameters, and "
+            "use co.Linear(times, p.values) inside the forces."
+        )
+    if isinstance(source, (Held, Linear)) and all(np.all(np.isfinite(x)) for x in (source.times, source.values)):
+        return
+    t = np.float64(0.0) if traced(start.t) else np.ravel(start.t)[0]
+    require_float64(getattr(source, "function", source), "The signal", (t,))
+    with in_words("The signal"):
+        value = evaluate(source, t)
+    if not np.all(np.isfinite(value)):
+        raise ArgumentError(f"A signal must be finite at the start, t = {t:g} s, but is {shown(value)}.")

@@ -18,9 +18,8 @@ from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes, times
-from coadjoint.simulation.monitors import watched
+from coadjoint.simulation.monitors import Monitor, watched
 from coadjoint.simulation.result import Result
-from coadjoint.simulation.watched import Monitor
 from coadjoint.spaces import Space
 
 _MEANINGS = {

@@ -11,11 +11,11 @@ import numpy as np
 from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
-from coadjoint.simulation.crossings import AHEAD, from_zero
 from coadjoint.simulation.driver import PATIENCE
 from coadjoint.simulation.ensemble_driver import EnsembleDriver, nodes_first
 from coadjoint.simulation.event_driver import Found, found_in, up_to
 from coadjoint.simulation.plan import MembersPosition, Plan, Sink
+from coadjoint.simulation.root_finding import AHEAD, from_zero
 
 Crossed = dict[str, list[list[State]]]
 

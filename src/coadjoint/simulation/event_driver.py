@@ -13,11 +13,11 @@ import numpy as np
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
-from coadjoint.simulation.crossings import AHEAD, candidates, crossings, from_zero
 from coadjoint.simulation.dense import DenseStep, part_of_step
 from coadjoint.simulation.driver import PATIENCE, Driver
 from coadjoint.simulation.events import Event
 from coadjoint.simulation.plan import Plan, Position
+from coadjoint.simulation.root_finding import AHEAD, candidates, crossings, from_zero
 
 
 class Found(NamedTuple):

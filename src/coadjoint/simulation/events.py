@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import in_words, require_float64
-from coadjoint.simulation.without_g import read_of
+from coadjoint.simulation.arguments import read_of
 
 Direction = Literal["rising", "falling", "both"]
 

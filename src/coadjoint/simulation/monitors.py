@@ -1,13 +1,15 @@
-"""The monitors of all runs: energies, Kelvin–Noether quantities, budgets, group defect."""
+"""What runs observe at every step: energies, Kelvin–Noether quantities, budgets and the distance from the group."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import jax.numpy as jnp
 
+from coadjoint.extensions import import_string
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous, inverse_legendre
 from coadjoint.mechanics.internal_state import at_node
@@ -18,7 +20,52 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import energy_put_in, momentum_put_in
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
-from coadjoint.simulation.watched import Monitor, Watched, monitor
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A variable that a monitor gives, or several whose names begin alike, as `work` stands for `work_drag`.
+
+    meaning: what datasets say of it. unit: a unit, or with `like` that of another variable of the system. line: how the
+    card shows it under its `title`: how much it changed, how well a budget closes, or its largest value, which is
+    `largest`; empty where it has none. axis: the dimension of its components in datasets.
+    """
+
+    name: str
+    meaning: str
+    unit: str = ""
+    like: str = ""
+    line: Literal["", "change", "budget", "residual"] = ""
+    title: str = ""
+    largest: str = ""
+    axis: str = "quantity"
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """A function (system, step, record, h, constants) → {name: value} of every step, and what it gives.
+
+    when: (system, method, state) → whether runs of this system by this method observe it.
+    """
+
+    observe: Callable[..., Any]
+    watched: tuple[Watched, ...]
+    when: Callable[..., bool]
+
+    def __call__(self, system: Any, step: Any, record: Any, h: Any, constants: Any) -> Any:
+        return self.observe(system, step, record, h, constants)
+
+    def __reduce__(self) -> Any:
+        """By its name in the module of its function, which it stands for there; otherwise by what it holds."""
+        module, name = self.observe.__module__, getattr(self.observe, "__name__", "")
+        if getattr(sys.modules.get(module), name, None) is self:
+            return import_string, (f"{module}:{name}",)
+        return Monitor, (self.observe, self.watched, self.when)
+
+
+def monitor(*watched: Watched, when: Callable[..., bool]) -> Callable[[Callable[..., Any]], Monitor]:
+    """Make a function a monitor of these variables."""
+    return lambda function: Monitor(function, watched, when)
 
 
 def _always(system: System, method: Method, state: State) -> bool:
@@ -148,8 +195,12 @@ def group_defect(system: System, step: Step, record: State, h: Array, constants:
 
 BEFORE = (legendre_energy, discrete_energy)
 """What is observed of a step before its Kelvin–Noether quantities, in the order of datasets."""
+
+
 AFTER = (energy_budget, step_size, group_defect, quantities)
 """And what after them."""
+
+
 SOLVED = (
     Watched(
         "balance",

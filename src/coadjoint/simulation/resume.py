@@ -1,19 +1,23 @@
-"""Runs that go on: from a folder and its system to the run as if it had never been interrupted."""
+"""Runs whose records are on disk: begun in a new folder, and continued as if they had never been interrupted."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
+from coadjoint import disk
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import logger
-from coadjoint.manifest import MANIFEST
+from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
@@ -21,18 +25,112 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.accuracy import accuracy_from
-from coadjoint.simulation.carry_on import carry_on
-from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
-from coadjoint.simulation.dataset import attributes
-from coadjoint.simulation.fingerprint import fingerprint
-from coadjoint.simulation.folder import create, holds_run, sweep_beside, tidy
-from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.preparing import prepare
-from coadjoint.simulation.reading import read_configuration, run_manifest, standing
+from coadjoint.simulation.checkpoint import packed
+from coadjoint.simulation.configuration import fingerprint, method_form, method_from, start_form, start_from, versions
+from coadjoint.simulation.dataset import attributes, member_coordinates
+from coadjoint.simulation.execution import execute
+from coadjoint.simulation.folder import Lock, _clear, _give_up, _reserved, holds_run, sweep_beside, tidy
+from coadjoint.simulation.plan import Extrema
+from coadjoint.simulation.problem import prepare
 from coadjoint.simulation.result import Result
-from coadjoint.simulation.run import Run
+from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
-from coadjoint.simulation.streamed import StreamedEnsemble, StreamedRun
+from coadjoint.simulation.store_reader import (
+    CONFIGURATION,
+    read_configuration,
+    run_manifest,
+    standing,
+    stored_dataset,
+)
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class _OnDisk(Result):
+    """What runs and ensembles have in common when a store takes their records."""
+
+    @property
+    def store(self) -> Store:
+        """Where the records are: what this run has in place of `memory`."""
+        return cast(Store, self.memory)
+
+    @property
+    def count(self) -> int:
+        return self.store.count
+
+    @cached_property
+    def steps_saved(self) -> np.ndarray:
+        return self.dataset["step"].values
+
+    @cached_property
+    def records(self) -> State:
+        raise ArgumentError(
+            f"The records of this run are on disk, in {self.store.folder}: use `run.dataset`, which reads them when "
+            "needed, or `run.final`, the last of them."
+        )
+
+    @cached_property
+    def monitors(self) -> dict[str, np.ndarray]:
+        return {name: self.dataset[name].values for name in self.ends}
+
+    @property
+    def ends(self) -> Extrema:
+        return self.store.ends
+
+    @property
+    def last_record(self) -> State:
+        if self.store.last is None:
+            raise ArgumentError("This run holds no records: its first step failed, or it has not begun.")
+        return self.store.last
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The records as a labelled xarray dataset, read from the disk when they are used."""
+        return stored_dataset(self.store.manifest, self.count, attributes(self), member_coordinates(self))
+
+
+class StreamedRun(_OnDisk, Run):
+    """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
+
+    @property
+    def last_record(self) -> State:
+        return self._of_this(super().last_record)
+
+
+class StreamedEnsemble(_OnDisk, Ensemble):
+    """The same for many members: as `Ensemble`, but read from the disk when used."""
+
+
+def create(path: Path, run: Result, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
+    """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
+
+    Until then it has a hidden name; what a process that was killed left under this name is made anew.
+    """
+    made = disk.partial(path)
+    lock: Lock | None = None
+    try:
+        lock = _reserved(made, path)
+        _clear(made)
+        store = Store(run, Manifest(made, {"kind": "records", **facts}), lock)
+        store.put(CONFIGURATION, packed(*configuration))
+        store.lay_out(*run.one)
+        store.write_checkpoint(run.position)
+        disk.move(made, path)
+        lock.folder = path
+    except OSError as error:
+        if lock is None and isinstance(error, FileError):
+            raise
+        if lock is not None and lock.held:
+            _give_up(made, lock)
+        raise FileError(f"The folder {path} cannot be made: {error.strerror or error}.") from error
+    except BaseException:
+        if lock is not None:
+            _give_up(made, lock)
+        raise
+    store.move_to(path)
+    return store
+
 
 _log = logger(__name__)
 
@@ -135,7 +233,7 @@ def resume(
     traces = Traced()
     run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until, traces=traces)
     _require_same(place, header, fingerprint(run.plan, run.position.state, run.one, traces))
-    return carry_on(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
+    return execute(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
 
 
 def _taken_up(run: Result, folder: Path) -> StreamedRun | StreamedEnsemble:
@@ -176,6 +274,8 @@ _PARTS = {
     "monitors": "the monitored quantities",
     "grid": "the step size or the number of steps",
 }
+
+
 _SETTINGS = ("dt", "steps", "save_every", "monitors", "backend", "accuracy")
 
 

@@ -98,7 +98,7 @@ class Run(_Shown):
         return self.position.iterations / max(self.good_steps, 1)
 
     def _last_record(self) -> dict[str, Any]:
-        from coadjoint.simulation.last_record import written
+        from coadjoint.simulation.restart import written
 
         return written(self.last_record, self.system)
 

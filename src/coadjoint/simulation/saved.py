@@ -48,7 +48,7 @@ class SavedRun(Recording):
 
         Raises ArgumentError without a system and for another one, FileError where the file lacks the record.
         """
-        from coadjoint.simulation.last_record import read
+        from coadjoint.simulation.restart import read
 
         return read(self._written, self.dataset, self._system)
 
@@ -97,7 +97,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
 
     source = run_path(path)
     if os.path.isdir(source):
-        from coadjoint.simulation.reading import saved_dataset
+        from coadjoint.simulation.store_reader import saved_dataset
 
         return SavedRun(saved_dataset(source.absolute()), system)
     if not os.path.isfile(source):

@@ -21,12 +21,12 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-from coadjoint.simulation.accuracy.trajectory_error import require_full, with_trajectory_error
+from coadjoint.simulation.accuracy.resolution import require_full, with_trajectory_error
 from coadjoint.simulation.arguments import grid, require_kinds, truth, whole
-from coadjoint.simulation.carry_on import carry_on
 from coadjoint.simulation.events import Event
+from coadjoint.simulation.execution import execute
 from coadjoint.simulation.members import count_of, require_room
-from coadjoint.simulation.preparing import prepare
+from coadjoint.simulation.problem import prepare
 from coadjoint.simulation.run import Run
 
 
@@ -138,7 +138,7 @@ def simulate(
         run = streamed(run, store, kelvin_noether, judging, traces)
     else:
         require_room(run)
-    done: Any = carry_on(run, progress, began, judging)
+    done: Any = execute(run, progress, began, judging)
     if full:
         twice = (h / 2, 2 * steps, 2 * save_every, False)
         finer: Any = prepare(system, start, method, *twice, kelvin_noether, inputs, backend)
@@ -149,7 +149,7 @@ def simulate(
 def _judge_by(run: Run, finer: Any, progress: bool | None, began: float) -> None:
     """Do the run again with half its steps, and say on its card how far the two are from one another."""
     try:
-        with_trajectory_error(run, carry_on(finer, progress, began, False))  # type: ignore[arg-type]
+        with_trajectory_error(run, execute(finer, progress, began, False))  # type: ignore[arg-type]
     except KeyboardInterrupt:
         raise Interrupted(
             "Interrupted in the second run, with dt/2, that judges the first: this one is whole, in `.run`.", run

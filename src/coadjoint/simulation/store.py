@@ -36,12 +36,12 @@ from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import checkpoint
-from coadjoint.simulation.chunks import Chunks, unset
 from coadjoint.simulation.dataset import Variables, meanings, member_variables, members_of, variables
 from coadjoint.simulation.derived import derivation, times
-from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.reading import RECORDS
+from coadjoint.simulation.folder import Lock
 from coadjoint.simulation.result import Result
+from coadjoint.simulation.store_reader import RECORDS
+from coadjoint.simulation.zarr_writer import Chunks, unset
 
 _log = logger(__name__)
 

@@ -34,10 +34,9 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import members
-from coadjoint.simulation.accuracy.judgement import unresolved_records
-from coadjoint.simulation.arguments import require_kinds, step_size, truth, whole
-from coadjoint.simulation.backwards import require_forward, require_reversible
-from coadjoint.simulation.inputs import inputs_held, with_inputs
+from coadjoint.simulation.accuracy.resolution import unresolved_records
+from coadjoint.simulation.arguments import inputs_held, require_kinds, step_size, truth, whole, with_inputs
+from coadjoint.simulation.dissipation_checks import require_forward, require_reversible
 from coadjoint.simulation.members import require_one_time
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 from coadjoint.simulation.plan import Plan

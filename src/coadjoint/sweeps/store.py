@@ -29,7 +29,7 @@ from coadjoint.archives import stored_arrays
 from coadjoint.errors import FileError
 from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.report.folder import UNFINISHED
-from coadjoint.simulation.chunks import unset
+from coadjoint.simulation.zarr_writer import unset
 from coadjoint.sweeps.sketch import Sketch
 
 

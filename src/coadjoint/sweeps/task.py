@@ -28,8 +28,8 @@ from coadjoint.runs.run_file import RunFile
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
 from coadjoint.simulation.arguments import grid, require_kinds
-from coadjoint.simulation.carry_on import carry_on
-from coadjoint.simulation.preparing import prepare
+from coadjoint.simulation.execution import execute
+from coadjoint.simulation.problem import prepare
 from coadjoint.sweeps.file import QUICK, RUN, Sweep, of_tables
 from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import Observer, Reduction
@@ -202,7 +202,7 @@ def _stepped(sweep: Sweep, task: Task, run: Ensemble) -> Reduction:
         Observer(run.system, task.chosen), run.position.state, kept.courses, kept.keep == "trajectories"
     )
     run.memory = reduction
-    carry_on(run, False, time.perf_counter())
+    execute(run, False, time.perf_counter())
     if run.ended:
         states = jax.tree.map(lambda *leaves: np.stack(leaves), *run.ended.values())
         reduction.end([*run.ended], states)

@@ -14,7 +14,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.simulation import store as streaming
-from coadjoint.simulation.inputs import with_inputs
+from coadjoint.simulation.arguments import with_inputs
 from coadjoint.simulation.progress import Progress
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles import Controller, Craft

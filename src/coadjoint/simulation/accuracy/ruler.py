@@ -1,4 +1,4 @@
-"""The ruler and the course of an internal state of a system, from the layout of its states."""
+"""What is measured of the states of a system, from their layout, and the local error of single steps of a run."""
 
 from __future__ import annotations
 
@@ -11,12 +11,20 @@ import numpy as np
 from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
+from coadjoint.kernels.run.probe import Probe
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
 from coadjoint.mechanics.state import Places, State
-from coadjoint.simulation.accuracy.kept_ruler import Bilinear, Frequencies
-from coadjoint.simulation.accuracy.metric import Numbers, Ruler
-from coadjoint.simulation.accuracy.parts import InternalPlaces
+from coadjoint.methods.program import INPUTS_HELD, Constants
+from coadjoint.simulation.accuracy.local_error import (
+    Bilinear,
+    Frequencies,
+    InternalPlaces,
+    Numbers,
+    PartsOfSteps,
+    Ruler,
+)
+from coadjoint.simulation.plan import Plan
 
 
 def numbered(layout: Layout) -> Any:
@@ -187,3 +195,21 @@ def structure(group: Any) -> np.ndarray:
         rows = evaluate(lambda e: jax.vmap(lambda x: jax.vmap(lambda y: group.ad(x, y))(e))(e), eye)
         _structures[group] = np.transpose(rows, (2, 0, 1))
     return _structures[group]
+
+
+class Doubling(PartsOfSteps):
+    """Judges steps of a plan from records, whose inputs are held over a step."""
+
+    probe: Probe
+
+    def __init__(self, plan: Plan, state: State):
+        self.plan, constants = plan, plan.constants
+        if constants.renewal is not None:
+            constants = Constants(constants.system, constants.monitors, INPUTS_HELD)
+        probe = Probe(plan.backend, plan.program, constants, state, plan.watches, plan.axes, plan.members or 1)
+        method, system = plan.program.method, plan.program.skeleton
+        self.places = numbered(probe.layout)
+        memory = jax.tree.leaves(self.places.memory) if method.variable else []
+        numbers = [int(i) for leaf in memory for i in np.ravel(leaf)]
+        course = course_of(probe.layout, system.internal)
+        super().__init__(probe, ruler_of(probe.layout, state.places), course, method.order, numbers)

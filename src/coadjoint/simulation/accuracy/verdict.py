@@ -1,22 +1,25 @@
-"""What speaks against the length of some steps: their local error, and how far they turn. Knows NumPy only."""
+"""What speaks against the length of some steps: their local error, and how far they turn. NumPy alone."""
 
 from __future__ import annotations
 
+import copy
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.simulation.accuracy.metric import KEPT
-from coadjoint.simulation.accuracy.parts import Errors, PartsOfSteps
+from coadjoint.simulation.accuracy.local_error import KEPT, Errors, PartsOfSteps, larger, sizes_of
 
 TOO_MUCH, TOO_MUCH_OF_ORDER_ONE = 0.05, 0.1
 """The local error, relative to the motion over a step, from which on a motion is not resolved."""
 
+
 ENVELOPE = 1.0
 """The angle, rad, by which a step may turn a body (the supported envelope), unless its local error is small."""
 
+
 EXACT = 0.02
 """The local error, relative to the limit, below which a step may turn further: about a fixed axis, or of high order."""
+
 
 HALVINGS = 24
 """How often dt is halved at most in search of one that would do."""
@@ -88,3 +91,79 @@ def _resolving(parts: PartsOfSteps, row, h, member, limit: float, sizes: dict[st
 def _local_sizes(sizes: dict[str, float], halving: int) -> dict[str, float]:
     """What is moved over a step shrinks with it, momenta do not."""
     return {name: size if name.startswith(KEPT) else size / 2**halving for name, size in sizes.items()}
+
+
+FIRST, LAST = 3, 4096
+"""How many steps are judged as they come, and after how many none is any more."""
+
+
+AHEAD = (4, 32)
+"""How many steps ahead it is looked for how far a step moves."""
+
+
+MEMBERS = 8
+"""How many members are judged, evenly among all."""
+
+
+class SampledSteps:
+    """What is known of steps that are judged one by one; `count` of them have been taken.
+
+    ahead: by how many steps it is looked ahead, by default `AHEAD`.
+    """
+
+    def __init__(self, parts: PartsOfSteps, ahead: tuple[int, ...] = AHEAD):
+        self.parts, self._ahead = parts, ahead
+        self.count, self.next = 0, 0
+        self._sizes: dict[str, float] = {}
+
+    def copy(self) -> SampledSteps:
+        """The same knowledge for a clone."""
+        made = SampledSteps(copy.copy(self.parts), self._ahead)
+        made.count, made.next, made._sizes = self.count, self.next, dict(self._sizes)
+        return made
+
+    @property
+    def over(self) -> bool:
+        """Whether the sample is complete."""
+        return self.next > LAST
+
+    def due(self) -> bool:
+        """Whether the step that comes next belongs to the sample, which it then has been asked for."""
+        if self.count < self.next:
+            return False
+        self.next = self.count + 1 if self.count + 1 < FIRST else 1 << max(self.count, 2).bit_length()
+        return True
+
+    def judge(self, rows: np.ndarray, h: float, members: Any = None) -> str | None:
+        """What is to be warned of the steps of h from rows (k, size); None where nothing is."""
+        length = np.full(len(rows), float(h))
+        with np.errstate(all="ignore"):
+            self._look_ahead(rows, length, members)
+            errors, sizes = self.parts.errors(self.records(rows, length, members), length, members, self._sizes, True)
+            if not errors.good.any() or not np.all(np.isfinite(errors.largest)):
+                return None
+            self._sizes = larger(self._sizes, sizes)
+            found = verdict(self.parts, rows, length, members, errors, sizes, h, turns=False)
+        if not found.reasons:
+            return None
+        return sentence(h, found.reasons, min(found.fine))
+
+    def records(self, rows: np.ndarray, h: np.ndarray, members: Any = None) -> np.ndarray:
+        """The rows with the course of the internal state over the step that starts at them."""
+        if self.parts.course.due is None:
+            return rows
+        _, record, code = self.parts.probe(rows, h, 1, members)
+        return np.where((code == 0)[:, None], record, rows)
+
+    def _look_ahead(self, rows: np.ndarray, h: np.ndarray, members: Any) -> None:
+        """Learn how far steps move that come later under the same commands."""
+        place, taken, begun, ended = rows, 0, [rows[:0]], [rows[:0]]
+        for steps in self._ahead:
+            place, _, code = self.parts.probe(place, h, steps - taken, members)
+            later, _, last = self.parts.probe(place, h, 1, members)
+            taken, good = steps, (code == 0) & (last == 0) & np.isfinite(later).all(axis=1)
+            begun.append(place[good])
+            ended.append(later[good])
+        begun, ended = np.concatenate(begun), np.concatenate(ended)
+        if len(begun):
+            self._sizes = larger(self._sizes, sizes_of(self.parts.compare(begun, ended, ended)))

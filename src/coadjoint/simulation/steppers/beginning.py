@@ -1,4 +1,4 @@
-"""Where a stepper may stand: states that a method begins, and rows of numbers from states and back."""
+"""States that a stepper can take: packed in rows, begun by a method, and carried over a change of parameters."""
 
 from __future__ import annotations
 
@@ -6,19 +6,48 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.start import with_own_momenta
+from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.methods.step import in_records
-from coadjoint.simulation.steppers.trees import rows_of, spread
+
+Shapes = dict[str, tuple[int, ...]]
+
+
+def shapes_of(tree: Any) -> Shapes:
+    """Name → shape of every leaf, in their order: `internal.rudder`, `g[0]`, …"""
+    leaves = jax.tree_util.tree_leaves_with_path(tree)
+    return {jax.tree_util.keystr(path).lstrip("."): np.shape(leaf) for path, leaf in leaves}
+
+
+def rows_of(tree: Any, count: int) -> np.ndarray:
+    """Numbers (count, size) of a tree whose leaves have a leading axis."""
+    return np.concatenate(
+        [np.zeros((count, 0)), *(np.reshape(leaf, (count, -1)) for leaf in jax.tree.leaves(tree))], axis=1
+    )
+
+
+def rows_where(tree: Any, axes: Any) -> np.ndarray:
+    """Numbers (members, size) of a tree whose leaves have an axis of members where `axes` is 0; (1, size) of none."""
+    flags = [] if tree is None else [axis == 0 for axis in jax.tree.leaves(axes, is_leaf=lambda x: x is None)]
+    pairs = list(zip(jax.tree.leaves(tree), flags, strict=True))
+    count = next((len(leaf) for leaf, flag in pairs if flag), 1)
+    return rows_of([leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs], count)
+
+
+def spread(tree: Any, lead: tuple[int, ...]) -> Any:
+    """A tree of one member for each member."""
+    return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (*lead, *np.shape(leaf))).copy(), tree)
 
 
 class Beginning:
@@ -90,3 +119,62 @@ class Beginning:
                 "Argument `state` must hold what the states of this stepper hold: make it by system.state(…) with all "
                 "that its start has, or take it from `stepper.state`."
             )
+
+
+ROUND_OFF = 1e-12
+"""The eigenvalue, beside the largest, whose sign counts."""
+
+
+def carried(beginning: Beginning, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """States (k, size) after a change of parameters (k, size) at which the velocities of the node are continuous.
+
+    (ξ, ν) solves ∂ℓ(ξ, ν; before) = (μ, π), and (μ, π) jumps by ∂ℓ(ξ, ν; after) − ∂ℓ(ξ, ν; before): what is dropped
+    takes its own momentum away, and a parameter that does not enter ℓ changes nothing.
+    Raises ArgumentError where an eigenvalue of ∂²ℓ/∂(ξ, ν)² changes its sign, as with a negative mass.
+    """
+    if not beginning.skeleton.continuous:
+        raise ArgumentError(
+            'A system with only a discrete Lagrangian has no velocity at a node that could stay: pass keep="momentum".'
+        )
+
+    weighed = beginning.skeleton.lagrangian is not None
+
+    def carry(before: Constants, after: Constants, state: State) -> tuple[State, Any, Any]:
+        old, new = (replace_parameters(beginning.skeleton, constants.system) for constants in (before, after))
+        xi, nu, residual = inverse_legendre.velocities(old, state)
+        place = (xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+        (mu, pi), (mu_new, pi_new) = legendre(old, *place), legendre(new, *place)
+        moved = state.replace(mu=state.mu + (mu_new - mu), pi=state.pi + (pi_new - pi))
+        masses = [_mass_matrix(system, place) for system in (old, new)] if weighed else []
+        return moved, jnp.zeros(()) if residual is None else residual, masses
+
+    given = beginning.constants.unpack(before), beginning.constants.unpack(after), beginning.state.unpack(states)
+    found, residuals, masses = evaluate(jax.vmap(carry), *given)
+    if not np.all(residuals <= inverse_legendre.SOLVED):
+        raise StepError('The velocities of the node could not be found from its momenta: pass keep="momentum".')
+    rows = rows_of(found, len(states))
+    if not np.all(np.isfinite(rows)):
+        raise ArgumentError("With these parameters the momenta are not finite: look for a mass or an inertia of zero.")
+    if masses and np.any(_negative(masses[0]) != _negative(masses[1])):
+        raise ArgumentError(
+            "With these parameters an eigenvalue of ∂²ℓ/∂(ξ, ν)² has another sign than before: look for a mass or an "
+            "inertia that is negative, or too small beside the others."
+        )
+    return rows
+
+
+def _mass_matrix(system: System, place: tuple[Any, ...]) -> Any:
+    """∂²ℓ/∂(ξ, ν)², a square matrix."""
+    xi, n, nu, *rest = place
+
+    def momenta(velocities: Any) -> Any:
+        return jnp.concatenate(legendre(system, velocities[: xi.size], n, velocities[xi.size :], *rest))
+
+    return jax.jacfwd(momenta)(jnp.concatenate([xi, nu]))
+
+
+def _negative(matrices: Any) -> np.ndarray:
+    """How many eigenvalues are negative beyond round-off, of each of some matrices."""
+    found = np.linalg.eigvalsh(np.asarray(matrices))
+    scale = np.max(np.abs(found), axis=-1, keepdims=True, initial=0.0)
+    return np.sum(found < -ROUND_OFF * scale, axis=-1)

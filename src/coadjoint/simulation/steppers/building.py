@@ -1,32 +1,124 @@
-"""What a stepper is built of: its members and commands, what was checked, and the parameters that are compiled in."""
+"""What a stepper is built of: commands, members, checks, parameters that are compiled in, and the end at an event."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.identity import version
+from coadjoint.mechanics.inputs import Command, Inputs, inputs_from
+from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.internal_state import require_internal
+from coadjoint.mechanics.signals import Signal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation import known
-from coadjoint.simulation.arguments import whole
-from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation import setup_cache
+from coadjoint.simulation.arguments import inputs_held, whole, with_inputs
+from coadjoint.simulation.dense import part_of_step, sound
+from coadjoint.simulation.dissipation_checks import require_forward
 from coadjoint.simulation.events import Event
-from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.members import count_of
-from coadjoint.simulation.preparing import require_chart, require_events
-from coadjoint.simulation.steppers.commands import Commands
+from coadjoint.simulation.plan import Plan
+from coadjoint.simulation.problem import require_chart, require_events
+from coadjoint.simulation.root_finding import crossings, from_zero
+from coadjoint.simulation.steppers.beginning import shapes_of, spread
 from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.trees import shapes_of, spread
+from coadjoint.spaces.named import Named
+from coadjoint.spaces.numbers import float64
+
+ALONE = "input"
+"""The name of a command that ℓ and forces read as `inputs` itself."""
+
+
+ROUND_OFF = 1e-9
+"""By how much of its range a command may lie beyond a limit."""
+
+
+class Commands(NamedTuple):
+    """The inputs of the system, where the commands among them start, and their names and shapes."""
+
+    inputs: Inputs | None
+    start: Any
+    fields: Fields
+
+
+def commands_from(given: Any) -> Commands:
+    """From names, of numbers that start at 0, or name → start, or one start; raises ArgumentError.
+
+    Signals and functions of the motion stay what they are for `co.simulate`.
+    """
+    if given is None or (isinstance(given, (tuple, list, Mapping)) and not given):
+        return Commands(None, None, Fields.of({}))
+    given = (given,) if isinstance(given, str) else given
+    if isinstance(given, (tuple, list)) and all(isinstance(name, str) for name in given):
+        if len(set(given)) < len(given):
+            raise ArgumentError(f"Argument `inputs` must name each command once, but is {given!r}.")
+        given = dict.fromkeys(given, 0.0)
+    if not isinstance(given, Mapping):
+        value = _start(ALONE, given)
+        if _known(value):
+            return Commands(inputs_from(value), None, Fields.of({}))
+        return Commands(inputs_from(Command(value.shape)), value, Fields.of({ALONE: value.shape}))
+    values = {name: _start(name, value) for name, value in given.items()}
+    inputs = inputs_from({name: value if _known(value) else Command(value.shape) for name, value in values.items()})
+    starts = {name: value for name, value in values.items() if not _known(value)}
+    return Commands(inputs, Named(**starts), Fields.of({name: value.shape for name, value in starts.items()}))
+
+
+def limits_of(rule: Any, parameters: Any, fields: Fields) -> np.ndarray:
+    """The lowest and highest commands (2, size) that the rule of the internal state declares, with room for round-off;
+    infinite of others."""
+    found = np.broadcast_to(np.array([-np.inf, np.inf])[:, None], (2, fields.size)).copy()
+    if fields.size:
+        for name, ends in declared(rule).command_limits(parameters).items():
+            if name in fields.names:
+                low, high = np.asarray(ends, dtype=float)
+                room = ROUND_OFF * (high - low)
+                found[:, fields.place(name)] = np.reshape([low - room, high + room], (2, -1))
+    return found
+
+
+def _known(value: Any) -> bool:
+    """Whether this is no command, but known beforehand or computed from the motion."""
+    return isinstance(value, Signal) or callable(value)
+
+
+def _start(name: str, value: Any) -> Any:
+    if _known(value):
+        return value
+    try:
+        return float64(value, f"The start of command `{name}`")
+    except (TypeError, ValueError) as error:
+        if isinstance(error, ArgumentError) and not isinstance(value, (str, type(None))):
+            raise
+        raise ArgumentError(
+            f"Argument `inputs` must be names, or name → where a command starts, a signal, or a function of the "
+            f"motion, but `{name}` is {value!r}."
+        ) from None
+
+
+def places_of(paths: list[tuple[str, tuple[int, ...]]], commands: Commands) -> tuple[int, ...]:
+    """Which numbers of a state the commands are, from the names and shapes of its leaves."""
+    starts, place = {}, 0
+    for name, shape in paths:
+        starts[name] = place
+        place += math.prod(shape)
+    found: list[int] = []
+    for name, shape in commands.fields.shapes:
+        key = "inputs" if isinstance(commands.start, np.ndarray) else f"inputs.{name}"
+        found += range(starts[key], starts[key] + math.prod(shape))
+    return tuple(found)
 
 
 def members_of(system: System, start: State, members: int | None) -> int | None:
@@ -57,8 +149,8 @@ def checked(
     watched = () if event is None else (("until", event),)
     functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
     functions += [event.function for _, event in watched]
-    reading = known.read(one, first, functions, watched, (), method, h)
-    before, warnings = known.verdict(reading, "stepper"), []
+    reading = setup_cache.read(one, first, functions, watched, (), method, h)
+    before, warnings = setup_cache.verdict(reading, "stepper"), []
     if before is None:
         warnings = require_internal(one, first, h) + one.check(first, method.regular)
         warnings += require_forward(one, method, first, h)
@@ -67,7 +159,7 @@ def checked(
         require_chart(one, method, begun, h)
         require_events(method, begun, watched)
         before = {"warnings": warnings}
-        known.remember_verdict(reading, "stepper", before)
+        setup_cache.remember_verdict(reading, "stepper", before)
     return begun, version(one, first, *functions) if reading is None else reading.version, before["warnings"]
 
 
@@ -99,3 +191,26 @@ def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]
     shared = np.where(np.all(parameters == parameters[:1], axis=0), parameters[0], np.nan)
     kinds = enumerate(specialised(shared))
     return tuple((place, float(kind)) for place, kind in kinds if kind < 2 and place not in free)
+
+
+def ending(plan: Plan, event: Event, state: State, first: bool) -> tuple[State, bool]:
+    """The state at the event in the step from `state`, and True; or the state after that step, and False.
+
+    The event is a root of f(Φ_{θh}(state)). first: whether the stepper started at `state`: so near to a zero it starts
+    from that zero, as a run does, and there is no event.
+    Raises StepError where a part of the step cannot be solved.
+    """
+    free = replace(plan, program=replace(plan.program, until=None))
+    value = tabulate(event.function, state)
+
+    def after(theta: float) -> State:
+        return sound(part_of_step(free, state, theta)).final
+
+    whole = after(1.0)
+    values = np.array([float(value(state)), float(value(whole))])
+    if first and from_zero(values)[0] == 0:
+        return whole, False
+    found = crossings(values, 0, lambda theta: float(value(after(theta))))
+    # Machine code has seen the change of sign; to round-off it may lie at the node.
+    theta = next((crossing.theta for crossing in found if event.counts(crossing.rises)), 1.0)
+    return after(theta), True

@@ -1,4 +1,4 @@
-"""Engines in machine code: one for all steppers of a program in a process, planned once and then found on disk."""
+"""What computes a stepper: machine code, planned once and then found on disk, or XLA; and what it observes."""
 
 from __future__ import annotations
 
@@ -6,24 +6,81 @@ import base64
 import threading
 import zlib
 from collections import OrderedDict
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.emit import online
+from coadjoint.kernels.emit.online import ALWAYS, SELDOM
 from coadjoint.kernels.emit.plan import plan
-from coadjoint.kernels.packing import layout
-from coadjoint.kernels.run import disk_cache, plans
+from coadjoint.kernels.packing import Layout, layout
+from coadjoint.kernels.program import Code, Program, StatusFlag
+from coadjoint.kernels.run import disk_cache, plans, xla
+from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.trace.digest import digest
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.internal_state import at_node
+from coadjoint.mechanics.quantities import Quantities, quantities_from, value
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import require_float64
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.steppers.native import NativeEngine
-from coadjoint.simulation.steppers.observing import Watch
+from coadjoint.simulation.steppers.interface import Buffers
+from coadjoint.simulation.steppers.native_engine import NativeEngine
+
+Observe = Mapping[str, Callable[..., Any]]
+
+
+class Watch(NamedTuple):
+    """(parameters, state) → what each function observes, as arrays in their order; for tracing, hashable.
+
+    The state that functions see has the velocities of its momenta.
+    """
+
+    skeleton: System
+    functions: Quantities
+
+    def __call__(self, constants: Constants, state: State) -> tuple[Any, ...]:
+        system = replace_parameters(self.skeleton, constants.system)
+        node = at_node(system, state)
+        return tuple(jnp.asarray(value(system, function, node), dtype=float) for _, function in self.functions)
+
+
+def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch, dict[str, tuple[int, ...]]]:
+    """The observations of a system, with the shapes that they have; raises ArgumentError and LagrangianError."""
+    if observe is not None and not isinstance(observe, Mapping):
+        raise ArgumentError(
+            f"Argument `observe` must be a dictionary of names and functions of the state, but is {observe!r}."
+        )
+    functions = quantities_from(observe)
+    for name, function in functions:
+        what = f"The observation `{name}`"
+        require_float64(partial(value, system, function), what, (state,))
+        found = evaluate(partial(value, system, function), state)
+        if not isinstance(found, (np.ndarray, np.generic, float, int)):
+            raise LagrangianError(f"{what} must be a number or an array, but is a {type(found).__name__}.")
+        if not np.all(np.isfinite(found)):
+            raise LagrangianError(f"{what} must be finite at the start, but is not: look for a division by zero.")
+    made = Watch(replace_parameters(system, None), functions)
+    seen = evaluate(made, Constants(system.parameters, None), state)
+    return made, {name: np.shape(part) for (name, _), part in zip(functions, seen, strict=True)}
+
 
 KEPT = 32
 """How many engines stay in memory."""
 
+
 _engines: OrderedDict[tuple[Any, ...], NativeEngine] = OrderedDict()
+
+
 _lock = threading.Lock()
 
 
@@ -56,3 +113,76 @@ def native_engine(
         while len(_engines) > KEPT:
             _engines.popitem(last=False)
     return made
+
+
+class XlaEngine:
+    """The steps of `program` by XLA on the same memory as machine code, one member a lane of its own.
+
+    watch: (parameters, state) → arrays. layouts: of parameters and of a state. commanded: the places of commands.
+    """
+
+    lanes = 1
+
+    def __init__(self, program: Program, watch: Callable[..., Any], layouts: tuple[Layout, Layout], commanded: Any):
+        self._advance = partial(_advance, program, watch, layouts, tuple(commanded))
+
+    def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
+        """Commands in, `steps` steps, observations out; XLA has threads of its own."""
+        parameters = np.broadcast_to(buffers.parameters[..., 0], (groups, buffers.parameters.shape[1]))
+        rows = (parameters, buffers.state[..., 0], buffers.status[..., 0].copy(), buffers.commands)
+        require_own_xla()
+        with jax.enable_x64(True):
+            found = jax.tree.map(np.asarray, self._advance(*rows, buffers.h[0], steps))
+        buffers.state[..., 0], buffers.status[..., 0], buffers.observations[...] = found
+        return _told(buffers, rows[2])
+
+
+def _told(buffers: Buffers, before: np.ndarray) -> int:
+    """What `StatusFlag` says after a call, from the status of members before it."""
+    low, high = buffers.limits[..., 0]
+    beyond = np.any((buffers.commands < low) | (buffers.commands > high), axis=1)
+    taken, now = before[:, 0], buffers.status[:, 0, 0]
+    changed = taken ^ now
+    due = ((changed > taken) | (changed >= ALWAYS)) & (now >= SELDOM)
+    found = {
+        StatusFlag.FAILED: buffers.status[:, 1] > 0,
+        StatusFlag.NOT_FINITE: ~np.isfinite(buffers.observations),
+        StatusFlag.CLIPPED: beyond & (before[:, 1] == 0),
+        StatusFlag.DUE: due,
+    }
+    return sum(int(flag) for flag, there in found.items() if np.any(there))
+
+
+@compiled("watch", "layouts", "commanded")
+def _advance(
+    program: Program, watch: Any, layouts: Any, commanded: Any, parameters, states, statuses, commands, h, steps
+) -> tuple[Any, Any, Any]:
+    def one(p, s, status, command):
+        constants, places = layouts[0].unpack(p), np.array(commanded, int)
+        s = jnp.where(status[1] == 0, s.at[places].set(command), s)
+        state, status, _ = jax.lax.while_loop(
+            lambda carry: (carry[2] < steps) & (carry[1][1] == 0),
+            partial(_step, program, constants, h),
+            (layouts[1].unpack(s), status, jnp.asarray(0)),
+        )
+        seen = [jnp.ravel(value) for value in watch(constants, state)]
+        numbers = [jnp.ravel(leaf) for leaf in jax.tree.leaves(state)]
+        return jnp.concatenate(numbers), status, jnp.concatenate([jnp.zeros(0), *seen])
+
+    return jax.vmap(one)(parameters, states, statuses, commands)
+
+
+def _step(program: Program, constants: Any, h: Any, carry: Any) -> Any:
+    """One step, as `xla` takes it in a run; a failed one leaves the state as it was."""
+    state, (done, _, total, most), count = carry
+    result = xla.step(program, constants, state, h, certify=False)
+    code = result.code
+    if program.stops:
+        event = program.stop(constants, state, result.after)
+        code = jnp.where((code == 0) & ~jnp.isfinite(event), int(Code.NOT_FINITE), code)
+        code = jnp.where((code == 0) & (event > 0), int(Code.STOPPED), code)
+    good = code == 0
+    after = jax.tree.map(lambda new, old: jnp.where(good, new, old), result.after, state)
+    iterations = jnp.where(good, result.iterations, 0)
+    status = jnp.stack([done + good, code, total + iterations, jnp.maximum(most, iterations)])
+    return after, status, count + 1

@@ -24,16 +24,13 @@ import numpy as np
 from coadjoint.archives import stored_array
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.run.machine import processor
-from coadjoint.simulation.accuracy.kept_ruler import from_plain, to_plain
-from coadjoint.simulation.accuracy.parts import InternalPlaces
-from coadjoint.simulation.steppers.buffers import Buffers, unlimited
-from coadjoint.simulation.steppers.face import Face
-from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.native import NativeEngine
-from coadjoint.simulation.steppers.numbers import named_file
-from coadjoint.simulation.steppers.standing import Standing
+from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain, to_plain
+from coadjoint.simulation.steppers.base import StepperBase
+from coadjoint.simulation.steppers.fields import Fields, named_file
+from coadjoint.simulation.steppers.interface import Buffers, StepperInterface, unlimited
+from coadjoint.simulation.steppers.native_engine import NativeEngine
 
-S = TypeVar("S", bound=Standing)
+S = TypeVar("S", bound=StepperBase)
 
 FORMAT, VERSION = "coadjoint stepper", 2
 """Files of version 1 have no limits of commands."""
@@ -126,8 +123,8 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[S]) -> 
     for name in (*Buffers._fields, "origin"):
         if name != "limits" or header["version"] > 1:
             arrays[name] = stored_array(archive, name)
-    arrays.setdefault("limits", unlimited(Face(**face).commands.size, header["lanes"]))
-    _require_shapes(Face(**face), header["lanes"], arrays)
+    arrays.setdefault("limits", unlimited(StepperInterface(**face).commands.size, header["lanes"]))
+    _require_shapes(StepperInterface(**face), header["lanes"], arrays)
     code = archive.read("step.o") if tuple(header["processor"]) == processor() else None
     try:
         engine = NativeEngine(archive.read("step.ll").decode(), header["lanes"], code)
@@ -135,14 +132,14 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[S]) -> 
         raise FileError(f"cannot be compiled here by LLVM ({str(error).splitlines()[0]}).") from None
     made = object.__new__(kind)
     origin = arrays.pop("origin")
-    made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
+    made._stand(StepperInterface(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
     made.event = header["event"]
     if "accuracy" in header:
         made._begin_sample(from_plain(header["accuracy"], made._steps(InternalPlaces())), depth=6)
     return made
 
 
-def _require_shapes(face: Face, lanes: int, arrays: dict[str, np.ndarray]) -> None:
+def _require_shapes(face: StepperInterface, lanes: int, arrays: dict[str, np.ndarray]) -> None:
     """Raise ValueError unless the arrays are those that the machine code reads and writes."""
     groups = -(-face.count // lanes)
     one = len(arrays["parameters"]) == 1

@@ -53,7 +53,7 @@ def _unit(stepper: Stepping, stem: str) -> bytes:
         raise ArgumentError(
             'Functional mock-up units need PythonFMU, which is not installed: pip install "coadjoint[fmu]".'
         ) from error
-    from coadjoint.simulation.steppers.slave import FILE, variables
+    from coadjoint.simulation.steppers.fmi_instance import FILE, variables
 
     if stepper.face.members is not None:
         raise ArgumentError(

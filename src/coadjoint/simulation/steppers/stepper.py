@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, warn
@@ -18,42 +19,40 @@ from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.inputs import Command, Inputs
 from coadjoint.mechanics.members import Each, stacked
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, as_read
-from coadjoint.simulation.accuracy.metric import Ruler
-from coadjoint.simulation.accuracy.parts import PartsOfSteps
+from coadjoint.simulation.accuracy.local_error import PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
 from coadjoint.simulation.arguments import positive, require_kinds, truth, whole
 from coadjoint.simulation.events import Event, as_event
 from coadjoint.simulation.members import first_member
 from coadjoint.simulation.plan import Plan
-from coadjoint.simulation.steppers.beginning import Beginning
-from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
+from coadjoint.simulation.steppers.beginning import Beginning, Shapes, carried, rows_of, rows_where, shapes_of, spread
 from coadjoint.simulation.steppers.building import (
+    Commands,
     checked,
     commanded_system,
+    commands_from,
+    ending,
     fixed_parameters,
+    limits_of,
     members_of,
+    places_of,
     program_of,
 )
-from coadjoint.simulation.steppers.by_xla import XlaEngine
-from coadjoint.simulation.steppers.changes import carried
-from coadjoint.simulation.steppers.commands import Commands, commands_from, limits_of, places_of
-from coadjoint.simulation.steppers.ending import ending
-from coadjoint.simulation.steppers.engines import native_engine
-from coadjoint.simulation.steppers.face import Engine, Face
+from coadjoint.simulation.steppers.engines import Observe, XlaEngine, native_engine, watch
 from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.native import NativeEngine
-from coadjoint.simulation.steppers.observing import Observe, watch
-from coadjoint.simulation.steppers.prepared import Prepared
+from coadjoint.simulation.steppers.interface import Buffers, Engine, Prepared, StepperInterface, by_member, put
+from coadjoint.simulation.steppers.native_engine import NativeEngine
 from coadjoint.simulation.steppers.stepping import Stepping
-from coadjoint.simulation.steppers.trees import Shapes, rows_of, rows_where, shapes_of, spread
-from coadjoint.simulation.steppers.twin import commanded
 from coadjoint.simulation.trajectory import Trajectory, computed
+from coadjoint.spaces.named import Named
+from coadjoint.spaces.numbers import float64
 
 
 class Stepper(Stepping):
@@ -171,10 +170,10 @@ class Stepper(Stepping):
         fixed: Fields,
         seen: Fields,
         compiled_in: tuple[tuple[int, float], ...],
-    ) -> Face:
+    ) -> StepperInterface:
         """What the stepper is from outside: names and places of its numbers."""
         begun, method = self._beginning, self._program.method
-        return Face(
+        return StepperInterface(
             title=f"{self._program.skeleton.name}, {method.title}",
             dt=begun.h,
             members=begun.members,
@@ -188,7 +187,7 @@ class Stepper(Stepping):
             compiled_in=compiled_in,
         )
 
-    def _native(self, face: Face, constants: Constants, begun: State) -> NativeEngine:
+    def _native(self, face: StepperInterface, constants: Constants, begun: State) -> NativeEngine:
         width = 1 if face.members is None else lanes()
         values = np.full(face.parameters.size, np.nan)
         for place, number in face.compiled_in:
@@ -318,3 +317,29 @@ class Stepper(Stepping):
         constants = self._beginning.constants.unpack(parameters[0])
         begun = self._beginning.state.unpack(by_member(self._origin)[0])
         self._engine = self._native(self.face, constants, begun)
+
+
+def commanded(inputs: Inputs | None, state: State, command: Any) -> State:
+    """The state with commands, which may be traced; those that are not named stay."""
+    if command is None:
+        return state
+    if inputs is None or not any(isinstance(source, Command) for source in inputs.sources):
+        raise ArgumentError("This stepper has no commands: leave out `command`.")
+    if inputs.names is None:
+        return state.replace(inputs=_value(command, inputs.sources[0].shape, "The command"))
+    if not isinstance(command, Mapping):
+        raise ArgumentError(f"Argument `command` must be name → value, but is {type(command).__name__}.")
+    shapes = {n: s.shape for n, s in zip(inputs.names, inputs.sources, strict=True) if isinstance(s, Command)}
+    if unknown := [name for name in command if name not in shapes]:
+        raise ArgumentError(f"There is no command `{unknown[0]}`; there is: {', '.join(shapes)}.")
+    values = {name: _value(value, shapes[name], f"Command `{name}`") for name, value in command.items()}
+    return state.replace(inputs=Named(**{**state.inputs.asdict(), **values}))
+
+
+def _value(value: Any, shape: tuple[int, ...], what: str) -> Any:
+    array = float64(value, what)
+    if jnp.shape(array) != shape:
+        raise ArgumentError(
+            f"{what} must have {f'shape {shape}' if shape else 'one number'}, but has {jnp.shape(array)}."
+        )
+    return array

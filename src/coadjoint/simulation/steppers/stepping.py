@@ -14,19 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, Interrupted, shown, warn
+from coadjoint.errors import ArgumentError, FileError, Interrupted, shown, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST, Clock
 from coadjoint.paths import paths
-from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
-from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
+from coadjoint.simulation.accuracy.verdict import SampledSteps
+from coadjoint.simulation.steppers.base import StepperBase
+from coadjoint.simulation.steppers.fields import MOST, named_file, real, truths, whole, write
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
-from coadjoint.simulation.steppers.numbers import MOST, real, truths, whole, write
-from coadjoint.simulation.steppers.standing import Standing
+from coadjoint.simulation.steppers.interface import Buffers, by_member, put
 
 
-class Stepping(Standing):
+class Stepping(StepperBase):
     """A system that is stepped from outside. One thread at a time steps it: give each thread a `clone()`."""
 
     def step(self, command: Any = None, n: int = 1, *, copy: bool = False) -> dict[str, np.ndarray]:
@@ -250,3 +250,24 @@ def opened(content: bytes) -> Stepping:
 
 def _numbers(place: slice) -> range:
     return range(place.start, place.stop)
+
+
+def load_stepper(path: str | os.PathLike[str]) -> Stepping:
+    """The stepper that `stepper.save(path)` wrote: it stands where that one stood. JAX is not imported.
+
+        stepper = co.load_stepper("remus.step")
+
+    path: the file. It steps to the bit like the one that was saved, on the same processor; `state`, `reset` and
+    `restore` take and give numbers by their names, `change` keeps momenta, and an event stops it at the node before.
+    The file holds machine code that is run: load only what you would run as a program. Raises FileError for what is no
+    such file, and for one of a newer version.
+    """
+    path = named_file(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
+    try:
+        return opened(content)
+    except FileError as error:
+        raise FileError(f"The file {path} {error}") from None

@@ -15,7 +15,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import each, stacked
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.steppers.prepared import Prepared
+from coadjoint.simulation.steppers.interface import Prepared
 from coadjoint.vehicles.environments.nested import nested
 from coadjoint.vehicles.environments.simulated import Simulated
 from coadjoint.vehicles.model.craft import Craft

@@ -13,8 +13,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.mechanics.state import State
 from coadjoint.portable import require_portable
+from coadjoint.simulation.steppers.base import StepperBase
 from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.standing import Standing
 from coadjoint.simulation.steppers.stepper import Stepper
 from coadjoint.vehicles.environments.actions import Actions, actuator_actions, set_point_actions
 from coadjoint.vehicles.environments.observations import Common, actuators, chosen, observable, of_feedback
@@ -156,7 +156,7 @@ class Simulated:
             command[...] = found[..., place].reshape(command.shape)
 
 
-def _standing_as(kind: type[Simulated], given: tuple[Any, ...], stepper: Standing) -> Simulated:
+def _standing_as(kind: type[Simulated], given: tuple[Any, ...], stepper: StepperBase) -> Simulated:
     """What was pickled, with its stepper where it stood."""
     made = kind(*given)
     made.stepper.stand_as(stepper)

@@ -15,8 +15,8 @@ from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.models.quantities import not_negative
+from coadjoint.simulation.resume import StreamedRun
 from coadjoint.simulation.run import Run
-from coadjoint.simulation.streamed import StreamedRun
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.craft import Craft, craft_of
 from coadjoint.vehicles.readings.craft_kinematics import between, kinematics

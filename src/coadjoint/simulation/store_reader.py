@@ -1,4 +1,4 @@
-"""Zarr arrays of a folder that has a manifest: only what was written, and only the kind that the library writes.
+"""Reads the folder of a run: lazily, only what its manifest counts, and only if it is what was written.
 
 Nothing is handed to zarr before its metadata have been compared with the manifest and found plain: zarr format 3,
 numbers of a fixed size, regular chunks, and codecs of a list. So no other codec is ever looked up or run, and an array
@@ -9,27 +9,40 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeGuard
 
 import numpy as np
+import xarray
 import zarr
 from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError, told
-from coadjoint.manifest import DAMAGED, Manifest, sums_up
+from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, sums_up
+from coadjoint.simulation import checkpoint
+from coadjoint.simulation.dataset import coordinates_of, labelled
 
 CODECS = ("bytes", "crc32c")
 """The codecs of every array, in their order."""
+
+
 NUMBERS = ("bool", "int32", "int64", "float64", "complex128")
 """What arrays may hold."""
+
+
 LARGEST = 1 << 20
 """Bytes of metadata at most."""
+
+
 MANY = 64
 """How many times larger than their files arrays may be."""
 
+
 _GROUP = {"zarr_format", "node_type", "attributes", "consolidated_metadata"}
+
+
 _ARRAY = _GROUP - {"consolidated_metadata"} | {
     "shape", "data_type", "chunk_grid", "chunk_key_encoding", "fill_value", "codecs", "dimension_names",
     "storage_transformers",
@@ -201,3 +214,136 @@ def _is_plain(found: Any) -> bool:
         return False
     values = [one for value in found.values() for one in (value if isinstance(value, list) else [value])]
     return all(isinstance(one, (bool, int, float, str, type(None))) for one in values)
+
+
+CONFIGURATION, RECORDS = "configuration.npz", "records.zarr"
+
+
+CHECKPOINTS = "checkpoint-*.npz"
+
+
+OLD_CHECKPOINT = "checkpoint.npz"
+"""What a folder of format 1 holds."""
+
+
+_AGAIN = 20
+"""How often a folder is read while a run that goes on there replaces the file that is read."""
+
+
+def stored_dataset(
+    manifest: Manifest, count: int, attributes: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None
+) -> xarray.Dataset:
+    """The first `count` records, read from the disk when they are used; only the times are in memory.
+
+    `coordinates` are those of an ensemble's members.
+    """
+    store = verified(manifest, RECORDS)
+    # Opened with the times, xarray would read all of them, and those to come are not there.
+    options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
+    found = xarray.open_zarr(store, drop_variables=["time"], **options)
+    opened = arrays(manifest, RECORDS)
+    _require_held(manifest, opened, count)
+    time = opened["time"]
+    order = [name for name in found.attrs["order"] if name != "time"]
+    found = found[order].set_coords("step").isel(time=slice(0, count))
+    found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
+    found.attrs = {name: np.array(value) if isinstance(value, list) else value for name, value in attributes.items()}
+    return labelled(found, {})
+
+
+def saved_dataset(folder: Path) -> xarray.Dataset:
+    """The dataset of the run in a folder, as far as its checkpoint; raises FileError where it is incomplete."""
+    manifest, header, arrays = standing(folder)
+    members = [arrays[name] for name in ("position/steps_done", "position/codes") if name in arrays]
+    coordinates = coordinates_of(*members) if members else {}
+    return stored_dataset(manifest, header["records"], header["attributes"], coordinates)
+
+
+def require_run(folder: Path) -> None:
+    """Raise FileError where a folder holds no run, or one that an older version wrote."""
+    if not folder.is_dir():
+        raise FileError(f"There is no folder {folder}.")
+    if (folder / MANIFEST).exists():
+        return
+    if (folder / OLD_CHECKPOINT).exists() and (folder / CONFIGURATION).exists():
+        raise FileError(
+            f"The folder {folder} was written in format 1 of stored runs, by an older version of coadjoint: go on with "
+            "that version, or begin the run again in another folder."
+        )
+    state = (
+        "has lost its manifest: put back a copy of it"
+        if (folder / CONFIGURATION).exists()
+        else ("holds no run that streamed to disk")
+    )
+    raise FileError(f"The folder {folder} {state}.")
+
+
+def run_manifest(folder: Path) -> Manifest:
+    """The manifest of the run that streamed to a folder; raises FileError where there is none."""
+    require_run(folder)
+    found = Manifest.read(folder)
+    if found.facts["kind"] != "records":
+        raise FileError(
+            f"The folder {folder} holds the results of a run file, not a run that streamed to disk: give co.load its "
+            "trajectory.nc, and `coadjoint run` or `coadjoint resume` the folder."
+        )
+    return found
+
+
+def standing(folder: Path) -> tuple[Manifest, dict[str, Any], dict[str, np.ndarray]]:
+    """The manifest of the run in a folder with the checkpoint that it names, also while the run goes on.
+
+    Raises FileError where any file is missing or not in full length.
+    """
+    manifest = run_manifest(folder)
+    for _ in range(_AGAIN):
+        try:
+            for name in manifest.files:
+                manifest.require_size(name)
+            return manifest, *_read(manifest, manifest.facts["checkpoint"])
+        except FileError:
+            before, manifest = manifest.facts, run_manifest(folder)
+            if manifest.facts == before:
+                raise
+    raise FileError(f"The folder {folder} changes faster than it can be read: wait until its run has ended.")
+
+
+def read_configuration(manifest: Manifest) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What is run in a folder; raises FileError where it is damaged."""
+    return _read(manifest, CONFIGURATION)
+
+
+def _read(manifest: Manifest, name: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    manifest.require(name)
+    try:
+        return checkpoint.unpacked(manifest.path(name))
+    except OSError as error:
+        raise FileError(f"The file {manifest.folder / name} cannot be read: {error.strerror or error}.") from error
+
+
+def _require_held(manifest: Manifest, opened: Mapping[str, Any], count: int) -> None:
+    """Raise FileError where the chunks of an array cannot hold so many records."""
+    held: Counter[str] = Counter()
+    for name, (size, *_) in manifest.files.items():
+        held[name.split("/")[1] if name.startswith(f"{RECORDS}/") else ""] += size
+    for name, array in opened.items():
+        axis = along_time(array)
+        declared = array.dtype.itemsize * math.prod(count if i == axis else n for i, n in enumerate(array.shape))
+        if declared > held[array.basename]:
+            raise FileError(
+                f"The checkpoint of {manifest.folder} counts {count:,} records, more than the chunks of {name} hold: "
+                f"{DAMAGED}."
+            )
+
+
+def along_time(array: Any) -> int:
+    """The axis of an array that counts the nodes: 1 where members come first."""
+    return array.metadata.dimension_names.index("time")
+
+
+def chunk_names(array: Any, index: int) -> list[str]:
+    """The files of the chunks of an array with the block of nodes `index`: one, or one for each block of members."""
+    axis = along_time(array)
+    blocks = np.ndindex(*(-(-array.shape[i] // array.chunks[i]) for i in range(axis)))
+    rest = [0] * (array.ndim - axis - 1)
+    return [f"{RECORDS}/{array.basename}/c.{'.'.join(map(str, (*block, index, *rest)))}" for block in blocks]

@@ -22,7 +22,10 @@ from coadjoint.spaces.named import Named
 if TYPE_CHECKING:
     import xarray
 
+
 _VECTORS = ("n", "nu", "pi", "a", "mu", "xi")
+
+
 _FREE = ("inputs", "internal", "internal_mean", "internal_end")
 
 

@@ -18,8 +18,10 @@ SAFE = 1.0
 which has its pole at 2. The compositions of orders 4 to 8 follow exp(−λh) to 10 % up to λ|γ|h = 1.4 and more, and
 become unstable between 1.9 and 2.0 (measured)."""
 
+
 AMPLIFIED = 1e8
 """By how much steps back in time may amplify round-off: then half of the digits are left."""
+
 
 ALLOW, REFUSE = "allow", "refuse"
 

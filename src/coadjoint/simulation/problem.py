@@ -14,6 +14,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics import quantities
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.internal_state import driven_warnings, internal_warnings, require_internal
@@ -21,24 +22,29 @@ from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.trace_checks import functions_known
+from coadjoint.mechanics.trace_checks import functions_known, require_scalar
 from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
-from coadjoint.simulation import known
 from coadjoint.simulation import monitors as observe
-from coadjoint.simulation.arguments import require_kinds, require_quantities
-from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation import setup_cache
+from coadjoint.simulation.arguments import (
+    inputs_held,
+    needs_g,
+    read_of,
+    require_kinds,
+    with_inputs,
+)
+from coadjoint.simulation.dissipation_checks import require_forward
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
-from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.members import begin_members, count_of, first_member, require_one_time, with_own_directions
 from coadjoint.simulation.plan import MembersPosition, Memory, Plan, Position
 from coadjoint.simulation.run import Ensemble, Run
-from coadjoint.simulation.without_g import needs_g
 
 MOST_DIRECTIONS = 500
 """The most dimensions of a group of which all spatial momenta are observed at every step."""
+
 
 Watched = tuple[tuple[str, Event], ...]
 """Events by their names."""
@@ -60,12 +66,12 @@ def prepare(
     watched, noether = watched_events(until, events), _quantities(kelvin_noether)
     functions = _functions(system, noether, monitors, watched)
     observed = (*observe.BEFORE, *observe.AFTER, *noether) if monitors else tuple(noether)
-    reading = known.read(system, start, functions, watched, observed, method, h)
-    begun = known.found(reading)
+    reading = setup_cache.read(system, start, functions, watched, observed, method, h)
+    begun = setup_cache.found(reading)
     if begun is None:
         with functions_known(reading is not None and reading.own):
             begun = _checked(system, start, method, h, monitors, noether, watched, reading)
-        known.remember(reading, begun)
+        setup_cache.remember(reading, begun)
     state, warnings, program, watching = begun
     begin = float(start.t)
     warnings = internal_warnings(system, h) + driven_warnings(system, begin, begin + h * steps) + warnings
@@ -80,10 +86,10 @@ def prepare(
 
 def _checked(
     system: System, start: State, method: Method, h: float, monitors: bool, chosen: list[KelvinNoether],
-    watched: Watched, reading: known.Reading | None,
-) -> known.Known:  # fmt: skip
+    watched: Watched, reading: setup_cache.Reading | None,
+) -> setup_cache.Known:  # fmt: skip
     """What all checks of a run and its start find; raises what they raise."""
-    before, warnings = known.verdict(reading, "run"), []
+    before, warnings = setup_cache.verdict(reading, "run"), []
     if before is None:
         require_internal(system, start, h)
         warnings = system.check(start, method.regular) + require_forward(system, method, start, h)
@@ -92,11 +98,11 @@ def _checked(
         require_chart(system, method, state, h)
         require_events(method, state, watched)
         before = {"warnings": warnings, "watching": _watching(system, state, chosen, monitors)}
-        known.remember_verdict(reading, "run", before)
+        setup_cache.remember_verdict(reading, "run", before)
     digest = None if reading is None else reading.version
     watching = before["watching"]
     program, _ = _program(system, method, state, chosen, monitors, watching, watched, digest)
-    return known.Known(state, before["warnings"], program, watching)
+    return setup_cache.Known(state, before["warnings"], program, watching)
 
 
 def watched_events(until: Any, events: Any) -> Watched:
@@ -199,8 +205,8 @@ def _prepare_members(
     one, first = first_member(system, start)
     watched, noether = watched_events(until, events), _quantities(kelvin_noether)
     observed = (*observe.BEFORE, *observe.AFTER, *noether) if monitors else tuple(noether)
-    reading = known.read(one, first, _functions(one, noether, monitors, watched), watched, observed, method, h)
-    before, checked = known.verdict(reading, "members"), []
+    reading = setup_cache.read(one, first, _functions(one, noether, monitors, watched), watched, observed, method, h)
+    before, checked = setup_cache.verdict(reading, "members"), []
     if before is None:
         checked = require_internal(one, first, h) + one.check(first, method.regular)
         checked += require_forward(one, method, first, h)
@@ -211,7 +217,7 @@ def _prepare_members(
         require_chart(first, method, state, h)
         require_events(method, state, watched)
         before = {"warnings": checked, "watching": _watching(first, state, noether, monitors)}
-        known.remember_verdict(reading, "members", before)
+        setup_cache.remember_verdict(reading, "members", before)
     warnings, digest = before["warnings"], None if reading is None else reading.version
     program, constants = _program(first, method, state, noether, monitors, before["watching"], watched, digest)
     program, constants, axes = with_own_directions(program, constants, members, warnings)
@@ -237,3 +243,17 @@ def require_chart(system: System, method: Method, state: State, h: float) -> Non
                 f"Argument `dt` = {h:g} is too large: the first step would leave the chart of {step.difference_map!r} "
                 f"by a factor {reach:.3g}; take dt < {h / reach:.3g}."
             )
+
+
+def require_quantities(system: System, state: State) -> None:
+    """Raise ArgumentError where a quantity has a name that a dataset has already; LagrangianError unless a number."""
+    from coadjoint.simulation.dataset import reserved
+
+    for name, function in system.quantities:
+        if name in reserved(system) or name.startswith(("work_", "inputs_", "internal_")):
+            raise ArgumentError(
+                f"The quantity `{name}` must have a name of its own: datasets have a variable `{name}`."
+            )
+        what = f"The quantity `{name}`"
+        value = partial(quantities.value, system, function)
+        read_of(lambda state, value=value, what=what: require_scalar(value, what, (state,)), what, state)

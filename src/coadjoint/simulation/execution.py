@@ -1,17 +1,19 @@
-"""A run driven from where it stands to its end."""
+"""A run driven from where it is to its end, and what remains of one that an interrupt has ended."""
 
 from __future__ import annotations
 
 import time
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from coadjoint.errors import StepError
+import numpy as np
+
+from coadjoint.errors import Interrupted, StepError
 from coadjoint.interrupts import forget, look
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger
 from coadjoint.mechanics.internal_state import failure
-from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
+from coadjoint.simulation.accuracy.resolution import accuracy_warnings, chosen_members, judged_run
 from coadjoint.simulation.accuracy.sample import Sampler
 from coadjoint.simulation.certificate import fixed_steps
 from coadjoint.simulation.dense import not_finite, part_of_step
@@ -20,19 +22,20 @@ from coadjoint.simulation.energy_budget import driven, energy_warnings, gap, mem
 from coadjoint.simulation.ensemble_driver import EnsembleDriver
 from coadjoint.simulation.ensemble_events import EnsembleEvents
 from coadjoint.simulation.event_driver import EventDriver
-from coadjoint.simulation.interrupts import interrupted
-from coadjoint.simulation.plan import Sink
+from coadjoint.simulation.plan import Memory, Sink
 from coadjoint.simulation.result import Result
 
 _log = logger(__name__)
 
+
 R = TypeVar("R", bound=Result)
+
 
 HALVINGS = 20
 """How often dt is halved in search of a step that is solved where dt failed."""
 
 
-def carry_on(run: R, progress: bool | None, began: float, accuracy: bool = True) -> R:
+def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) -> R:
     """Drive a run from where it stands to its end; raises StepError at a step that fails, save in an ensemble."""
     ended = run.position.ended
     complete = run.memory.complete
@@ -45,7 +48,7 @@ def carry_on(run: R, progress: bool | None, began: float, accuracy: bool = True)
             _log.info("%s begins, %d steps %s.", run.title, run.plan.steps, run.plan.solution or "by native code")
             loop.drive(run.position)
         if isinstance(sink, Sampler):
-            run.accuracy = judged(run, sink)
+            run.accuracy = judged_run(run, sink)
         if not ended:
             run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
         run.warnings += accuracy_warnings(run)
@@ -119,3 +122,47 @@ def _sentence(run: Result) -> str:
     return (
         f"{where} gave numbers that are not finite; {unsolved}{_solved(run)}, or check the {energy} and forces there."
     )
+
+
+class Loop(Protocol):
+    """What drives a run, or an ensemble."""
+
+    taking: bool
+
+    def append_last(self, position: Any) -> None: ...
+
+    def undo(self, position: Any) -> None: ...
+
+
+def interrupted(run: Any, loop: Loop, sink: Sink) -> Interrupted:
+    """What to raise for a run whose loop was interrupted; its records end where it stands.
+
+    Records in memory are cut there, and the node where it stands is added. On the disk a checkpoint is written, unless
+    the interrupt came while records were written: then the run goes on from the last one.
+    """
+    position, plan = run.position, run.plan
+    if isinstance(run.memory, Memory):
+        how = _in_memory(run, loop, sink)
+    else:
+        whole = position.ended or not loop.taking
+        if whole:
+            sink.finish(position, complete=False)
+        how = f"co.resume({str(run.memory.folder)!r}, system) goes on from the last checkpoint there"
+        run = run if whole else None
+    here = float(np.max(position.state.t) if plan.h > 0 else np.min(position.state.t))
+    where = f"step {position.steps:,} of {plan.steps:,} (t = {here:.6g} s)"
+    where = f"after the end of the run, {where}, before it was judged" if position.ended else f"at {where}"
+    return Interrupted(f"Interrupted {where}; {how}.", run)
+
+
+def _in_memory(run: Any, loop: Loop, sink: Sink) -> str:
+    """Cut a run where it stands, and say how one goes on."""
+    position, plan = run.position, run.plan
+    kept = "what was computed is in `.run` of this exception"
+    if position.ended:
+        return kept
+    run.memory.cut(position.steps)
+    loop.undo(position)
+    loop.append_last(position)
+    left = plan.steps - position.steps
+    return f"{kept} (`error`), and co.simulate(system, error.run.final, dt={plan.h:g}, steps={left}) goes on"

@@ -22,13 +22,16 @@ from pythonfmu.enums import Fmi2Status
 from coadjoint.errors import CoadjointError
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.file import to_bytes
-from coadjoint.simulation.steppers.load import load_stepper
-from coadjoint.simulation.steppers.stepping import opened
+from coadjoint.simulation.steppers.stepping import load_stepper, opened
 
 FILE = "stepper.step"
 """The saved stepper among the resources of a unit."""
+
+
 ROUNDING = 1e-9
 """How far a communication step may be from whole steps, relative: times are sums of decimal fractions."""
+
+
 _held: list[dict[str, Any]] = []
 
 
@@ -40,7 +43,7 @@ def hold(names: dict[str, Any]) -> None:
     _held.append(names)
 
 
-class StepperSlave(Fmi2Slave):
+class FmiInstance(Fmi2Slave):
     """Commands are inputs, what is observed are outputs, and a communication step is a whole number of steps."""
 
     def __init__(self, **given: Any):

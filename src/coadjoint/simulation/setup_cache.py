@@ -58,7 +58,11 @@ class Reading(NamedTuple):
 
 
 _known: OrderedDict[tuple[Any, ...], Known] = OrderedDict()
+
+
 _verdicts: OrderedDict[tuple[Any, ...], dict[str, Any]] = OrderedDict()
+
+
 _lock = threading.Lock()
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from coadjoint import disk
 from coadjoint.manifest import Manifest, checksum, entry
-from coadjoint.simulation.reading import RECORDS, along_time, chunk_names
-from coadjoint.simulation.verified import arrays
+from coadjoint.simulation.store_reader import RECORDS, along_time, arrays, chunk_names
 
 
 class Chunks:

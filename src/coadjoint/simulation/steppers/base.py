@@ -13,16 +13,21 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.program import Code, StatusFlag
 from coadjoint.kernels.run.interruptible import PieceLength
-from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
-from coadjoint.simulation.steppers.face import Engine, Face
-from coadjoint.simulation.steppers.numbers import real, seeds
-from coadjoint.simulation.steppers.prepared import Prepared
-from coadjoint.simulation.steppers.sentences import failed_step
-from coadjoint.simulation.steppers.turn import Turn
-from coadjoint.simulation.steppers.warned import Warned
+from coadjoint.simulation.steppers.fields import real, seeds
+from coadjoint.simulation.steppers.interface import (
+    Buffers,
+    Engine,
+    Prepared,
+    StepperInterface,
+    StepperLock,
+    by_member,
+    failed_step,
+    put,
+)
+from coadjoint.simulation.steppers.judging import StepperWarnings
 
 
-class Standing(Warned):
+class StepperBase(StepperWarnings):
     """The memory of a stepper and all that can be done without a step. Knows NumPy and an engine only.
 
     `command` and `observation` are dictionaries of views into memory that stays: writing into
@@ -30,14 +35,16 @@ class Standing(Warned):
     the next step. Of many members every array has a first axis of members.
     """
 
-    def __init__(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int):
+    def __init__(self, face: StepperInterface, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int):
         self._stand(face, engine, buffers, origin, threads, secrets.token_hex(8))
         self.reset()
 
-    def _stand(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int, kin: str) -> None:
+    def _stand(
+        self, face: StepperInterface, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int, kin: str
+    ) -> None:
         """kin: what clones and saved steppers have in common with the one they are of."""
         self.face, self._engine, self.threads, self._kin = face, engine, threads, kin
-        self._pace, self._turn, self._origin = PieceLength(), Turn(), origin
+        self._pace, self._turn, self._origin = PieceLength(), StepperLock(), origin
         """The state that `reset` goes back to, (groups, size, lanes)."""
         self._parts = None
         self._take_memory(buffers)
@@ -142,13 +149,13 @@ class Standing(Warned):
         """
         which = self._which(mask)
         # Copied before this one's turn: two that are restored to each other must not wait for each other.
-        other = state.clone() if isinstance(state, Standing) else None
+        other = state.clone() if isinstance(state, StepperBase) else None
         with self._turn.alone():
             if other is not None:
                 return self._follow(other, which)
             return self._go(which, self._rows(by_member(self._buffers.state)[which], state, which))
 
-    def _follow(self, other: Standing, which: np.ndarray) -> dict[str, np.ndarray]:
+    def _follow(self, other: StepperBase, which: np.ndarray) -> dict[str, np.ndarray]:
         """Go on as these members of a clone would."""
         if other._kin != self._kin:
             raise ArgumentError("A stepper can be restored to where a clone of it stands, but this is another one.")
@@ -231,12 +238,12 @@ class Standing(Warned):
         with self._turn.reading():
             made = object.__new__(type(self))
             made.__dict__.update(self.__dict__)
-            made._turn = Turn()
+            made._turn = StepperLock()
             made._sample, made._later = (sample and sample.copy() for sample in (self._sample, self._later))
             made._take_memory(self._buffers.copy())
             return made
 
-    def stand_as(self, other: Standing) -> None:
+    def stand_as(self, other: StepperBase) -> None:
         """Stand where another stepper of the same system, method and observations does, which may have been pickled.
 
         It goes on as that one would, to the bit, with its parameters and start; both share memory.

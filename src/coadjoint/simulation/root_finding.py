@@ -14,11 +14,14 @@ from coadjoint.roots import brent
 AT_START = 1e-9
 """A run that starts so near to a zero, as a part of its change over the first step, starts from that zero."""
 
+
 LOCATED = 1e-13
 """Up to which part of a step a crossing is located."""
 
+
 AHEAD = 3
 """How many nodes behind an interval are examined: the cubic through four nodes shows where it may turn."""
+
 
 Function = Callable[[float], float]
 

@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from coadjoint.kernels.run.machine import Machine, compiled
-from coadjoint.simulation.steppers.buffers import Buffers
+from coadjoint.simulation.steppers.interface import Buffers
 
 ENTRY = "online"
 

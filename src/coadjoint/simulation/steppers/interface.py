@@ -1,0 +1,219 @@
+"""What a stepper shows and holds: its names and shapes, its memory, its lock, and the messages of a failed step."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+from weakref import WeakSet
+
+import numpy as np
+
+from coadjoint.errors import StepError
+from coadjoint.kernels.program import Code
+from coadjoint.simulation.steppers.fields import Fields
+
+
+class Buffers(NamedTuple):
+    """Arrays that machine code reads and writes; lanes beyond the last member repeat it and wait.
+
+    parameters (groups or 1, size, lanes), h (lanes,), state (groups, size, lanes), status (groups, 4, lanes): steps
+    done since the last reset, code, Newton's iterations and the most of one step; commands and observations
+    (groups · lanes, size); limits (2, commands, lanes): the lowest and highest commands, infinite where there are none.
+    """
+
+    parameters: np.ndarray
+    h: np.ndarray
+    state: np.ndarray
+    status: np.ndarray
+    commands: np.ndarray
+    observations: np.ndarray
+    limits: np.ndarray
+
+    @classmethod
+    def filled(cls, parameters: np.ndarray, h: float, state: np.ndarray, sizes: tuple[int, int], lanes: int) -> Buffers:
+        """From parameters (members or 1, size) and states (members, size); sizes of commands and observations.
+
+        Commands are without limits.
+        """
+        members = len(state)
+        groups = -(-members // lanes)
+        status, idle = np.zeros((groups, 4, lanes), np.int64), np.arange(members, groups * lanes)
+        status[idle // lanes, 1, idle % lanes] = Code.ABSENT
+        return cls(
+            parameters=_grouped(parameters, 1 if len(parameters) == 1 else groups, lanes),
+            h=np.full(lanes, float(h)),
+            state=_grouped(state, groups, lanes),
+            status=status,
+            commands=np.zeros((groups * lanes, sizes[0])),
+            observations=np.zeros((groups * lanes, sizes[1])),
+            limits=unlimited(sizes[0], lanes),
+        )
+
+    def with_limits(self, ends: np.ndarray) -> Buffers:
+        """The same memory with lowest and highest commands (2, commands)."""
+        return self._replace(limits=np.repeat(ends[..., None], len(self.h), axis=2))
+
+    def with_parameters(self, rows: np.ndarray, shared: bool | None = None) -> Buffers:
+        """The same memory with parameters (members, size); shared where all are the same, if not said otherwise."""
+        groups, _, lanes = self.state.shape
+        shared = bool(np.all(rows == rows[0])) if shared is None else shared
+        return self._replace(parameters=_grouped(rows[:1] if shared else rows, 1 if shared else groups, lanes))
+
+    def copy(self) -> Buffers:
+        """The same numbers in memory of their own."""
+        return Buffers(*(array.copy() for array in self))
+
+    def context(self) -> np.ndarray:
+        """What machine code is given: `kernels.emit.online.CONTEXT`."""
+        p = self.parameters
+        stride = 0 if len(p) == 1 else p.shape[1] * p.shape[2]
+        arrays = (self.h, self.state, self.status, self.commands, self.observations, self.limits)
+        return np.array([p.ctypes.data, stride, *(array.ctypes.data for array in arrays)], np.int64)
+
+
+def unlimited(commands: int, lanes: int) -> np.ndarray:
+    """Limits (2, commands, lanes) that no command goes beyond."""
+    return np.broadcast_to(np.array([-np.inf, np.inf])[:, None, None], (2, commands, lanes)).copy()
+
+
+def by_member(grouped: np.ndarray) -> np.ndarray:
+    """A copy (groups · lanes, size) of an array (groups, size, lanes)."""
+    groups, size, lanes = grouped.shape
+    return grouped.swapaxes(1, 2).reshape(groups * lanes, size).copy()
+
+
+def put(grouped: np.ndarray, members: np.ndarray, rows: np.ndarray) -> None:
+    """Write rows (k, size) of these members (k,) into an array (groups, size, lanes)."""
+    lanes = grouped.shape[2]
+    grouped[members // lanes, :, members % lanes] = rows
+
+
+def _grouped(rows: np.ndarray, groups: int, lanes: int) -> np.ndarray:
+    index = np.minimum(np.arange(groups * lanes), len(rows) - 1).reshape(groups, lanes)
+    return np.ascontiguousarray(rows[index].swapaxes(1, 2))
+
+
+@dataclass(frozen=True)
+class StepperInterface:
+    """What a stepper shows: names and shapes of all it holds, its step, and what to do about a step that fails.
+
+    `members` is None for a single one. `commanded` are the places of the commands in a state, `time` that of t.
+    """
+
+    title: str
+    dt: float
+    members: int | None
+    parameters: Fields
+    state: Fields
+    commands: Fields
+    observations: Fields
+    commanded: tuple[int, ...]
+    time: int
+    remedies: tuple[str, str]
+    compiled_in: tuple[tuple[int, float], ...] = ()
+    """Places and values of parameters that are 0 or 1 in the machine code itself."""
+
+    def compiled_out(self, parameters: np.ndarray) -> list[int]:
+        """The places where parameters (members, size) are not what is compiled in."""
+        return [place for place, value in self.compiled_in if np.any(parameters[:, place] != value)]
+
+    @property
+    def count(self) -> int:
+        """How many members there are."""
+        return 1 if self.members is None else self.members
+
+
+class Engine(Protocol):
+    """What computes; one engine serves all clones of a stepper."""
+
+    lanes: int
+
+    def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
+        """Commands in, `steps` steps of all groups, observations out; 0, or what is wrong (`StatusFlag`)."""
+        ...
+
+
+class Prepared(NamedTuple):
+    """Rows of numbers: states (k, size), and parameters (k, size), None where they stay those of the stepper."""
+
+    states: np.ndarray
+    parameters: np.ndarray | None
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+
+def failed_step(where: str, code: int, dt: float, remedies: tuple[str, str], commands: Mapping[str, np.ndarray]) -> str:
+    """What happened in a step that ended with this code, and the remedy."""
+    unsolved, beyond = remedies
+    if bad := [name for name, value in commands.items() if not np.all(np.isfinite(value))]:
+        return f"{where} could not be taken: the command `{bad[0]}` is not finite."
+    again = "then reset or restore the stepper"
+    if code == Code.NOT_CONVERGED:
+        return f"{where} did not converge with dt = {dt:g}; {unsolved}, {again}."
+    if code == Code.BEYOND_CHART:
+        return f"{where} left the chart of the difference map: {beyond}, {again}."
+    functions = "the Lagrangian or Hamiltonian, forces and `until`"
+    return f"{where} gave numbers that are not finite; {unsolved}, or check {functions} there."
+
+
+BUSY = "Another thread is stepping this stepper: give each thread a clone() of its own."
+
+
+class StepperLock:
+    """A lock that refuses a second thread that steps or changes, and lets those that only read wait.
+
+    `lock.acquire(False)` and `lock.release()` are the fast way in and out; where it fails, `wait()` decides.
+    """
+
+    def __init__(self) -> None:
+        self.renew()
+        _all.add(self)
+
+    def renew(self) -> None:
+        """Nobody has it."""
+        self.lock, self._readers = threading.RLock(), set[int]()
+
+    def wait(self) -> None:
+        """Have the lock once all have read; raises StepError where another thread is stepping."""
+        if not self.lock.acquire(bool(self._readers)):
+            raise StepError(BUSY)
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """For what changes the memory."""
+        lock = self.lock
+        if not lock.acquire(False):
+            self.wait()
+        try:
+            yield
+        finally:
+            lock.release()
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """For what only copies the memory: waits for the end of a call in another thread."""
+        me = threading.get_ident()
+        self._readers.add(me)
+        try:
+            with self.lock:
+                yield
+        finally:
+            self._readers.discard(me)
+
+
+_all: WeakSet[StepperLock] = WeakSet()
+
+
+def _renew_all() -> None:
+    """In a fork, threads that had a lock are gone."""
+    for turn in list(_all):
+        turn.renew()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_all)
