@@ -164,7 +164,7 @@ def test_members_that_ended_at_several_times_go_on_from_one_time():
 
 @pytest.mark.parametrize("patience", [1e-9, 1.0])
 def test_the_nodes_of_members_that_end_at_events_do_not_depend_on_how_a_run_is_cut_into_chunks(monkeypatch, patience):
-    monkeypatch.setattr("coadjoint.simulation.ensemble_events.PATIENCE", patience)
+    monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", patience)
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
     start = body.state(xi=co.each([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]))
     run = co.simulate(body, start, dt=0.01, duration=2.0, until=lambda state: state.g[1, 0] - 0.2, accuracy=False)

@@ -28,7 +28,7 @@ def spun_up():
 @pytest.mark.parametrize("backend", ["native", "xla"])
 @pytest.mark.parametrize("patience", [0.0, 1e9], ids=["step by step", "at once"])
 def test_extrema_of_members_are_over_their_good_steps(monkeypatch, backend, patience):
-    monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", patience)
+    monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", patience)
     system, start = spun_up()
     run: Any = co.simulate(system, start, dt=0.1, steps=60, backend=backend, progress=False)
     # XLA may compute a monitor twice, for its row and for the extremum, and contract its sums differently.

@@ -77,7 +77,6 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
     system, start = body(**({"scale": co.each([1.0, 1.5, 2.0])} if call == "members" else {}))
     stepper = co.Stepper(system, start, dt=0.01) if call == "stepper" else None
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
-    monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", 0.0)
     monkeypatch.setattr(interruptible.PieceLength, "took", lambda *_: None)
     runs: dict[str, Callable[[], Any]] = {
         "simulate": lambda: co.simulate(system, start, **AT),

@@ -158,26 +158,26 @@ def test_an_interrupt_while_records_are_taken_up_leaves_whole_nodes(monkeypatch)
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     advance, seen = Position.advance, []
 
-    def stop(self, chunk):
+    def stop(self, *given):
         seen.append(1)
         if len(seen) == 30:
             raise KeyboardInterrupt
-        advance(self, chunk)
+        advance(self, *given)
 
     with monkeypatch.context() as patched, pytest.raises(co.Interrupted) as stopped:
-        patched.setattr("coadjoint.simulation.driver.Position.advance", stop)
+        patched.setattr("coadjoint.simulation.plan.Position.advance", stop)
         co.simulate(system, start, **AT, steps=STEPS)
     run = stopped.value.run
     assert np.array_equal(run.steps_saved, np.arange(run.good_steps + 1))
 
 
 def test_an_ensemble_with_long_blocks_stops_within_one_and_keeps_all_members(monkeypatch):
-    monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", 0.0)
+    monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     system, start = failing()
     given: Any = {**AT, "steps": 200, "save_every": 150}
     whole: Any = co.simulate(system, start, **given)
     with monkeypatch.context() as patched:
-        patched.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", 1e9)
+        patched.setattr("coadjoint.simulation.driver.PATIENCE", 1e9)
         at_once: Any = co.simulate(system, start, **given)
     for name in ("xi", "mu", "energy"):
         np.testing.assert_array_equal(whole.dataset[name], at_once.dataset[name])
@@ -196,15 +196,15 @@ def test_an_ensemble_with_long_blocks_stops_within_one_and_keeps_all_members(mon
 def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
     system, start = top()
     given = {**AT, "steps": STEPS, "events": {"section": lambda state: state.xi[0]}}
-    monkeypatch.setattr("coadjoint.simulation.event_driver.PATIENCE", 0.0)
+    monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     whole = co.simulate(system, start, **given)
     take, seen = EventDriver._take, []
 
-    def stop(self, position, chunk):
+    def stop(self, *given):
         seen.append(1)
         if len(seen) == 100:
             raise KeyboardInterrupt
-        take(self, position, chunk)
+        take(self, *given)
 
     with monkeypatch.context() as patched, pytest.raises(co.Interrupted) as stopped:
         patched.setattr("coadjoint.simulation.event_driver.EventDriver._take", stop)
@@ -220,7 +220,6 @@ def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
 @pytest.mark.parametrize("many", [False, True], ids=["one", "members"])
 def test_a_run_on_disk_writes_a_checkpoint_and_goes_on_to_the_same_bits(monkeypatch, tmp_path, many):
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
-    monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", 0.0)
     system, start = top(**({"weight": co.each([20.0, 21.0, 22.0])} if many else {}))
     given = {**AT, "steps": STEPS, "save_every": EVERY}
     whole = co.simulate(system, start, **given)

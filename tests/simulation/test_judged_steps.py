@@ -11,11 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from coadjoint.simulation.accuracy.metric import Ruler
-from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
-from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
 
 import coadjoint as co
+from coadjoint.simulation.accuracy.local_error import InternalPlaces, PartsOfSteps, Ruler
+from coadjoint.simulation.accuracy.verdict import SampledSteps
 
 J = np.array([1.0, 2.0, 3.0])
 UNRESOLVED = "does not resolve this motion"

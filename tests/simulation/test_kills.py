@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.manifest import Manifest
-from coadjoint.simulation import driver, ensemble_driver
+from coadjoint.simulation import driver
 from coadjoint.simulation import store as streaming
 from killed import killed_before, places, recorded
 
@@ -24,7 +24,6 @@ RUN |= {"backend": "native"}
 def often(monkeypatch):
     """A checkpoint after each stretch, of one step and of all that are left on any machine, and chunks of few rows."""
     monkeypatch.setattr(driver, "PATIENCE", 1e9)
-    monkeypatch.setattr(ensemble_driver, "PATIENCE", 1e9)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)
     monkeypatch.setattr(streaming, "BLOCK_ROWS", 12)

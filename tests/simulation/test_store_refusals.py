@@ -299,7 +299,7 @@ def test_two_processes_do_not_share_a_folder(cut, vehicle):
     script = f"""
 import sys
 from pathlib import Path
-from coadjoint.simulation.lock import Lock
+from coadjoint.simulation.folder import Lock
 lock = Lock(Path({str(cut)!r}))
 print("held", flush=True)
 sys.stdin.read()

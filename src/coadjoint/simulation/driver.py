@@ -3,88 +3,122 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from typing import Any
 
+import jax
 import numpy as np
 
-from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.plan import Plan, Position, Sink
+from coadjoint.simulation.plan import Plan, Sink
 from coadjoint.simulation.progress import Progress, compiling
 
 PATIENCE = 0.25
 """Seconds between two updates of progress: what chunks are sized for."""
 
+LONGEST = 5.0
+"""Seconds of a part of a block of many members at most: what an interrupt may cost."""
+
 
 class Driver:
-    """Runs a plan from a position to its end, or to the first step that fails."""
+    """Runs a plan from a position to its end, or to the first step that fails; of an ensemble, each member so far."""
 
     def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
         self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
         self.taking = False
         """Whether a sink is taking up records: an interrupt then finds it between the one and the other."""
 
-    def _run(self, state: State, records: int, every: int) -> Chunk:
+    def run(self, state: State, records: int, every: int) -> Any:
+        """A chunk of so many records, each `every` steps: a `Chunk`, or of members an `EnsembleChunk`."""
         plan = self.plan
-        return kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.watches)
+        given = plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.watches
+        if plan.members is None:
+            return kernels.run(*given)
+        return kernels.run_ensemble(*given, axes=(plan.axes, True))
 
-    def drive(self, position: Position) -> None:
-        """Move `position` to the end of the plan; its `code` says whether a step failed."""
+    def drive(self, position: Any) -> None:
+        """Move `position` to the end of the plan; it says whether a step failed."""
         # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
         with compiling(self.title, self.plan.solution, self.progress):
-            self._run(position.state, 1, 1)
+            self.run(position.state, 1, 1)
         speed = 0.0
         with Progress(self.plan.steps, self.progress, self.title) as bar:
             bar.advance(position.steps, 0.0)
-            while position.steps < self.plan.steps and not position.code and position.event is None:
+            while position.steps < self.plan.steps and not position.stopped:
                 before = position.steps, position.seconds
                 self._stretch(position, speed)
                 done, spent = position.steps - before[0], position.seconds - before[1]
                 speed = min(done / max(spent, 1e-6), 8 * speed or np.inf)
                 bar.advance(done, position.seconds)
-        if not position.code:
+        if not position.failed:
             self._close(position)
 
-    def _stretch(self, position: Position, speed: float) -> None:
-        """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""
+    def _stretch(self, position: Any, speed: float) -> None:
+        """Run for about PATIENCE seconds: complete blocks of save_every steps, or a part of one where they are long."""
         every, phase = self.plan.save_every, position.steps % self.plan.save_every
         left = self.plan.steps - position.steps
         wished = max(int(speed * PATIENCE), 1)
         if phase == 0 and min(wished, left) >= every:
-            records, length = min(wished // every, left // every, self.plan.capacity(position.state)), every
+            records, length = min(wished // every, left // every, self._capacity(position)), every
         else:
-            records, length = 1, min(wished, left, every - phase)
+            records, length = 1, min(max(int(speed * self._patience), 1), left, every - phase)
         began = time.perf_counter()
-        chunk = self._run(position.state, records, length)
+        chunk = self.run(position.state, records, length)
         position.seconds += time.perf_counter() - began
+        done = records * length if self.plan.members else chunk.steps
+        rows = -(-done // length) if phase == 0 else 0
         self.taking = True
-        if phase == 0 and chunk.steps:
-            rows = -(-chunk.steps // length)
-            self.sink.append(position.steps + length * np.arange(rows), chunk.records, chunk.monitors)
-        position.advance(chunk)
+        if rows:
+            self.sink.append(position.steps + length * np.arange(rows), *self._rows(chunk))
+        position.advance(chunk, done)
         self.sink.checkpoint(position)
         self.taking = False
 
-    def _close(self, position: Position) -> None:
+    def _rows(self, chunk: Any) -> tuple[State, Mapping[str, np.ndarray]]:
+        """Records and monitors of a chunk with axes (node, [member,] …), as sinks take them."""
+        if self.plan.members is None:
+            return chunk.records, chunk.monitors
+        return jax.tree.map(lambda rows: np.swapaxes(rows, 0, 1), (chunk.records, dict(chunk.monitors)))
+
+    def _capacity(self, position: Any) -> int:
+        """The most records of a chunk."""
+        most = self.plan.capacity(position.state)
+        return most if self.plan.members is None else min(self.sink.length, most)
+
+    @property
+    def _patience(self) -> float:
+        """Seconds for a part of a block: what it costs to take up many members counts less in longer ones.
+
+        Machine code is interrupted between groups of lanes, so that one group alone has to be short.
+        """
+        if self.plan.members is None or self.plan.backend != "native":
+            return PATIENCE
+        return min(PATIENCE * max(self.plan.members // (lanes() * cores()), 1), LONGEST)
+
+    def _close(self, position: Any) -> None:
         """One solve more gives the last node the velocities of the step that starts there."""
         chunk = self._last(position)
         self.taking = True
-        position.code = chunk.code
-        if not chunk.code:
-            self.append_last(position, chunk)
+        if position.closed(chunk):
+            self._append(position, chunk)
             position.complete = True
         self.sink.checkpoint(position)
         self.taking = False
 
-    def append_last(self, position: Position, chunk: Chunk | None = None) -> None:
-        """Append the node where a run stands, with the velocities of the step that would start there."""
-        chunk = self._last(position) if chunk is None else chunk
-        if not chunk.code:
-            self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
-            position.watch(chunk)
+    def append_last(self, position: Any) -> None:
+        """Append the node of a position, with the velocities of the step that would start there, if it has any."""
+        chunk = self._last(position)
+        if self.plan.members or not chunk.code:
+            self._append(position, chunk)
 
-    def undo(self, position: Position) -> None:
+    def _append(self, position: Any, chunk: Any) -> None:
+        self.sink.append(np.array([position.steps]), *self._rows(chunk))
+        position.watch(chunk)
+
+    def undo(self, position: Any) -> None:
         """Forget what was found beyond the position."""
 
-    def _last(self, position: Position) -> Chunk:
-        return self._run(position.state, 1, 1)
+    def _last(self, position: Any) -> Any:
+        return self.run(position.state, 1, 1)

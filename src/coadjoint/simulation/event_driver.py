@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
+from coadjoint.simulation import driver
 from coadjoint.simulation.dense import DenseStep, part_of_step
-from coadjoint.simulation.driver import PATIENCE, Driver
 from coadjoint.simulation.events import Event
-from coadjoint.simulation.plan import Plan, Position
+from coadjoint.simulation.plan import MembersPosition, Plan, Position, Sink
 from coadjoint.simulation.root_finding import AHEAD, candidates, crossings, from_zero
 
 
@@ -28,79 +29,133 @@ class Found(NamedTuple):
     state: State
 
 
-class EventDriver(Driver):
-    """Runs a plan until its first event ends it, if one may, and collects the records at all others in `crossed`."""
+class EventDriver(driver.Driver):
+    """Runs a plan until its first event ends it, if one may, and collects the records at all others in `crossed`.
 
-    def __init__(self, plan: Plan, sink: Any, progress: bool | None, title: str, crossed: dict[str, list[State]]):
+    crossed: name → states; of an ensemble, name → those of each member.
+    """
+
+    def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str, crossed: dict[str, list[Any]]):
         super().__init__(plan, sink, progress, title)
         self.crossed = crossed
 
-    def _stretch(self, position: Position, speed: float) -> None:
+    def _stretch(self, position: Any, speed: float) -> None:
         """Run for about PATIENCE seconds, node by node, up to the first event that ends the run."""
-        length = min(
-            max(int(speed * PATIENCE), 1), self.plan.steps - position.steps, self.plan.capacity(position.state)
-        )
-        began = time.perf_counter()
-        chunk = self._run(position.state, length, 1)
-        values = self._values(position, chunk)
-        end = self._first(chunk, values)
-        self._collect(chunk, values, end)
+        wished, left = max(int(speed * driver.PATIENCE), 1), self.plan.steps - position.steps
+        length, began = min(wished, left, self._capacity(position)), time.perf_counter()
+        self._advance(position, self.run(position.state, length, 1), length, began)
+
+    def _advance(self, position: Position, chunk: Any, length: int, began: float) -> None:
+        """Take up a chunk, as far as the event that ends the run."""
+        ahead = None if chunk.code else self.run(chunk.final, AHEAD, 1).monitors[EVENTS]
+        end, crossed = look(self.plan, chunk.records, values(position, chunk.monitors[EVENTS], ahead))
+        for name, states in crossed.items():
+            self.crossed[name] += states
         if end is not None:
-            chunk = self._run(position.state, end.interval, 1) if end.interval else None
+            chunk = self.run(position.state, end.interval, 1) if end.interval else None
         position.seconds += time.perf_counter() - began
         self.taking = True
         if chunk is not None:
-            self._take(position, chunk)
+            self._take(position, unwatched(chunk, self.plan), chunk.steps)
         if end is not None:
-            self._end(position, end.theta)
+            part = unwatched(part_of_step(self.plan, position.state, end.theta, monitors=True), self.plan)
+            self._take(position, part, part.steps)
+            position.event = float(position.state.t)
         self.sink.checkpoint(position)
         self.taking = False
 
-    def _values(self, position: Position, chunk: Chunk) -> np.ndarray:
-        """The events at the nodes of a chunk and some ahead, (nodes, events): of those ahead, a few steps are tried."""
-        rows = [chunk.monitors[EVENTS]]
-        if not chunk.code:
-            rows.append(self._run(chunk.final, AHEAD, 1).monitors[EVENTS])
-        values = np.concatenate(rows)
-        return values if position.steps else np.stack([from_zero(v) for v in values.T], axis=1)
-
-    def _first(self, chunk: Chunk, values: np.ndarray) -> Found | None:
-        """The event that ends the run; None where it does not happen in this chunk."""
-        return next(found_in(self.plan, chunk.records, values, 0), None) if self.plan.until else None
-
-    def _collect(self, chunk: Chunk, values: np.ndarray, end: Found | None) -> None:
-        """Take up all other events before the end."""
-        for index, (name, _) in enumerate(self.plan.events):
-            if index == 0 and self.plan.until:
-                continue
-            for found in found_in(self.plan, chunk.records, values, index):
-                if end is not None and (found.interval, found.theta) > (end.interval, end.theta):
-                    break
-                self.crossed[name].append(found.state)
-
-    def _take(self, position: Position, chunk: Chunk) -> None:
-        """Append those records of a chunk that are to be saved, and move to its end."""
-        kept = np.flatnonzero((position.steps + np.arange(chunk.steps)) % self.plan.save_every == 0)
-        chunk = unwatched(chunk, self.plan)
+    def _take(self, position: Any, chunk: Any, steps: int) -> None:
+        """Append those records of a chunk, one at each node, that are to be saved, and move to its end."""
+        kept = np.flatnonzero((position.steps + np.arange(steps)) % self.plan.save_every == 0)
         if len(kept):
-            rows = jax.tree.map(lambda leaf: leaf[kept], (chunk.records, dict(chunk.monitors)))
+            records, monitors = self._rows(chunk)
+            rows = jax.tree.map(lambda leaf: leaf[kept], (records, dict(monitors)))
             self.sink.append(position.steps + kept, *rows)
-        position.advance(chunk)
+        position.advance(chunk, steps)
 
-    def _end(self, position: Position, theta: float) -> None:
-        """Take the part of a step that leads to the event."""
-        chunk = unwatched(part_of_step(self.plan, position.state, theta, monitors=True), self.plan)
-        if position.steps % self.plan.save_every == 0 and chunk.steps:
-            self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
-        position.advance(chunk)
-        position.event = float(position.state.t)
-
-    def undo(self, position: Position) -> None:
+    def undo(self, position: Any) -> None:
         for name, states in self.crossed.items():
             self.crossed[name] = up_to(states, float(position.state.t), self.plan)
 
-    def _last(self, position: Position) -> Chunk:
+    def _last(self, position: Any) -> Any:
         return unwatched(super()._last(position), self.plan)
+
+
+class MembersEvents(EventDriver):
+    """Runs all members, each until its first event ends it, if one may; collects the records at all others.
+
+    A member that has ended keeps its place in the arrays: its records are NaN from there on, its state at the event is
+    in `ended`, its time in the position.
+    """
+
+    def __init__(
+        self, plan: Plan, sink: Sink, progress: bool | None, title: str, crossed: dict[str, list[Any]],
+        ended: dict[int, State],
+    ):  # fmt: skip
+        super().__init__(plan, sink, progress, title, crossed)
+        self.ended = ended
+
+    def drive(self, position: MembersPosition) -> None:
+        self.times = position.event = np.full(len(position.codes), np.nan)
+        super().drive(position)
+
+    def _advance(self, position: MembersPosition, chunk: EnsembleChunk, length: int, began: float) -> None:
+        """Take up a chunk, no further than the end of the last member."""
+        rows_kept = self._members(position, chunk, self.run(chunk.final, AHEAD, 1))
+        chunk = without_events(chunk, self.plan, rows_kept)
+        position.seconds += time.perf_counter() - began
+        if len(self.ended) == len(position.codes):  # how far a chunk goes beyond that depends on the clock
+            length = max(int(chunk.steps.max()) + 1, 1)
+        self.taking = True
+        self._take(position, chunk, length)
+        self.sink.checkpoint(position)
+        self.taking = False
+
+    def _members(self, position: MembersPosition, chunk: EnsembleChunk, ahead: EnsembleChunk) -> dict[int, int]:
+        """How many records of the chunk are kept of members that have ended; takes up all events until then."""
+        kept: dict[int, int] = dict.fromkeys(self.ended, 0)
+        for index in map(int, np.flatnonzero((position.codes == 0) & np.isnan(self.times))):
+            here, there = (part.monitors[EVENTS][index, : part.rows[index]] for part in (chunk, ahead))
+            seen = values(position, here, None if chunk.code[index] else there)
+            records = jax.tree.map(lambda leaf, i=index: leaf[i, : chunk.rows[i]], chunk.records)
+            end, crossed = look(replace(self.plan, constants=self.plan.constants_of(index)), records, seen)
+            for name, states in crossed.items():
+                self.crossed[name][index] += states
+            if end is not None:
+                kept[index], self.ended[index], self.times[index] = end.interval + 1, end.state, end.state.t
+        return kept
+
+    def _last(self, position: MembersPosition) -> EnsembleChunk:
+        return without_events(self.run(position.state, 1, 1), self.plan, dict.fromkeys(self.ended, 0))
+
+    def undo(self, position: MembersPosition) -> None:
+        for index, here in enumerate(position.state.t):
+            for states in self.crossed.values():
+                states[index] = up_to(states[index], float(here), self.plan)
+            if index in self.ended and not up_to([self.ended[index]], float(here), self.plan):
+                self.times[index] = np.nan
+                del self.ended[index]
+
+
+def values(position: Any, here: np.ndarray, ahead: np.ndarray | None) -> np.ndarray:
+    """The events at the nodes of a chunk and some ahead, (nodes, events); from zero where the run starts there."""
+    found = here if ahead is None else np.concatenate([here, ahead])
+    return found if position.steps else np.stack([from_zero(v) for v in found.T], axis=1)
+
+
+def look(plan: Plan, records: State, seen: np.ndarray) -> tuple[Found | None, dict[str, list[State]]]:
+    """The event that ends a run, None where it does not happen at these records, and the states at all before it."""
+    end = next(found_in(plan, records, seen, 0), None) if plan.until else None
+
+    def before(found: Found) -> bool:
+        return end is None or (found.interval, found.theta) <= (end.interval, end.theta)
+
+    crossed = {
+        name: [found.state for found in takewhile(before, found_in(plan, records, seen, index))]
+        for index, (name, _) in enumerate(plan.events)
+        if index or not plan.until
+    }
+    return end, crossed
 
 
 def found_in(plan: Plan, records: State, values: np.ndarray, index: int) -> Iterator[Found]:
@@ -119,8 +174,33 @@ def up_to(states: list[State], time: float, plan: Plan) -> list[State]:
     return [state for state in states if (float(state.t) - time) * np.sign(plan.h) <= 0]
 
 
-def unwatched(chunk: Chunk, plan: Plan) -> Chunk:
+def unwatched(chunk: Any, plan: Plan) -> Any:
     """The chunk without the values of events, and without certificates where monitors are off."""
     names = [name for name in chunk.monitors if name != EVENTS]
     extrema = {name: limits for name, limits in chunk.extrema.items() if plan.monitors and name != EVENTS}
     return replace(chunk, monitors={name: chunk.monitors[name] for name in names}, extrema=extrema)
+
+
+def without_events(chunk: EnsembleChunk, plan: Plan, rows_kept: dict[int, int]) -> EnsembleChunk:
+    """The chunk without values of events, and of members that have ended with so many rows alone.
+
+    The extrema of such a member are those of its records; residuals are those of the complete chunk.
+    """
+    chunk = unwatched(chunk, plan)
+    records, monitors, extrema = jax.tree.map(np.array, (chunk.records, chunk.monitors, chunk.extrema))
+    steps, code, iterations = chunk.steps.copy(), chunk.code.copy(), chunk.iterations.copy()
+    for index, rows in rows_kept.items():
+        for leaf in jax.tree.leaves((records, monitors)):
+            leaf[index, rows:] = np.nan
+        done = max(rows - 1, 0)
+        iterations[index] = iterations[index] * done // max(steps[index], 1)
+        steps[index], code[index] = done, 0
+        for name, (low, high) in extrema.items():
+            if not rows:
+                low[index], high[index] = np.inf, -np.inf
+            elif name in monitors:
+                seen = monitors[name][index, :rows]
+                low[index], high[index] = np.min(seen, axis=0), np.max(seen, axis=0)
+    return replace(
+        chunk, records=records, monitors=monitors, extrema=extrema, steps=steps, code=code, iterations=iterations
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,9 +19,7 @@ from coadjoint.simulation.certificate import fixed_steps
 from coadjoint.simulation.dense import not_finite, part_of_step
 from coadjoint.simulation.driver import Driver
 from coadjoint.simulation.energy_budget import driven, energy_warnings, gap, members_driven
-from coadjoint.simulation.ensemble_driver import EnsembleDriver
-from coadjoint.simulation.ensemble_events import EnsembleEvents
-from coadjoint.simulation.event_driver import EventDriver
+from coadjoint.simulation.event_driver import EventDriver, MembersEvents
 from coadjoint.simulation.plan import Memory, Sink
 from coadjoint.simulation.result import Result
 
@@ -75,16 +73,12 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
     return run
 
 
-def driver(run: Result, sink: Sink, progress: bool | None) -> Any:
+def driver(run: Result, sink: Sink, progress: bool | None) -> Driver:
     """What drives a run, its records into a sink."""
-    plan, how = run.plan, (progress, run.title)
-    if run.members is not None:
-        if plan.events:
-            return EnsembleEvents(plan, sink, *how, run.crossed, run.ended)
-        return EnsembleDriver(plan, sink, *how)
-    if plan.events:
-        return EventDriver(plan, sink, *how, run.crossed)
-    return Driver(plan, sink, *how)
+    how = run.plan, sink, progress, run.title
+    if not run.plan.events:
+        return Driver(*how)
+    return EventDriver(*how, run.crossed) if run.members is None else MembersEvents(*how, run.crossed, run.ended)
 
 
 def _solved(run: Result) -> str:
@@ -124,17 +118,7 @@ def _sentence(run: Result) -> str:
     )
 
 
-class Loop(Protocol):
-    """What drives a run, or an ensemble."""
-
-    taking: bool
-
-    def append_last(self, position: Any) -> None: ...
-
-    def undo(self, position: Any) -> None: ...
-
-
-def interrupted(run: Any, loop: Loop, sink: Sink) -> Interrupted:
+def interrupted(run: Any, loop: Driver, sink: Sink) -> Interrupted:
     """What to raise for a run whose loop was interrupted; its records end where it stands.
 
     Records in memory are cut there, and the node where it stands is added. On the disk a checkpoint is written, unless
@@ -155,7 +139,7 @@ def interrupted(run: Any, loop: Loop, sink: Sink) -> Interrupted:
     return Interrupted(f"Interrupted {where}; {how}.", run)
 
 
-def _in_memory(run: Any, loop: Loop, sink: Sink) -> str:
+def _in_memory(run: Any, loop: Driver, sink: Sink) -> str:
     """Cut a run where it stands, and say how one goes on."""
     position, plan = run.position, run.plan
     kept = "what was computed is in `.run` of this exception"

@@ -55,8 +55,21 @@ class Position:
         """Whether a step failed."""
         return self.code is not Code.CONVERGED
 
-    def advance(self, chunk: Chunk) -> None:
-        """Move to the end of a chunk, at once: an interrupt finds it before the chunk or behind it."""
+    @property
+    def stopped(self) -> bool:
+        """Whether a step failed, or an event has ended the run."""
+        return self.failed or self.event is not None
+
+    def closed(self, chunk: Chunk) -> bool:
+        """Whether the step that starts at the last node, the one of a chunk, was solved."""
+        self.code = chunk.code
+        return not self.failed
+
+    def advance(self, chunk: Chunk, steps: int) -> None:
+        """Move to the end of a chunk in one assignment: an interrupt finds it before the chunk or behind it.
+
+        steps: those that were tried, of which the chunk has the good ones.
+        """
         vars(self).update(
             state=chunk.final,
             steps=self.steps + chunk.steps,
@@ -147,6 +160,8 @@ class Plan:
 
     def capacity(self, state: State) -> int:
         """The most records of a chunk from such a state."""
+        if self.members is not None:
+            return xla.ENSEMBLE_CAPACITY
         return CAPACITY if self.backend == "native" else xla.capacity(state)
 
     def constants_of(self, member: int = 0) -> Constants:
@@ -248,6 +263,15 @@ class MembersPosition:
     def failed(self) -> bool:
         """False: members that fail are masked, and the others go on."""
         return False
+
+    @property
+    def stopped(self) -> bool:
+        """Whether events have ended all members."""
+        return self.event is not None and not np.any(np.isnan(self.event))
+
+    def closed(self, chunk: EnsembleChunk) -> bool:
+        """True: members whose last step failed are masked."""
+        return True
 
     def advance(self, chunk: EnsembleChunk, steps: int) -> None:
         """Move by `steps` steps to the end of a chunk; a member that failed stays where it was."""

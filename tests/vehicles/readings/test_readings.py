@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.simulation import driver
+from coadjoint.simulation import plan
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.progress import Progress
 from coadjoint.vehicles.parts import Damping, Thrusters
@@ -157,7 +157,7 @@ def test_readings_are_the_same_to_the_bit_in_a_shorter_run_and_without_the_other
 
 @pytest.mark.long
 def test_readings_of_a_run_that_was_interrupted_and_resumed_are_the_same_to_the_bit(tmp_path, monkeypatch):
-    monkeypatch.setattr(driver, "CAPACITY", 50)
+    monkeypatch.setattr(plan, "CAPACITY", 50)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)
     chunks = iter(range(2))

@@ -17,12 +17,12 @@ from coadjoint.simulation.steppers.stepping import Stepping
 
 _SCRIPT = '''"""The unit `{name}`: a saved stepper of coadjoint."""
 
-from coadjoint.simulation.steppers.slave import StepperSlave, hold
+from coadjoint.simulation.steppers.fmi_instance import FmiInstance, hold
 
 hold(globals())
 
 
-class {name}(StepperSlave):
+class {name}(FmiInstance):
     """What the unit's binary makes."""
 '''
 
