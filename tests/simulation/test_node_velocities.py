@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.steppers import engines
 
 INERTIA = np.array([2.0, 2.0, 1.0])
 BODY = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.inertia * xi), parameters={"inertia": INERTIA})
@@ -100,3 +101,11 @@ def test_where_only_steps_have_velocities_these_are_shown_and_said_to_be_so():
     start = system.state(xi=START)
     data = co.simulate(system, start, dt=0.1, steps=3, method=co.Variational(co.Cayley(), start="velocity")).dataset
     assert "xi_step" not in data and "of the step that starts" in data.xi.attrs["long_name"]
+
+
+def test_the_velocities_of_the_node_are_sought_only_where_an_observation_reads_them(monkeypatch):
+    sought, at_node = [], engines.at_node
+    monkeypatch.setattr(engines, "at_node", lambda *given: sought.append(given) or at_node(*given))
+    for observe, reads in (({"mu": lambda s: 2 * s.mu}, False), ({"speed": lambda s: s.xi @ s.xi}, True)):
+        engines.watch(BODY, observe, BODY.state(xi=START))
+        assert bool(sought) is reads

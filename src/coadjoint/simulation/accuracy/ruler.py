@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
+from coadjoint.kernels.run.disk_cache import recalled
 from coadjoint.kernels.run.probe import Probe
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
@@ -191,10 +192,14 @@ _structures: dict[Any, np.ndarray] = {}
 def structure(group: Any) -> np.ndarray:
     """c with [ξ, η]_i = c_ijk ξ_j η_k."""
     if group not in _structures:
-        eye = np.eye(group.dim)
-        rows = evaluate(lambda e: jax.vmap(lambda x: jax.vmap(lambda y: group.ad(x, y))(e))(e), eye)
-        _structures[group] = np.transpose(rows, (2, 0, 1))
+        found = recalled(("structure", group), lambda: {"constants": _brackets(group).tolist()})
+        _structures[group] = np.asarray(found["constants"]).reshape((group.dim,) * 3)
     return _structures[group]
+
+
+def _brackets(group: Any) -> np.ndarray:
+    rows = evaluate(lambda e: jax.vmap(lambda x: jax.vmap(lambda y: group.ad(x, y))(e))(e), np.eye(group.dim))
+    return np.transpose(rows, (2, 0, 1))
 
 
 class Doubling(PartsOfSteps):

@@ -25,7 +25,7 @@ from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.fork_safety import require_own_xla
-from coadjoint.kernels.trace.jaxprs import jaxpr_of
+from coadjoint.kernels.trace.jaxprs import depends, jaxpr_of
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.quantities import Quantities, quantities_from, value
@@ -42,15 +42,16 @@ Observe = Mapping[str, Callable[..., Any]]
 class Watch(NamedTuple):
     """(parameters, state) → what each function observes, as arrays in their order; for tracing, hashable.
 
-    The state that functions see has the velocities of its momenta.
+    The state that functions see has the velocities of its momenta, where `moving`: where one of them reads these.
     """
 
     skeleton: System
     functions: Quantities
+    moving: bool
 
     def __call__(self, constants: Constants, state: State) -> tuple[Any, ...]:
         system = replace_parameters(self.skeleton, constants.system)
-        node = at_node(system, state)
+        node = at_node(system, state) if self.moving else state
         return tuple(jnp.asarray(value(system, function, node), dtype=float) for _, function in self.functions)
 
 
@@ -69,7 +70,9 @@ def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch,
             raise LagrangianError(f"{what} must be a number or an array, but is a {type(found).__name__}.")
         if not np.all(np.isfinite(found)):
             raise LagrangianError(f"{what} must be finite at the start, but is not: look for a division by zero.")
-    made = Watch(replace_parameters(system, None), functions)
+    read = depends(lambda state: [value(system, function, state) for _, function in functions], state)
+    used = jax.tree.unflatten(jax.tree.structure(state), read)
+    made = Watch(replace_parameters(system, None), functions, any(jax.tree.leaves((used.xi, used.nu))))
     seen = evaluate(made, Constants(system.parameters, None), state)
     return made, {name: np.shape(part) for (name, _), part in zip(functions, seen, strict=True)}
 
