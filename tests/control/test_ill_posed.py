@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -172,3 +174,12 @@ def test_an_interrupt_ends_the_solver(monkeypatch):
     finally:
         signal.signal(signal.SIGINT, before)
         signal.signal(signal.SIGVTALRM, alarm)
+
+
+def test_options_of_ipopt_in_the_working_directory_are_not_read(tmp_path, monkeypatch):
+    """Such a file may name files to write and a library to load; the search for what resists reads none, either."""
+    monkeypatch.chdir(tmp_path)
+    Path("ipopt.opt").write_text("output_file written\nfile_print_level 5\n")
+    with pytest.raises(co.errors.OptimumError, match="`g` at the end"):
+        pushed(**RESISTS["a place too far away"][0]).solve()
+    assert [path.name for path in Path().iterdir()] == ["ipopt.opt"]

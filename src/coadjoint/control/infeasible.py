@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.control.library import INTERRUPTED, casadi
+from coadjoint.control.library import INTERRUPTED, IPOPT, casadi
 from coadjoint.control.program import NonlinearProgram
 from coadjoint.errors import Interrupted
 
@@ -38,7 +38,7 @@ def resisting(program: NonlinearProgram, first: np.ndarray) -> tuple[str, float]
     above, below = s[: len(soft)], s[len(soft) :]
     place = ca.DM.triplet(soft.tolist(), list(range(len(soft))), ca.DM.ones(len(soft)), len(kept), len(soft))
     g = program.g + place @ (above - below)
-    own = {"max_iter": MOST, "print_level": 0, "sb": "yes", "fixed_variable_treatment": "make_constraint"}
+    own = IPOPT | {"max_iter": MOST, "print_level": 0}
     options = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "ipopt": own}
     lower, upper = program.limits
     low, high = (

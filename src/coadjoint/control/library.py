@@ -6,6 +6,13 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError
 
+IPOPT = {
+    "sb": "yes",
+    "fixed_variable_treatment": "make_constraint",  # as parameters they cost it twice the iterations
+    "option_file_name": "",
+}
+"""Options of IPOPT. Without the last it reads `ipopt.opt` in the working directory, which may name code to load."""
+
 INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
 """How IPOPT ends on Ctrl-C, which CasADi raises as an exception of its own."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.control.guess import guessed
 from coadjoint.control.infeasible import resisting
-from coadjoint.control.library import INTERRUPTED, casadi
+from coadjoint.control.library import INTERRUPTED, IPOPT, casadi
 from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
@@ -126,9 +126,8 @@ def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> d
         "show_eval_warnings": False,
     }
     if solver == "ipopt":
-        own = {"tol": tolerance, "constr_viol_tol": tolerance, "max_iter": iterations, "sb": "yes"}
-        own["fixed_variable_treatment"] = "make_constraint"  # as parameters they cost it twice the iterations
-        return quiet | {"ipopt": own | {"print_level": 5 if verbose else 0}}
+        own = {"tol": tolerance, "constr_viol_tol": tolerance, "max_iter": iterations}
+        return quiet | {"ipopt": IPOPT | own | {"print_level": 5 if verbose else 0}}
     own = {"tolerance": tolerance, "max_iter": iterations, "print_level": 5 if verbose else 0}
     return quiet | {"fatrop": own}
 
