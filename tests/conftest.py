@@ -32,6 +32,8 @@ gc.disable()  # while tests are collected, all of which stays
 def pytest_configure(config):
     if "COADJOINT_CACHE" not in os.environ:  # what other versions or runs have kept is not tested
         os.environ["COADJOINT_CACHE"] = config.stash[CACHE] = tempfile.mkdtemp(prefix="coadjoint-cache-")
+    if config.option.markexpr == "not long" and not config.option.all:  # those of tests/kernels are optimised
+        os.environ.setdefault("COADJOINT_OPTIMIZE", "0")
 
 
 def pytest_collection_finish():

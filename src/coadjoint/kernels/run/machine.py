@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -22,8 +23,13 @@ _lock = threading.Lock()
 _ready = False
 
 
+def optimised() -> bool:
+    """Whether LLVM optimises: it does unless COADJOINT_OPTIMIZE is 0, for many programs that take few steps each."""
+    return os.environ.get("COADJOINT_OPTIMIZE") != "0"
+
+
 def _target() -> llvm.TargetMachine:
-    """This machine's processor, at the highest level of optimisation."""
+    """This machine's processor, at the highest level of optimisation or at none."""
     global _ready
     with _lock:
         if not _ready:
@@ -32,16 +38,21 @@ def _target() -> llvm.TargetMachine:
             _ready = True
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=3 if optimised() else 0,
+        jit=True,
     )
 
 
 def object_code(assembly: str) -> bytes:
-    """Optimised machine code of a module."""
+    """Machine code of a module."""
     machine = _target()
     module = llvm.parse_assembly(assembly)
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
+    if not optimised():
+        return machine.emit_object(module)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     # Grouping scalars of one trajectory into vectors takes most of the compilation and gains nothing.
     options.slp_vectorization = False
@@ -107,10 +118,12 @@ def compiled(assembly: str) -> bytes:
 
 @cache
 def processor() -> tuple[str, ...]:
-    """What machine code depends on in addition to the assembly: LLVM, the kind of machine, and its features."""
+    """What machine code depends on in addition to the assembly: LLVM, the kind of machine, its features, and the level
+    of optimisation where it is not the highest."""
     version = ".".join(map(str, llvm.llvm_version_info))
     features = llvm.get_host_cpu_features().flatten()
-    return version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features
+    level = () if optimised() else ("not optimised",)
+    return version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features, *level
 
 
 class Machine:
