@@ -11,7 +11,7 @@ H, STEPS, SEED = 0.02, 40, 15
 
 
 def lagrangian(xi, p, *, inputs):
-    return 0.5 * p.inertia @ xi**2 + 0.3 * inputs.spin * xi[2] + 0.1 * inputs.spin * jnp.cos(xi[0])
+    return 0.5 * p.inertia @ xi**2 + 0.3 * inputs.spin * xi[2] + 0.1 * inputs.spin * xi[0] ** 2
 
 
 def motor(motion, p):

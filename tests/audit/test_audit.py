@@ -104,6 +104,7 @@ def test_forces_leave_the_order_of_a_symmetric_pair():
     assert not not_shown(found)
 
 
+@pytest.mark.long
 def test_a_rule_without_potential_is_its_own_adjoint():
     found = findings(BY_NAME["LeftRectangle"], co.Cayley(), PROBLEMS["free rigid body"])
     assert found["order"].claimed == 2

@@ -64,6 +64,7 @@ def test_the_equations_for_other_programs_are_those_of_the_system(name: str):
         assert distance <= 2e-8
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["ellipsoid", "remus"])
 def test_bodies_in_an_ideal_fluid_move_alike_by_their_own_equations_and_ours(name: str):
@@ -79,6 +80,7 @@ def test_bodies_in_an_ideal_fluid_move_alike_by_their_own_equations_and_ours(nam
             assert np.max(np.abs(invariant - invariant[0])) <= 1e-7 * np.max(np.abs(invariant))
 
 
+@pytest.mark.long
 def test_the_reference_of_the_heavy_top_has_the_published_digits():
     bodies, problems = (importlib.import_module(f"benchmarks.{module}") for module in ("bodies", "problems"))
     top = problems.heavy_top()

@@ -21,6 +21,7 @@ def test_a_basis_of_a_unitary_group_spans_it(size: int) -> None:
         assert (abs(np.linalg.det(g) - 1) < 1e-12) == special
 
 
+@pytest.mark.long
 def test_a_chain_has_the_unknowns_that_are_asked_for_and_keeps_its_momentum() -> None:
     system, start = large.chain(12)
     assert system.unknowns == 12

@@ -42,6 +42,7 @@ def test_a_linear_input_is_flown_as_it_was_found_by_every_method(method):
     assert optimum.cost == pytest.approx(np.trapezoid(0.5 * np.sum(u**2, axis=1), dx=0.2), rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("start", [0.0, 40.0])
 def test_the_energy_of_a_profile_is_least_where_a_closed_form_says(start):

@@ -198,6 +198,7 @@ def test_a_shared_parameter_a_total_time_and_other_kinds_of_inputs_go_over_the_j
     assert "parameter mass" in str(optimum)
 
 
+@pytest.mark.long
 def test_velocities_go_on_whatever_mass_is_chosen():
     """Braked by 1 N the cart goes 1 − 1/(2 m) = 0.75 m in 1 s if its speed is 1 m/s at first."""
     one, two = mass(1.0), mass(1.2)

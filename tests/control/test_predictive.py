@@ -46,6 +46,7 @@ def flown(controller, stepper, periods):
     return answers, states
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rate", [np.inf, 15.0])
 def test_iterated_at_one_state_it_comes_to_the_optimum_of_another_solver(rate):

@@ -41,6 +41,23 @@ def quotients(changed, optimum):
     return (ahead.cost - behind.cost) / (2 * STEP), of_torques
 
 
+def test_forces_are_in_proportion_to_a_mass_and_the_cost_to_its_square():
+    """A cart from rest to rest in a given time: u ∝ m, J = ½∫u² ∝ m²."""
+    cart = co.System(
+        co.Translation(1),
+        lambda xi, p: 0.5 * p.mass * xi @ xi,
+        parameters={"mass": 2.0},
+        forces=lambda motion, p: co.Force(torque=motion.inputs.push),
+    )
+    optimum = Problem(
+        cart, cart.state(g=[0.0]), dt=0.25, steps=4, inputs={"push": Input((1,))},
+        cost=lambda m, p: 0.5 * m.inputs.push @ m.inputs.push, end=End(g=[1.0], xi=[0.0]),
+    ).solve(tolerance=1e-11)  # fmt: skip
+    found = optimum.sensitivity("mass")
+    assert found.cost["mass"] == pytest.approx(2 * optimum.cost / 2.0, rel=1e-7) and optimum.cost > 1
+    np.testing.assert_allclose(found.inputs["push"]["mass"], optimum.inputs["push"] / 2.0, rtol=1e-6)
+
+
 @pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("limits", [FREE, BOUNDED], ids=["free", "bounded"])

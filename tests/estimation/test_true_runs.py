@@ -68,6 +68,7 @@ def test_a_run_of_another_mass_has_the_momenta_of_its_velocities_in_the_model_of
     assert one.nees(run)[0] == pytest.approx(by_hand(one, run.records.q[::2, 0], run.records.pi[::2, 0] / 3), rel=1e-9)
 
 
+@pytest.mark.long
 def test_parameters_that_drift_are_those_of_the_run():
     run, one = simulated(push=0.7), found(estimated="push")
     nees, free = one.nees(run)

@@ -92,7 +92,7 @@ def test_the_spline_of_vectors_is_the_natural_cubic_spline_or_the_clamped_one():
     np.testing.assert_allclose(Spline(co.Translation(3), t, x, ends).velocity(s), clamped(s, 1), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["SO3", "SE3", pytest.param("SL2_dual", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", ["SO3", *(pytest.param(name, marks=pytest.mark.long) for name in ("SE3", "SL2_dual"))])
 def test_a_spline_passes_its_elements_with_continuous_velocity_and_acceleration(name):
     group = GROUPS[name]
     t, g = np.array([0.0, 0.7, 2.0, 2.9, 3.5]), elements(group, 5, 0.9)
@@ -108,6 +108,7 @@ def test_a_spline_passes_its_elements_with_continuous_velocity_and_acceleration(
     assert np.max(np.abs(rest)) < 1e-3
 
 
+@pytest.mark.long
 def test_a_clamped_spline_converges_with_order_four():
     group = co.SO3()
 

@@ -164,7 +164,7 @@ def test_a_body_moves_alike_on_the_rigid_motions_and_on_the_semidirect_product(m
             group, lagrangian, additional=co.Points(), advected=co.Dual(), parameters=parameters, name="body"
         )
         start = system.state(q=[1.0, 0.5, 0.2], qdot=[0, 0.1, 0], xi=[0.5, -0.3, 0.8, 1.0, 0.2, 0.1], a0=[0, 0, 1, 0])
-        run = co.simulate(system, start, dt=0.05, steps=200, method=method, backend="native")
+        run = co.simulate(system, start, dt=0.05, steps=200, method=method, backend="native", monitors=False)
         return [run.final.g, run.final.n, run.final.mu, run.final.pi]
 
     close(end(PRODUCTS["SO3 Defining"]), end(co.SE3()), 200)

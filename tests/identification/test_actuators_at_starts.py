@@ -73,7 +73,7 @@ def logged(system, seeds=1, duration=20.0, noise=0.005) -> tuple[Any, list[Log]]
     return start, logs
 
 
-@pytest.mark.parametrize(("rule", "name"), [(lagging, "lag"), (limited, "rate")])
+@pytest.mark.parametrize(("rule", "name"), [(lagging, "lag"), pytest.param(limited, "rate", marks=pytest.mark.long)])
 def test_derivatives_across_the_starts_of_segments_are_those_of_the_simulation(rule, name):
     """Segments of 0.5 s, of which each begins in the middle of a change."""
     system = rotor(rule)

@@ -43,7 +43,7 @@ def test_momenta_of_additional_dynamics_and_of_all_members_are_given_likewise():
     np.testing.assert_allclose(start.qdot, turned @ [0.25, 0.5, 0.75], rtol=1e-14)
     many = RIGID.state(mu=co.each([[1.0, 0, 0], [0, 2.0, 0]]))
     np.testing.assert_allclose(many.xi, [[1.0, 0, 0], [0, 1.0, 0]], rtol=1e-14)
-    fleet = co.simulate(RIGID, many, dt=0.1, steps=5, progress=False)
+    fleet = co.simulate(RIGID, many, dt=0.1, steps=5, progress=False, monitors=False)
     np.testing.assert_allclose(fleet.final.mu, many.mu, atol=1e-14)
 
 
@@ -75,10 +75,13 @@ def test_a_run_starts_from_the_momentum_that_its_start_shows():
         steps=5,
         inputs={"u": lambda motion: jnp.array([0, 2.4, 0]) + 0 * motion.t},
         progress=False,
+        monitors=False,
     )
     np.testing.assert_array_equal(run.records.mu[0], start.mu)
     given = system.state(mu=[1.0, 0.2, 0.0], inputs={"u": np.zeros(3)})
-    again = co.simulate(system, given, dt=0.1, steps=5, inputs={"u": lambda motion: 2.4 * jnp.ones(3)}, progress=False)
+    again = co.simulate(
+        system, given, dt=0.1, steps=5, inputs={"u": lambda motion: 2.4 * jnp.ones(3)}, progress=False, monitors=False
+    )
     np.testing.assert_array_equal(again.records.mu[0], [1.0, 0.2, 0.0])
 
 
@@ -88,7 +91,7 @@ def test_members_start_from_the_momenta_that_their_own_starts_show():
     xi, u = np.array([[0.3, 0.0, 0.1], [0.0, 0.5, 0.2]]), np.array([0.0, 0.0, 1.0])
     start = system.state(xi=co.each(xi), inputs={"u": u})
     later = {"u": lambda motion: jnp.array([0, 2.4, 0]) + 0 * motion.t}
-    fleet = co.simulate(system, start, dt=0.1, steps=5, inputs=later, progress=False)
+    fleet = co.simulate(system, start, dt=0.1, steps=5, inputs=later, progress=False, monitors=False)
     np.testing.assert_allclose(fleet.records.mu[:, 0], xi + u, atol=1e-15)
 
 

@@ -79,6 +79,7 @@ def problem(request):
     return lagrangian, exact
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_rules_have_their_orders_on_the_sphere(problem, rule):
@@ -102,6 +103,7 @@ def test_spherical_pendulum_alone_follows_its_equation():
     np.testing.assert_allclose(exact.g @ exact.n, found, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -121,6 +123,7 @@ def test_vertical_momentum_is_kept_at_round_off_over_2000_steps(name, rule):
     assert off <= 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", ["trapezoidal", "pair"])
 def test_the_bob_stays_on_the_sphere_over_40000_steps(rule):

@@ -81,6 +81,7 @@ def test_suzuki_composition_has_order_4(problem, rule):
     assert problem.order(method, 12, 1.5) == pytest.approx(4, abs=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", ["midpoint", "trapezoidal", "pair"])
 def test_velocity_start_costs_the_second_order(problem, rule):

@@ -118,8 +118,8 @@ def test_maps_have_the_values_of_the_field_at_their_places(ran, tmp_path: Path):
 
 def test_an_animation_has_a_picture_for_each_node_up_to_its_frames(ran, tmp_path: Path):
     data = gridded(ran)
-    for frames, expected in ((100, 5), (3, 3)):
-        with Image.open(sphere.animation(data, tmp_path / "wave.gif", frames=frames)) as film:
+    for shown, frames, expected in ((data.isel(time=slice(2)), 100, 2), (data, 2, 2)):
+        with Image.open(sphere.animation(shown, tmp_path / "wave.gif", frames=frames)) as film:
             assert getattr(film, "n_frames", 1) == expected
 
 

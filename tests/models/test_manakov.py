@@ -68,15 +68,18 @@ def test_both_rules_keep_the_casimirs_and_hold_the_spectral_curve_in_a_band(meth
     assert np.max(bands[1][:-1]) < 1e-2
 
 
+@pytest.mark.long
 def test_in_three_dimensions_it_is_eulers_body():
     moments = np.array([0.4, 1.0, 1.7])
     inertia = moments.sum() - moments
     omega = np.array([0.3, 1.1, -0.5])
     euler = catalogue["free_rigid_body"].make(inertia=tuple(inertia))
-    first = co.simulate(euler, euler.state(xi=omega), dt=0.02, steps=100, accuracy=False).final
+    first = co.simulate(euler, euler.state(xi=omega), dt=0.02, steps=100, accuracy=False, monitors=False).final
     ours = manakov.body(moments=moments)
     skew = np.array([[0, -omega[2], omega[1]], [omega[2], 0, -omega[0]], [-omega[1], omega[0], 0]])
-    second = co.simulate(ours, manakov.start(ours, angular_velocity=skew), dt=0.02, steps=100, accuracy=False).final
+    second = co.simulate(
+        ours, manakov.start(ours, angular_velocity=skew), dt=0.02, steps=100, accuracy=False, monitors=False
+    ).final
     np.testing.assert_allclose(second.g, first.g, atol=1e-13)
     np.testing.assert_allclose(second.mu, [first.mu[2], -first.mu[1], first.mu[0]], atol=1e-13)
 

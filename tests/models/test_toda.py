@@ -30,7 +30,7 @@ def test_two_particles_move_as_in_closed_form():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("particles", [3, 4])
+@pytest.mark.parametrize("particles", [3, pytest.param(4, marks=pytest.mark.long)])
 def test_any_number_moves_as_the_factorisation_says(particles: int):
     """exp(tL₀) = QR with R_ii > 0, L(t) = QᵀL₀Q (Symes, Physica D 4 (1982)), which is Moser's solution."""
     k = np.arange(particles)

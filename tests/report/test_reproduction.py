@@ -50,11 +50,13 @@ def test_the_paper_run_conserves_what_the_paper_says(summary, name):
     assert run["energy_initial"] == pytest.approx(58.77204288383771, rel=1e-12)
 
 
+@pytest.mark.long
 def test_the_midpoint_rule_loses_less_energy_at_the_same_step(summary):
     assert summary["midpoint"]["energy_error_max"] <= 3e-7
     assert summary["midpoint"]["kelvin_noether_error_max"] <= 6e-11
 
 
+@pytest.mark.long
 def test_figures_trajectories_and_report_are_written(folder, summary):
     names = {path.name for path in folder.iterdir()}
     runs = {"cayley.nc", "exponential.nc", "midpoint.nc"}
@@ -65,6 +67,7 @@ def test_figures_trajectories_and_report_are_written(folder, summary):
     assert np.array_equal(saved.xi_step.values[-1], summary["cayley"]["angular_velocity_final"])
 
 
+@pytest.mark.long
 def test_the_report_quotes_what_was_measured(folder, summary):
     text = (folder / "report.md").read_text()
     assert "the paper's run." in text
@@ -84,8 +87,23 @@ def test_a_second_reproduction_into_the_folder_finds_the_first(folder):
         reproduce(folder, duration=1.0, overwrite=True)
 
 
-def test_the_explanation_is_given_up_where_the_runs_do_not_show_it():
-    found = compute(duration=2.0, progress=False)
+@pytest.fixture(scope="module")
+def short():
+    return compute(duration=2.0, progress=False)
+
+
+def test_a_short_one_is_written_and_says_that_it_is_not_the_papers(short, tmp_path, monkeypatch):
+    monkeypatch.setattr("coadjoint.report.reproduce.compute", lambda *_: short)
+    monkeypatch.setattr("coadjoint.report.reproduce.draw", lambda *_: None)
+    assert reproduce(tmp_path / "short", duration=2.0) is short
+    assert "NOT the paper's run" in (tmp_path / "short" / "report.md").read_text()
+    written = json.loads((tmp_path / "short" / "summary.json").read_text())
+    assert written["midpoint"]["energy_error_max"] < 1e-2 * written["cayley"]["energy_error_max"]
+    assert written["cayley"]["steps"] == 200 and load(tmp_path / "short" / "cayley.nc").dataset.sizes["time"] == 201
+
+
+def test_the_explanation_is_given_up_where_the_runs_do_not_show_it(short):
+    found = short
     equal = Reproduction({**found.runs, "cayley_half_step": found.runs["cayley"]})
     text = report(equal)
     assert "do not settle the cause: the error does not halve with h" in text

@@ -55,6 +55,7 @@ def test_a_run_that_is_not_resolved_says_so_and_names_a_dt_that_would_do(case):
     assert run.summary()["resolved"] == 0 and run.summary()["dt_resolving"] == run.accuracy.resolving
 
 
+@pytest.mark.long
 def test_the_dt_that_resolves_a_command_does_not_depend_on_the_lag_that_follows_it():
     quick, slow = (co.simulate(*made[:2], **made[2]) for made in (lag(tau, rate=1000.0)() for tau in (1.0, 50.0)))
     assert slow.accuracy.resolving == quick.accuracy.resolving < np.pi / 1000
@@ -80,6 +81,7 @@ def test_a_collision_between_two_saved_records_is_seen(members):
     assert np.any(tenth.accuracy.steps % 50)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("case", selected([case for case in UNRESOLVED if case.name in QUICK[:2]]))
 def test_the_dt_that_is_named_resolves_the_motion(case):
@@ -232,6 +234,7 @@ def test_the_error_of_a_trajectory_is_within_a_factor_of_two(case):
     assert "trajectory " in str(run) and run.summary()["trajectory_error_max"] == run.accuracy.trajectory
 
 
+@pytest.mark.long
 def test_a_trajectory_that_parts_from_the_true_one_tells_until_when_it_holds():
     """A top that spins by 0.3 rad a step: its phase is lost after some turns."""
     system, start, arguments = top(0.3)()

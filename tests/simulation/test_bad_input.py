@@ -107,7 +107,7 @@ def test_a_matrix_of_forces_may_be_asymmetric():
     drag = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     parameters = co.Parameters(**{**PARAMETERS.asdict(), "drag": drag})
     vehicle = system(parameters=parameters, forces=lambda motion, p: co.Force(force=-p.drag @ motion.nu))
-    assert co.simulate(vehicle, start(vehicle), dt=0.01, steps=3).good_steps == 3
+    assert co.simulate(vehicle, start(vehicle), dt=0.01, steps=3, monitors=False).good_steps == 3
 
 
 def test_a_singular_inertia_is_refused():
@@ -292,7 +292,7 @@ def test_forces_on_several_spaces_go_by_name_whatever_their_order():
 def test_a_torque_may_be_a_list_of_numbers_that_depend_on_the_motion():
     def decay(torque):
         vehicle = system(forces=lambda motion, p: co.Force(torque=torque(motion)))
-        return co.simulate(vehicle, start(vehicle), dt=0.01, steps=3).dataset.xi.values
+        return co.simulate(vehicle, start(vehicle), dt=0.01, steps=3, monitors=False).dataset.xi.values
 
     brake = jnp.stack
     assert np.array_equal(decay(lambda m: [0, 0, -m.xi[2]]), decay(lambda m: brake([0.0, 0.0, -m.xi[2]])))

@@ -63,7 +63,7 @@ def test_events_change_nothing_else(watched):
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_run_that_goes_on_from_an_event_comes_to_the_next_one(backend):
     run, times = START, []
-    for _ in range(20):
+    for _ in range(6):
         found = co.simulate(
             BODY, run, dt=0.1, duration=10.0, until=first_momentum, backend=backend, progress=False, monitors=False
         )

@@ -57,10 +57,17 @@ def test_a_dive_ends_at_its_depth(vehicle, method, backend):
 def test_the_event_is_located_to_the_order_of_the_method(vehicle):
     system, start = vehicle
     fine = co.simulate(
-        system, start, dt=0.01, duration=100.0, method=co.KahanLi8(co.Midpoint()), until=deep, progress=False
+        system,
+        start,
+        dt=0.01,
+        duration=100.0,
+        method=co.KahanLi8(co.Midpoint()),
+        until=deep,
+        progress=False,
+        monitors=False,
     ).event
     errors = [
-        abs(co.simulate(system, start, dt=dt, duration=100.0, until=deep, progress=False).event - fine)
+        abs(co.simulate(system, start, dt=dt, duration=100.0, until=deep, progress=False, monitors=False).event - fine)
         for dt in (0.2, 0.1)
     ]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
@@ -76,7 +83,9 @@ def test_an_event_that_never_occurs_lets_the_run_end_and_says_so(vehicle):
 
 def test_a_run_may_start_where_its_event_is_zero(vehicle):
     system, start = vehicle
-    run = co.simulate(system, start, dt=0.1, steps=20, until=lambda state: state.q[2] - 1.0, progress=False)
+    run = co.simulate(
+        system, start, dt=0.1, steps=20, until=lambda state: state.q[2] - 1.0, progress=False, monitors=False
+    )
     assert run.event is None
 
 
@@ -128,7 +137,7 @@ def test_a_named_event_without_a_function_is_refused_and_not_passed_over(vehicle
 @pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.LeftRight(co.Exponential()))], ids=repr)
 def test_dense_output_keeps_momenta_and_meets_the_nodes(top, method):
     system, start = top
-    run = co.simulate(system, start, dt=0.01, steps=30, method=method, save_every=10, progress=False)
+    run = co.simulate(system, start, dt=0.01, steps=30, method=method, save_every=10, progress=False, monitors=False)
     times = np.array([0.0, 0.1, 0.1034, 0.1999999, 0.2, 0.25, 0.3])
     found = run.at(times)
     assert found.t == pytest.approx(times, abs=1e-12)
@@ -148,17 +157,31 @@ def _rows(records):
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("method", [co.Midpoint(co.Exponential()), co.Suzuki4(co.LeftRight())], ids=repr)
+@pytest.mark.parametrize(
+    "method",
+    [co.Midpoint(co.Exponential()), pytest.param(co.Suzuki4(co.LeftRight()), marks=pytest.mark.long)],
+    ids=repr,
+)
 def test_dense_output_has_the_order_of_the_method(top, method):
     system, start = top
     times = np.array([0.0137, 0.0311])
     exact = co.simulate(
-        system, start, dt=0.0002, duration=0.04, method=co.KahanLi8(co.Midpoint()), progress=False, save_every=50
+        system,
+        start,
+        dt=0.0002,
+        duration=0.04,
+        method=co.KahanLi8(co.Midpoint()),
+        progress=False,
+        save_every=50,
+        monitors=False,
     ).at(times)
     errors = [
         np.max(
             np.abs(
-                co.simulate(system, start, dt=dt, duration=0.04, method=method, progress=False).at(times).g - exact.g
+                co.simulate(system, start, dt=dt, duration=0.04, method=method, progress=False, monitors=False)
+                .at(times)
+                .g
+                - exact.g
             )
         )
         for dt in (0.004, 0.002)
@@ -174,7 +197,9 @@ def test_between_nodes_the_inputs_are_those_that_the_run_held(top):
     )  # fmt: skip
     start = body.state(xi=[0.3, 1.0, 0.2])
     every, tenth = (
-        co.simulate(body, start, dt=0.1, steps=20, inputs=lambda m: -2.0 * m.xi, save_every=n, progress=False)
+        co.simulate(
+            body, start, dt=0.1, steps=20, inputs=lambda m: -2.0 * m.xi, save_every=n, progress=False, monitors=False
+        )
         for n in (1, 10)
     )
     found = tenth.at(every.records.t)

@@ -112,7 +112,7 @@ def test_second_derivatives_of_native_runs_are_refused_in_one_sentence():
 
 
 def test_a_trajectory_equals_the_run_of_the_driver():
-    run = co.simulate(VEHICLE, start(VEHICLE), dt=DT, steps=STEPS, save_every=4)
+    run = co.simulate(VEHICLE, start(VEHICLE), dt=DT, steps=STEPS, save_every=4, monitors=False)
     path = co.trajectory(VEHICLE, start(VEHICLE), dt=DT, steps=STEPS, save_every=4)
     assert isinstance(path.final.q, np.ndarray)
     assert np.max(np.abs(path.records.q - run.records.q)) < 1e-13

@@ -279,7 +279,9 @@ def test_signals_and_held_inputs_go_together_and_are_in_the_dataset():
 def test_a_single_input_has_no_name():
     forces = {"motor": lambda motion: co.Force(torque=motion.inputs)}
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=forces)
-    run = co.simulate(body, body.state(), dt=0.01, steps=100, inputs=co.Signal(lambda t: jnp.array([0, 0, 2 * t])))
+    run = co.simulate(
+        body, body.state(), dt=0.01, steps=100, inputs=co.Signal(lambda t: jnp.array([0, 0, 2 * t])), monitors=False
+    )
     assert run.final.mu[2] == pytest.approx(1.0, abs=1e-12)
 
 

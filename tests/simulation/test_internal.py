@@ -52,7 +52,7 @@ def test_the_rule_is_applied_once_a_step_whatever_the_stages_and_the_backend(bac
     system = body(lambda motion, h, p: {"rudder": motion.internal.rudder + h})
     start = system.state(internal={"rudder": 0.0})
     for method in (co.LeftRight(co.Cayley()), co.Suzuki4(co.Midpoint(), negative_substeps="allow")):
-        run = co.simulate(system, start, dt=0.125, steps=8, method=method, backend=backend)
+        run = co.simulate(system, start, dt=0.125, steps=8, method=method, backend=backend, monitors=False)
         np.testing.assert_array_equal(run.dataset.internal_rudder, run.dataset.time)
 
 
@@ -97,7 +97,7 @@ def same(one, other):
 
 def test_a_sampled_pid_turns_a_body_to_its_target_and_holds_its_torque_between_samples():
     system = turntable()
-    run = co.simulate(system, begin(system), dt=H, duration=20)
+    run = co.simulate(system, begin(system), dt=H, duration=20, monitors=False)
     assert run.dataset.a[-1, 0] == pytest.approx(np.cos(1.0), abs=2e-3)
     torque = run.dataset.internal_controller_value_torque.values
     changes = np.flatnonzero(np.diff(torque[: int(2 / H)])) + 1
@@ -133,13 +133,13 @@ def test_a_sampled_pid_is_the_same_to_the_bit_under_any_save_every_after_resume_
 
 def test_an_event_ends_a_run_in_the_middle_of_a_step_of_a_sampled_controller():
     system = turntable()
-    run = co.simulate(system, begin(system), dt=H, duration=20, until=lambda s: s.a[0] - jnp.cos(0.5))
+    run = co.simulate(system, begin(system), dt=H, duration=20, until=lambda s: s.a[0] - jnp.cos(0.5), monitors=False)
     assert run.event is not None and run.final.a[0] == pytest.approx(np.cos(0.5), abs=1e-12)
 
 
 def test_every_member_has_an_internal_state_of_its_own():
     system = body().replace(lag=co.each([0.1, 0.3, 0.9]))
-    run = co.simulate(system, system.state(internal={"rudder": 0.0}), dt=H, steps=50)
+    run = co.simulate(system, system.state(internal={"rudder": 0.0}), dt=H, steps=50, monitors=False)
     expected = 1 - np.exp(-run.dataset.time.values / np.array([[0.1], [0.3], [0.9]]))
     np.testing.assert_allclose(run.dataset.internal_rudder, expected, atol=1e-13)
 
@@ -148,7 +148,7 @@ def test_every_member_has_an_internal_state_of_its_own():
 def test_every_member_may_start_from_an_internal_state_of_its_own(lag):
     system = body().replace(lag=lag)
     first = np.array([[0.0], [0.5], [2.0]])
-    run = co.simulate(system, system.state(internal={"rudder": co.each(first[:, 0])}), dt=H, steps=50)
+    run = co.simulate(system, system.state(internal={"rudder": co.each(first[:, 0])}), dt=H, steps=50, monitors=False)
     lags = np.reshape(lag.values if isinstance(lag, Each) else lag, (-1, 1))
     expected = 1 + (first - 1) * np.exp(-run.dataset.time.values / lags)
     np.testing.assert_allclose(run.dataset.internal_rudder, expected, atol=1e-13)
@@ -223,10 +223,10 @@ def test_what_cannot_be_an_internal_state_is_refused_in_one_sentence(make, words
 def test_a_rule_is_applied_once_a_step_and_not_again_where_a_run_goes_on_from_a_record(backend):
     system = body(lambda motion, h, p: {"rudder": co.jumped(motion.internal.rudder + 1)})
     given = {"dt": 0.1, "progress": False, "backend": backend}
-    run = co.simulate(system, system.state(internal={"rudder": 0.0}), steps=6, **given)
+    run = co.simulate(system, system.state(internal={"rudder": 0.0}), steps=6, **given, monitors=False)
     np.testing.assert_array_equal(run.records.internal.rudder, np.arange(1.0, 8.0))
     record = jax.tree.map(lambda leaf: leaf[4], run.records)
-    again = co.simulate(system, record, steps=2, **given)
+    again = co.simulate(system, record, steps=2, **given, monitors=False)
     np.testing.assert_array_equal(again.records.internal.rudder, [5.0, 6.0, 7.0])
 
 

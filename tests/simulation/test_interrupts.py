@@ -171,6 +171,7 @@ def test_an_interrupt_while_records_are_taken_up_leaves_whole_nodes(monkeypatch)
     assert np.array_equal(run.steps_saved, np.arange(run.good_steps + 1))
 
 
+@pytest.mark.long
 def test_an_ensemble_with_long_blocks_stops_within_one_and_keeps_all_members(monkeypatch):
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     system, start = failing()
@@ -197,7 +198,7 @@ def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
     system, start = top()
     given = {**AT, "steps": STEPS, "events": {"section": lambda state: state.xi[0]}}
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
-    whole = co.simulate(system, start, **given)
+    whole = co.simulate(system, start, **given, monitors=False)
     take, seen = EventDriver._take, []
 
     def stop(self, *given):
@@ -208,7 +209,7 @@ def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
 
     with monkeypatch.context() as patched, pytest.raises(co.Interrupted) as stopped:
         patched.setattr("coadjoint.simulation.event_driver.EventDriver._take", stop)
-        co.simulate(system, start, **given)
+        co.simulate(system, start, **given, monitors=False)
     run = stopped.value.run
     end = float(run.final.t)
     expected = [t for t in whole.events["section"].t if t <= end]
@@ -217,7 +218,7 @@ def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("many", [False, True], ids=["one", "members"])
+@pytest.mark.parametrize("many", [False, pytest.param(True, marks=pytest.mark.long)], ids=["one", "members"])
 def test_a_run_on_disk_writes_a_checkpoint_and_goes_on_to_the_same_bits(monkeypatch, tmp_path, many):
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     system, start = top(**({"weight": co.each([20.0, 21.0, 22.0])} if many else {}))

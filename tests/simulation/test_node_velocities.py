@@ -19,9 +19,9 @@ def exact(t):
     return np.stack([np.cos(angle), np.sin(angle), np.full_like(angle, START[2])], axis=-1)
 
 
-def simulated(dt=0.1, method=None, system=BODY, **more):
-    start = system.state(xi=START)
-    return co.simulate(system, start, dt=dt, duration=5, method=method, accuracy=False, progress=False, **more)
+def simulated(dt=0.1, method=None, system=BODY, monitors=False, **more):
+    start, settings = system.state(xi=START), {"accuracy": False, "progress": False, "monitors": monitors}
+    return co.simulate(system, start, dt=dt, duration=5, method=method, **settings, **more)
 
 
 def test_velocities_of_a_method_of_order_6_have_order_6():
@@ -35,11 +35,11 @@ def test_velocities_of_a_method_of_order_6_have_order_6():
 
 
 def test_the_final_state_has_the_velocities_of_the_last_node_and_goes_on_to_the_same_bits():
-    whole, half = simulated(), co.simulate(BODY, BODY.state(xi=START), dt=0.1, steps=20, accuracy=False)
+    whole, half = simulated(), co.simulate(BODY, BODY.state(xi=START), dt=0.1, steps=20, accuracy=False, monitors=False)
     np.testing.assert_array_equal(half.final.xi, half.dataset.xi[-1])
     np.testing.assert_allclose(half.final.xi, half.final.mu / INERTIA, atol=1e-15)
     assert np.max(np.abs(half.final.xi - half.records.xi[-1])) > 1e-3
-    rest = co.simulate(BODY, half.final, dt=0.1, steps=30, accuracy=False)
+    rest = co.simulate(BODY, half.final, dt=0.1, steps=30, accuracy=False, monitors=False)
     for name in ("mu", "xi", "xi_step"):
         np.testing.assert_array_equal(rest.dataset[name][1:], whole.dataset[name][21:])
 
@@ -70,7 +70,7 @@ def test_members_have_the_velocities_of_their_own_parameters(stored, tmp_path):
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_quantities_and_observations_see_the_node(backend):
     watched = BODY.watching({"spin": lambda s: s.xi[0]})
-    run = simulated(system=watched, backend=backend)
+    run = simulated(system=watched, backend=backend, monitors=True)
     np.testing.assert_allclose(run.dataset.spin, run.dataset.xi[:, 0], atol=1e-15)
     if backend == "native":
         stepper = co.Stepper(BODY, BODY.state(xi=START), dt=0.1, observe={"xi": lambda s: s.xi})
@@ -88,7 +88,7 @@ def test_additional_velocities_and_the_space_frame_are_of_the_node():
         units={"xi": "rad/s", "nu": "m/s"},
     )
     start = system.state(xi=[0.3, -0.2, 0.5], q={"hull": [1, 0, 0]}, qdot={"hull": [0.2, 0.1, 0]}, a0=[0, 0, 1])
-    data = co.simulate(system, start, dt=0.1, steps=4, accuracy=False).dataset
+    data = co.simulate(system, start, dt=0.1, steps=4, accuracy=False, monitors=False).dataset
     np.testing.assert_allclose(data.nu_hull, data.pi_hull / mass, atol=1e-15)
     np.testing.assert_allclose(data.qdot_hull, np.einsum("tij,tj->ti", data.R, data.nu_hull), atol=1e-15)
     np.testing.assert_allclose(data.xi_spatial, np.einsum("tij,tj->ti", data.R, data.mu / inertia), atol=1e-15)
@@ -99,7 +99,8 @@ def test_additional_velocities_and_the_space_frame_are_of_the_node():
 def test_where_only_steps_have_velocities_these_are_shown_and_said_to_be_so():
     system = co.System(co.SO3(), discrete_lagrangian=lambda xi, h: 0.5 * h * xi @ (INERTIA * xi))
     start = system.state(xi=START)
-    data = co.simulate(system, start, dt=0.1, steps=3, method=co.Variational(co.Cayley(), start="velocity")).dataset
+    method = co.Variational(co.Cayley(), start="velocity")
+    data = co.simulate(system, start, dt=0.1, steps=3, method=method, monitors=False).dataset
     assert "xi_step" not in data and "of the step that starts" in data.xi.attrs["long_name"]
 
 

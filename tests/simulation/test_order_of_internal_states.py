@@ -105,7 +105,7 @@ def test_a_rule_sees_the_velocity_of_the_momenta_at_its_node():
 
     system = co.System(co.SO2(), lambda xi: 0.5 * INERTIA * xi @ xi, forces=_forces, internal=rule)
     start = system.state(xi=[0.5], internal={"motor": 0.0, "seen": 0.0})
-    run = co.simulate(system, start, dt=0.1, steps=20)
+    run = co.simulate(system, start, dt=0.1, steps=20, monitors=False)
     seen = run.dataset.internal_seen.values
     np.testing.assert_allclose(seen, run.dataset.mu[:, 0] / INERTIA, rtol=1e-13)
     assert np.max(np.abs(seen[1:] - run.dataset.xi.values[:-1, 0])) > 1e-3
@@ -117,15 +117,15 @@ def test_an_actuator_follows_a_signal_by_its_value_in_the_middle_of_the_step():
 
     system = co.System(co.SO2(), lambda xi: 0.5 * INERTIA * xi @ xi, forces=_forces, internal=rule)
     start = system.state(internal={"motor": 0.0})
-    run = co.simulate(system, start, dt=0.1, steps=20, inputs=co.Linear([0.0, 9.0], [0.0, 9.0]))
+    run = co.simulate(system, start, dt=0.1, steps=20, inputs=co.Linear([0.0, 9.0], [0.0, 9.0]), monitors=False)
     np.testing.assert_allclose(run.dataset.internal_motor, run.dataset.time + 0.05, rtol=1e-13)
 
 
 def test_what_is_replaced_in_a_record_is_held_over_its_step_and_gone_on_from():
     system, start = body()
-    record = co.simulate(system, start, dt=0.1, steps=5).final
+    record = co.simulate(system, start, dt=0.1, steps=5, monitors=False).final
     changed = record.replace(internal=record.internal.replace(motor=np.float64(3.0)))
-    run = co.simulate(system, changed, dt=0.1, steps=2)
+    run = co.simulate(system, changed, dt=0.1, steps=2, monitors=False)
     torque = 3.0 - DRAG * run.records.xi[0, 0] * abs(run.records.xi[0, 0])
     assert run.dataset.mu[1, 0] - run.dataset.mu[0, 0] == pytest.approx(0.1 * torque, rel=1e-12)
     u = float(run.records.internal.controller.value.torque[1])

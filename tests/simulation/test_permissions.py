@@ -18,7 +18,7 @@ def test_saving_follows_the_umask_and_never_changes_it(tmp_path, monkeypatch, la
     before = real(lacking)
     try:
         monkeypatch.setattr(os, "umask", lambda _: pytest.fail("the umask was changed"))
-        run = co.simulate(vehicle, start(vehicle), dt=0.01, steps=2, store=tmp_path / "folder")
+        run = co.simulate(vehicle, start(vehicle), dt=0.01, steps=2, store=tmp_path / "folder", monitors=False)
         run.save(tmp_path / "run.nc")
     finally:
         real(before)

@@ -12,20 +12,20 @@ START = start(VEHICLE)
 
 
 def test_a_run_that_goes_on_from_a_record_is_the_same_run():
-    whole = co.simulate(VEHICLE, START, dt=0.01, steps=200)
-    first = co.simulate(VEHICLE, START, dt=0.01, steps=120)
-    second = co.simulate(VEHICLE, first.final, dt=0.01, steps=80)
+    whole = co.simulate(VEHICLE, START, dt=0.01, steps=200, monitors=False)
+    first = co.simulate(VEHICLE, START, dt=0.01, steps=120, monitors=False)
+    second = co.simulate(VEHICLE, first.final, dt=0.01, steps=80, monitors=False)
     for one, other in zip(jax.tree.leaves(whole.final), jax.tree.leaves(second.final), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(("steps", "save_every"), [(100, 7), (100, 1), (100, 100), (5, 100)])
 def test_every_kth_node_and_the_last_are_kept(steps, save_every):
-    run = co.simulate(VEHICLE, START, dt=0.01, steps=steps, save_every=save_every)
+    run = co.simulate(VEHICLE, START, dt=0.01, steps=steps, save_every=save_every, monitors=False)
     expected = sorted({*range(0, steps, save_every), steps})
     np.testing.assert_array_equal(run.steps_saved, expected)
     np.testing.assert_allclose(run.dataset.time, 0.01 * np.array(expected), rtol=0, atol=1e-15)
-    full = co.simulate(VEHICLE, START, dt=0.01, steps=steps)
+    full = co.simulate(VEHICLE, START, dt=0.01, steps=steps, monitors=False)
     np.testing.assert_array_equal(run.records.q, full.records.q[expected])
 
 
@@ -88,6 +88,7 @@ def test_inputs_are_held_over_each_step_and_recorded():
         dt=0.01,
         steps=100,
         inputs=lambda motion: co.Parameters(thrust=[2.0, 0.0, 0.0]),
+        monitors=False,
     )
     expected = 0.5 * 2.0 / 123.8 * run.dataset.time**2
     np.testing.assert_allclose(run.dataset.q[:, 0], expected, atol=1e-14)
@@ -108,7 +109,7 @@ def test_a_lagrangian_that_reads_a_global_number_is_traced_again_when_the_number
 
     def momentum():
         body = system(free)
-        return co.simulate(body, start(body, qdot=[0, 0, 0.8]), dt=0.01, steps=2).records.pi[0, 2]
+        return co.simulate(body, start(body, qdot=[0, 0, 0.8]), dt=0.01, steps=2, monitors=False).records.pi[0, 2]
 
     light = momentum()
     world["mass"] = 3.0

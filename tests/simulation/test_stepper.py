@@ -135,9 +135,16 @@ def test_observations_are_functions_of_the_state(single):
     single.reset()
     seen = single.step({"spin": 0.4})
     state, xi, inertia = single.state, seen["xi"], np.array([1.0, 1.5, 2.0])
-    momentum = inertia * xi + 0.4 * np.array([-0.1 * np.sin(xi[0]), 0.0, 0.3])
+    momentum = inertia * xi + 0.4 * np.array([0.2 * xi[0], 0.0, 0.3])
     np.testing.assert_allclose(momentum, state.mu, rtol=1e-14)  # ξ is that of the node
     assert seen["energy"] == pytest.approx(0.5 * inertia @ xi**2, rel=1e-15)
+
+
+def test_a_lagrangian_that_is_not_quadratic_has_the_velocities_of_the_node():
+    wheel = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi + 0.1 * jnp.cos(xi[0]))
+    body = co.Stepper(wheel, wheel.state(xi=[1.2]), dt=H, observe={"xi": lambda s: s.xi}, accuracy=False)
+    xi = body.step()["xi"]
+    np.testing.assert_allclose(xi - 0.1 * np.sin(xi), body.state.mu, rtol=1e-14)
 
 
 def test_observations_are_views_unless_copies_are_asked_for(single):

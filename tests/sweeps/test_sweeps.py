@@ -101,6 +101,7 @@ def test_the_same_command_again_returns_what_is_finished(swept):
     assert again.summary == swept.summary and bits(again.folder) == before
 
 
+@pytest.mark.long
 def test_no_member_depends_on_those_of_its_task(swept, tmp_path):
     other = execute(
         read_sweep(written(tmp_path, SWEEP.replace("task = 3", "task = 8"))),

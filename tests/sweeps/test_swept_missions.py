@@ -55,6 +55,7 @@ def run(sweep: Sweep, members: slice, quick: bool = True) -> co.State:
     return execute(made, False, 0.0).final
 
 
+@pytest.mark.long
 def test_a_member_swims_the_mission_with_its_numbers(tmp_path, monkeypatch):
     monkeypatch.setattr("test_swept_missions.MISSION", MISSION.replace('"gauss_markov"', '"uniform"').replace(
         "deviation_m_s = [0.1, 0.1, 0.0]\ncorrelation_time_s = 20", "velocity_m_s = [0.1, 0.0, 0.0]"))  # fmt: skip

@@ -73,19 +73,24 @@ def compared(sweep: Sweep) -> None:
     "vary",
     [
         {"parameters": {"mass": between(15.0, 25.0), "center_of_mass": [0.0, 0.0, between(0.8, 1.2)]}},
-        {
-            "parameters": {"mass": between(15.0, 25.0)},
-            "initial": {"angular_velocity_rpm": [0, 0, between(300.0, 400.0)]},
-        },
+        pytest.param(
+            {
+                "parameters": {"mass": between(15.0, 25.0)},
+                "initial": {"angular_velocity_rpm": [0, 0, between(300.0, 400.0)]},
+            },
+            marks=pytest.mark.long,
+        ),
     ],
-)  # fmt: skip
+)
 def test_members_of_a_catalogue_model_step_together_whatever_varies(tmp_path, vary):
     sweep = swept(tmp_path, TOP, vary)
     assert groups(sweep, probed(sweep)["quick"]) == (1, [])
     compared(sweep)
 
 
-@pytest.mark.parametrize("code", [COMPUTES, LOOKS], ids=["computes", "looks at its start"])
+@pytest.mark.parametrize(
+    "code", [pytest.param(COMPUTES, marks=pytest.mark.long), LOOKS], ids=["computes", "looks at its start"]
+)
 def test_a_factory_computes_with_plain_numbers_and_its_members_step_together(tmp_path, code):
     (tmp_path / "f.py").write_text(HEAD + code)
     sweep = swept(tmp_path, FACTORY, TWO)

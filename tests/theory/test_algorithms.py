@@ -143,6 +143,7 @@ def test_euler_poincare_poisson_is_the_reduced_algorithm_with_a_parameter(parame
     close(row, expected, ROUND_OFF)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 def test_discrete_kelvin_noether_theorem_of_euler_poincare_poisson(parameter):

@@ -116,6 +116,7 @@ def test_the_reduced_algorithm_gives_the_driven_motion(world, kind):
     close(found, links)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "kind"), EVERY)
 def test_the_unreduced_algorithm_gives_the_driven_motion(world, kind):
@@ -126,6 +127,7 @@ def test_the_unreduced_algorithm_gives_the_driven_motion(world, kind):
     close(found, path)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_algorithm_of_the_semidirect_product_gives_the_driven_motion(kind):

@@ -42,7 +42,7 @@ def test_a_heavy_vehicle_sinks_at_the_speed_at_which_quadratic_drag_carries_it(m
     vehicle = paper_vehicle({"drag": lambda motion, p: co.Force(force=co.quadratic_drag(p.drag, motion.nu))}, drag=c)
     vehicle = vehicle.replace(mass=130.0)
     terminal, time = np.sqrt(weight / c), M / np.sqrt(weight * c)
-    run = co.simulate(vehicle, still(vehicle), dt=0.05, steps=int(25 * time / 0.05), method=method)
+    run = co.simulate(vehicle, still(vehicle), dt=0.05, steps=int(25 * time / 0.05), method=method, monitors=False)
     np.testing.assert_allclose(run.final.qdot, [0, 0, terminal], atol=1e-10)
     # Momenta, unlike the discrete velocities, belong to the nodes.
     speed = run.records.pi[:, 2] / M
@@ -78,7 +78,9 @@ def test_a_damped_spin_decays_by_the_factor_of_the_rule_at_every_step(axis):
     vehicle = paper_vehicle(lambda motion, p: co.Force(torque=-p.damping * motion.xi), damping=5.0)
     vehicle = vehicle.replace(center_of_buoyancy=[0.0, 0.0, 0.0], mass=1215.8 / 9.81)
     spin = np.eye(3)[axis] * 0.3
-    run = co.simulate(vehicle, still(vehicle, xi=spin), dt=0.02, duration=4, method=co.Midpoint(co.Exponential()))
+    run = co.simulate(
+        vehicle, still(vehicle, xi=spin), dt=0.02, duration=4, method=co.Midpoint(co.Exponential()), monitors=False
+    )
     rate = 5.0 / vehicle.parameters.inertia[axis, axis]
     factor = (1 - 0.01 * rate) / (1 + 0.01 * rate)
     ratios = run.records.mu[1:, axis] / run.records.mu[:-1, axis]
@@ -96,7 +98,7 @@ def test_small_pitch_swings_decay_at_the_rate_of_the_damped_oscillator(damping):
     J, stiffness, first = 5.29, 1215.8 * 0.007, 1e-4
     gamma = damping / (2 * J)
     omega = np.sqrt(stiffness / J - gamma**2)
-    run = co.simulate(vehicle, still(vehicle, g=co.attitude.zyx(0, first, 0)), dt=0.005, duration=10)
+    run = co.simulate(vehicle, still(vehicle, g=co.attitude.zyx(0, first, 0)), dt=0.005, duration=10, monitors=False)
     t = run.dataset.time.values
     expected = first * np.exp(-gamma * t) * (np.cos(omega * t) + gamma / omega * np.sin(omega * t))
     np.testing.assert_allclose(run.dataset.euler_angles[:, 1], expected, atol=3e-4 * first)
@@ -144,6 +146,7 @@ def begun(vehicle: co.System, current: np.ndarray) -> co.State:
     )
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("forces", [None, {"drag": drag, "thrust": thrust}], ids=["free", "damped with thrust"])
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
@@ -151,7 +154,8 @@ def test_who_drifts_with_the_water_sees_the_same_motion(method, forces):
     """R is that in still water and q = q' + t u, on the grid to round-off, with weight and buoyancy."""
     vehicle, u, steps = in_a_current(forces), np.array([0.3, -0.1, 0.05]), 400
     carried, calm = (
-        co.simulate(vehicle, begun(vehicle, current), dt=0.05, steps=steps, method=method) for current in (u, 0 * u)
+        co.simulate(vehicle, begun(vehicle, current), dt=0.05, steps=steps, method=method, monitors=False)
+        for current in (u, 0 * u)
     )
     np.testing.assert_allclose(carried.records.g, calm.records.g, atol=2e-15 * steps)
     drift = carried.dataset.q.values - carried.dataset.time.values[:, None] * u

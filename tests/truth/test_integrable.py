@@ -88,7 +88,9 @@ class SphericalPendulum:
 def test_nutation_converges_to_its_elliptic_function(problem, method):
     errors = []
     for steps in (500, 1000, 2000):
-        run = co.simulate(problem.system, problem.start, dt=problem.duration / steps, steps=steps, method=method)
+        run = co.simulate(
+            problem.system, problem.start, dt=problem.duration / steps, steps=steps, method=method, monitors=False
+        )
         exact = problem.exact(run.steps_saved * run.dt)
         errors.append(np.max(np.abs(problem.observed(run.records) - exact)) / np.ptp(exact))
     print(f"{problem.name}, {method.title}: {errors}")
@@ -102,7 +104,7 @@ def test_a_rotor_makes_the_turn_about_the_middle_axis_stable():
     tilts = {}
     for rate in (0.0, 30.0):
         body = entry.make()
-        run = co.simulate(body, entry.start(body, rotor_rate=rate), dt=0.05, duration=200.0)
+        run = co.simulate(body, entry.start(body, rotor_rate=rate), dt=0.05, duration=200.0, monitors=False)
         tilts[rate] = np.min(run.records.xi[:, 1])
     assert tilts[0.0] < 0 and tilts[30.0] > 0.99
 

@@ -28,7 +28,7 @@ PENDULUM = co.System(
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_the_midpoint_rule_turns_an_oscillator_by_the_angle_of_cayleys_map(backend):
     """n_k = cos kθ with tan(θ/2) = ωh/2: the rule on an oscillator is Cayley's map of its phase plane."""
     run = co.simulate(OSCILLATOR, OSCILLATOR.state(q=[1.0]), dt=H, steps=STEPS, backend=backend)
@@ -74,10 +74,10 @@ def test_a_pendulum_reaches_the_bottom_after_a_quarter_of_its_period():
     angles = np.array([0.5, 2.0, 3.0])
     start = PENDULUM.state(q=co.each(angles[:, None]), qdot=[0.0])
     options = {"dt": 0.01, "steps": 300, "method": co.Suzuki4(co.Midpoint()), "accuracy": False}
-    run = co.simulate(PENDULUM, start, events={"bottom": lambda s: s.n[0]}, **options)
+    run = co.simulate(PENDULUM, start, events={"bottom": lambda s: s.n[0]}, **options, monitors=False)
     quarter = ellipk(np.sin(angles / 2) ** 2) / OMEGA
     np.testing.assert_allclose([states.t[0] for states in run.events["bottom"]], quarter, rtol=1e-8)
-    alone = co.simulate(PENDULUM, PENDULUM.state(q=[2.0]), until=lambda s: s.n[0], **options)
+    alone = co.simulate(PENDULUM, PENDULUM.state(q=[2.0]), until=lambda s: s.n[0], **options, monitors=False)
     assert alone.event == pytest.approx(quarter[1], rel=1e-9)
 
 

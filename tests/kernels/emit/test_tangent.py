@@ -37,7 +37,11 @@ def prepared(method) -> tuple[Any, ...]:
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("method", [co.Midpoint(), co.LeftRight(co.Cayley())], ids=["one stage", "two stages"])
+@pytest.mark.parametrize(
+    "method",
+    [co.Midpoint(), pytest.param(co.LeftRight(co.Cayley()), marks=pytest.mark.long)],
+    ids=["one stage", "two stages"],
+)
 def test_tangents_of_driven_runs_are_those_of_differences(method):
     program, _, constants, state, active, places = prepared(method)
     random = np.random.default_rng(1752)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import signal
 import threading
 
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.kernels.run import machine as module
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -45,3 +48,18 @@ def test_what_llvm_refuses_is_told_from_any_thread():
     thread.start()
     thread.join()
     assert found[0].function("nine", result=module.ctypes.c_int64)() == 9
+
+
+def test_code_that_is_not_optimised_gives_the_same_and_has_another_name(monkeypatch):
+    """Both levels keep the order of operations; products and sums may fuse in optimised code."""
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ (jnp.array([1.0, 2.0, 3.0]) * xi))
+    found, names = [], []
+    for level in ("1", "0"):
+        monkeypatch.setenv("COADJOINT_OPTIMIZE", level)
+        module.processor.cache_clear()
+        names.append(module.name_of(NINE))
+        run = co.simulate(body, body.state(xi=[0.3, 1.0, 0.2]), dt=0.1, steps=50, monitors=False, backend="native")
+        found.append(run.records.g)
+    module.processor.cache_clear()
+    np.testing.assert_allclose(*found, atol=1e-13)
+    assert len(set(names)) == 2

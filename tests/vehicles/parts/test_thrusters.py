@@ -199,6 +199,7 @@ def test_a_lagging_thruster_follows_exp_of_time_exactly_whatever_the_step():
     np.testing.assert_allclose(narrow.dataset.internal_thrusters, clipped, atol=1e-13)
 
 
+@pytest.mark.long
 def test_the_budgets_line_of_a_thruster_is_force_times_velocity_and_a_bollard_pull_is_its_curve():
     part = Thrusters("thrusters", {"quadratic": (0.5, 0.4)}, **ONE, limit=10.0)
     craft = Craft(vehicle(part, damping=(6.0, 0, 0, 0, 0, 0)))

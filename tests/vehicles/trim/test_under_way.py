@@ -16,6 +16,7 @@ ROWS = [6, 7, 8, 0, 1, 2]
 """π and μ among y = (μ, n, π, a)."""
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["remus_100", "nps_auv_ii"])
 def test_mass_and_damping_are_those_of_stability_at_the_trim(name):

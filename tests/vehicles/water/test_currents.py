@@ -96,6 +96,7 @@ def test_a_sphere_in_accelerated_flow_is_pushed_by_froude_krylov_and_added_mass(
     assert np.log2(coarse / fine) == pytest.approx(2, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_body_of_the_waters_own_density_drifts_with_an_accelerated_current():
     """In any position and with any added mass, as it does in a current that stays."""
 

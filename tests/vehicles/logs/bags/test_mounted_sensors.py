@@ -136,11 +136,11 @@ def test_what_is_declared_of_a_mounting_is_that_and_the_rest_is_what_the_bag_tel
     assert (at is not None and at in note, angles in note) == (place is not None, any(turn))
 
 
-def test_first_velocities_are_those_of_the_origin_wherever_each_place_is_measured(dive):
+def test_first_velocities_are_those_of_the_origin_wherever_each_place_is_measured():
     """ν = Rᵀq̇ of places at three r, without a velocity in the log."""
-    _, _, run = dive
-    data, t = run.dataset, np.asarray(run.dataset["time"])
-    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "xi", "nu"))
+    t, random = 0.1 * np.arange(12), np.random.default_rng(5)
+    q, omega, v = random.normal(size=(3, 12, 3))
+    R = np.stack([attitude.zyx(*angles) for angles in random.normal(size=(12, 3))])
     levers = {"north": (2.0, 0.3, 0.0), "depth": (-0.4, 0.0, 0.2)}
     qdot, at = np.einsum("kij,kj->ki", R, v), q.copy()
     for i, name in enumerate(("north", "east", "depth")):

@@ -133,7 +133,9 @@ def test_topics_that_tell_nothing_of_the_motion_and_a_text_of_one_are_told(bags)
 
 def test_a_dataset_in_place_of_a_log_is_told_with_what_to_do(tmp_path):
     craft = co.vehicles.Craft(co.vehicles.load("ellipsoid"))
-    run = co.simulate(craft.system, craft.start(position=(0, 0, 10), speed=1.0), dt=0.05, duration=1, progress=False)
+    run = co.simulate(
+        craft.system, craft.start(position=(0, 0, 10), speed=1.0), dt=0.05, duration=1, progress=False, monitors=False
+    )
     run.save(tmp_path / "run.nc")
     with pytest.raises(
         co.FileError, match=r"run.nc is a dataset, not a log: of a run `co.load` reads it, whose `save`"
