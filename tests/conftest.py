@@ -49,6 +49,18 @@ def pytest_unconfigure(config):
         shutil.rmtree(config.stash[CACHE], ignore_errors=True)
 
 
+@pytest.fixture(scope="module")
+def optimised():
+    """Machine code as users have it: operations fuse, and programs that compute the same in other orders agree."""
+    from coadjoint.kernels.run.machine import processor
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COADJOINT_OPTIMIZE", "1")
+        processor.cache_clear()
+        yield
+    processor.cache_clear()
+
+
 def pytest_report_header(config):
     from systems import SEED
 

@@ -111,6 +111,7 @@ MODELS = {
 
 
 @pytest.mark.cases(1)
+@pytest.mark.usefixtures("optimised")
 @pytest.mark.parametrize("name", MODELS)
 def test_one_point_keeps_the_energy_of_bodies_tops_and_vehicles_over_100000_steps(name):
     """Their ℋ is quadratic in (μ, π, n, a) together. Round-off adds up as a random walk, ε√N of the largest term."""

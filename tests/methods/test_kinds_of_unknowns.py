@@ -111,6 +111,7 @@ def test_the_residual_of_a_rotation_is_relative_to_its_own_momentum(method):
         assert 5e-7 < certified(*prepared(method, lagrangian, [1.0, 2.0, 0.5], speed), 1e-6) < 3e-6
 
 
+@pytest.mark.usefixtures("optimised")
 def test_momentum_of_a_body_at_rest_where_forces_balance_is_solved_to_round_off():
     """π is the round-off of spring and weight, which cancel: a residual relative to it would be noise."""
 

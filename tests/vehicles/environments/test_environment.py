@@ -24,7 +24,7 @@ START = {
 
 
 @pytest.fixture(scope="module")
-def env():
+def env(optimised):
     return environment(NAME, "hold_station", render_mode=None)
 
 

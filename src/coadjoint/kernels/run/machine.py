@@ -48,7 +48,7 @@ def _target() -> llvm.TargetMachine:
 def object_code(assembly: str) -> bytes:
     """Machine code of a module."""
     machine = _target()
-    module = llvm.parse_assembly(assembly)
+    module = llvm.parse_assembly(assembly if optimised() else _as_written(assembly))
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
     if not optimised():
@@ -60,6 +60,13 @@ def object_code(assembly: str) -> bytes:
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
+
+
+def _as_written(assembly: str) -> str:
+    """The assembly without leave to fuse or reorder operations: LLVM would still fuse some, depending on the others."""
+    for flag in ("contract", "reassoc", "nsz"):
+        assembly = assembly.replace(f" {flag} ", " ")
+    return assembly
 
 
 def machine(assembly: str) -> Machine:
