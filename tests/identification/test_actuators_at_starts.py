@@ -143,6 +143,7 @@ def test_lag_and_rate_of_an_actuator_are_found_in_20_of_20_logs(rule, name, off)
     assert misses <= stats.binom.ppf(0.999, 40, 0.05)
 
 
+@pytest.mark.long
 def test_an_internal_state_whose_derivative_does_not_cross_segments_is_named_and_by_default_there_are_none():
     system = rotor(braked, lag=2.0)
     start, (log,) = logged(system, duration=30.0, noise=1e-6)

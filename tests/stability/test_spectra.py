@@ -167,7 +167,6 @@ def test_the_bounds_of_bottom_heavy_vehicles_are_where_the_spectrum_and_the_ener
     assert [(found.spectral, found.energy.verdict) for found in above] == [("unstable", "undecided")] * 2
 
 
-@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", [2, 1], ids=["vertical", "horizontal"])
 def test_bottom_heavy_vehicles_stay_below_their_bound_and_leave_above_it(axis):
