@@ -11,7 +11,6 @@ import numpy as np
 from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
-from coadjoint.kernels.run.disk_cache import recalled
 from coadjoint.kernels.run.probe import Probe
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
@@ -192,14 +191,10 @@ _structures: dict[Any, np.ndarray] = {}
 def structure(group: Any) -> np.ndarray:
     """c with [ξ, η]_i = c_ijk ξ_j η_k."""
     if group not in _structures:
-        found = recalled(("structure", group), lambda: {"constants": _brackets(group).tolist()})
-        _structures[group] = np.asarray(found["constants"]).reshape((group.dim,) * 3)
+        dim, eye = group.dim, np.eye(group.dim)
+        rows = evaluate(jax.vmap(group.ad), np.repeat(eye, dim, axis=0), np.tile(eye, (dim, 1)))
+        _structures[group] = np.transpose(np.reshape(rows, (dim, dim, dim)), (2, 0, 1))
     return _structures[group]
-
-
-def _brackets(group: Any) -> np.ndarray:
-    rows = evaluate(lambda e: jax.vmap(lambda x: jax.vmap(lambda y: group.ad(x, y))(e))(e), np.eye(group.dim))
-    return np.transpose(rows, (2, 0, 1))
 
 
 class Doubling(PartsOfSteps):
