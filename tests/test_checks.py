@@ -25,7 +25,7 @@ def test_whole_numbers_become_ints(value):
 
 def test_truth_values_durations_texts_and_fractions_are_no_whole_numbers():
     for wrong in (True, np.True_, 3.0, "3", None, np.timedelta64(3), Fraction(3), 0, -1):
-        with pytest.raises(ArgumentError, match="Argument `n` must be a whole number of at least 1, but is"):
+        with pytest.raises(ArgumentError, match="Argument `n` must be a whole number from 1, but is"):
             checks.whole(wrong, "n")
     refused("Argument `n` must be a whole number from 2 to 4, but is 5.", checks.whole, 5, "n", 2, 4)
     refused(f"Argument `n` must be at most 2⁵³ = {2**53}, but is {2**53 + 1}.", checks.whole, 2**53 + 1, "n")
@@ -38,13 +38,14 @@ def test_numbers_become_floats_within_their_bounds():
         with pytest.raises(ArgumentError, match="Argument `x` must be a finite number, but is"):
             checks.number(wrong, "x")
     refused("Argument `x` must be positive, but is 0.", checks.positive, 0, "x")
-    refused("Argument `x` must be a number of at least 0, but is -1.", checks.not_negative, -1, "x")
+    refused("Argument `x` must be a finite number from 0, but is -1.", checks.not_negative, -1, "x")
     refused("Argument `x` must be a number from 1 to 2, but is 3.", checks.number, 3, "x", 1, 2)
     refused("Argument `x` must be a number between 0 and 1, but is 1.", checks.number, 1, "x", above=0, below=1)
 
 
 def test_the_name_of_a_key_and_another_error_stand_in_the_sentence():
     refused("[run] steps must be positive, but is 0.", checks.positive, 0, "[run] steps")
+    refused("Argument `area` of the fin `top` must be positive, but is 0.", checks.positive, 0, "area` of the fin `top")
     refused("Argument `size` must be positive, but is 0.", checks.positive, 0, "size", error=GroupError)
 
 

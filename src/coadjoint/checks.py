@@ -1,19 +1,24 @@
 """Checks of arguments at public entry points: each returns the value in its final type, or raises one sentence.
 
-`name` is that of the argument, `steps` for "Argument `steps` must …"; what is no identifier stands for itself, as
-"[run] steps". `error` is the type that is raised, by default ArgumentError. Functions inside the library take what has
-passed here and check nothing again.
+`name` is that of the argument, `steps` for "Argument `steps` must …"; what does not begin with an identifier is the
+complete subject, as "[run] steps". `error` is the type that is raised, by default ArgumentError. Functions inside the
+library take what has passed here and check nothing again.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, shown
+
+if TYPE_CHECKING:
+    from jax.core import Tracer
 
 T = TypeVar("T")
 Error = type[CoadjointError]
@@ -23,8 +28,8 @@ MOST = 2**53
 
 
 def subject(name: str) -> str:
-    """The subject of a sentence on an argument."""
-    return f"Argument `{name}`" if name.isidentifier() else name
+    """The subject of a sentence on an argument; it may go on within its quotes, as "area` of the fin `rudder"."""
+    return f"Argument `{name}`" if name.partition("`")[0].isidentifier() else name
 
 
 def is_number(value: object) -> bool:
@@ -44,7 +49,7 @@ def _is_duration(value: object) -> bool:
 def whole(value: object, name: str, least: int = 1, most: int | None = None, error: Error = ArgumentError) -> int:
     """A whole number from `least`, by default 1, to `most`, by default 2⁵³."""
     if not is_whole(value) or value < least or (most is not None and value > most):  # pyright: ignore[reportOperatorIssue]
-        bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
+        bounds = f"from {least}" if most is None else f"from {least} to {most}"
         raise error(f"{subject(name)} must be a whole number {bounds}, but is {shown(value)}.")
     found = int(value)  # pyright: ignore[reportArgumentType]
     if found > MOST:
@@ -86,16 +91,15 @@ def _float(value: object) -> float:
 
 
 def _bounds(least: float, most: float, above: float, below: float) -> str:
-    words = []
     if above == 0 and below == most == math.inf:
         return "positive"
-    if least > -math.inf and most < math.inf:
-        return f"a number from {least:g} to {most:g}"
     if above > -math.inf and below < math.inf:
         return f"a number between {above:g} and {below:g}"
-    words += [f"of at least {least:g}"] * (least > -math.inf) + [f"of at most {most:g}"] * (most < math.inf)
-    words += [f"above {above:g}"] * (above > -math.inf) + [f"below {below:g}"] * (below < math.inf)
-    return f"a number {' and '.join(words)}" if words else "a finite number"
+    low = f" from {least:g}" if least > -math.inf else f" above {above:g}" if above > -math.inf else ""
+    high = f" to {most:g}" if most < math.inf else f" below {below:g}" if below < math.inf else ""
+    if low and high:
+        return f"a number{low}{high}"
+    return f"a finite number up to {most:g}" if most < math.inf else f"a finite number{low}{high}"
 
 
 def truth(value: object, name: str, error: Error = ArgumentError) -> bool:
@@ -112,7 +116,7 @@ def text(value: object, name: str, error: Error = ArgumentError) -> str:
     return value
 
 
-def choice(value: object, name: str, words: Sequence[T], error: Error = ArgumentError) -> T:
+def choice(value: object, name: str, words: Collection[T], error: Error = ArgumentError) -> T:
     """One of several words, the empty one being no choice; the nearest is named where one is near."""
     for word in words:
         if type(value) is type(word) and value == word:
@@ -144,11 +148,11 @@ def letters(name: str) -> str:
     return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
-def instance(value: object, name: str, kind: type[T], words: str, error: Error = ArgumentError) -> T:
+def instance(value: object, name: str, kind: type[T] | tuple[type, ...], words: str, error: Error = ArgumentError) -> T:
     """An object of a class; `words` say what is expected, as "a co.System"."""
     if not isinstance(value, kind):
         raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
-    return value
+    return value  # pyright: ignore[reportReturnType]
 
 
 def mapping(
@@ -158,3 +162,149 @@ def mapping(
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
     return value
+
+
+def function(value: object, name: str, words: str = "a function", error: Error = ArgumentError) -> Callable[..., Any]:
+    """What can be called; `words` say which function is expected."""
+    if not callable(value):
+        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
+    return value
+
+
+def texts(value: object, name: str, words: str, error: Error = ArgumentError) -> tuple[str, ...]:
+    """A list or tuple of texts, as ("mass", "inertia"); a single text is none. words: what they name."""
+    if not isinstance(value, (list, tuple)) or not all(isinstance(one, str) for one in value):
+        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
+    return tuple(value)
+
+
+def shape(value: Any, name: str, *expected: str | tuple[int, ...], error: Error = ArgumentError) -> tuple[int, ...]:
+    """The shape of an array, one of those expected: (3,), or "(n, 3)" with letters for any length from 1 on.
+
+    "(…, 3)" has any axes before the last; equal letters stand for equal lengths.
+    """
+    found = np.shape(value)
+    if any(found == one if isinstance(one, tuple) else _fits(found, one) for one in expected):
+        return found
+    others = " or ".join(str(one) for one in expected if one not in ((), "()"))
+    one = "be one number" if {(), "()"} & {*expected} else ""
+    what = " or ".join(filter(None, [one, f"have shape {others}" if others else ""]))
+    raise error(f"{subject(name)} must {what}, but has shape {found}.")
+
+
+def _fits(found: tuple[int, ...], pattern: str) -> bool:
+    axes = [one.strip() for one in pattern.strip("()").split(",") if one.strip()]
+    if axes[:1] == ["…"]:
+        axes = axes[1:]
+        found = found[len(found) - len(axes) :] if len(found) >= len(axes) else ()
+    if len(found) != len(axes):
+        return False
+    lengths: dict[str, int] = {}
+    return all(
+        size == int(one) if one.isdigit() else 0 < size == lengths.setdefault(one, size)
+        for one, size in zip(axes, found, strict=True)
+    )
+
+
+def array(value: Any, name: str, *shapes: str | tuple[int, ...], error: Error = ArgumentError) -> Any:
+    """A finite float64 array of one of these shapes, as `shape` has them; a float64 tracer passes."""
+    found = float64(value, subject(name))
+    shape(found, name, *shapes, error=error)
+    return found
+
+
+def float64(value: Any, name: str) -> Any:
+    """A finite float64 array from numbers, arrays and lists of these.
+
+    Floats of fewer digits, those of more where digits would be lost, complex numbers, text and booleans are refused.
+    Float64 tracers pass.
+    """
+    import jax
+
+    from coadjoint.kernels.trace.jaxprs import Tracer
+
+    if isinstance(value, Tracer):
+        return _float64_tracer(value, name)
+    leaves = jax.tree.leaves(value, is_leaf=lambda leaf: leaf is None)
+    try:
+        for leaf in leaves:
+            if type(leaf) not in (float, int):
+                _require_real(leaf, name)
+    except CoadjointError:
+        raise
+    except Exception as error:  # Of an object that cannot be converted.
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown(value)}.") from error
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
+        with jax.enable_x64(True):
+            return jax.numpy.asarray(value, dtype=np.float64)
+    try:
+        found = np.array(value, dtype=np.float64)
+    except OverflowError as error:
+        raise ArgumentError(f"{name} must be a number of at most 1.8e308 in size, but is {shown(value)}.") from error
+    except Exception as error:
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown(value)}.") from error
+    if not np.all(np.isfinite(found)):
+        bad = np.sum(~np.isfinite(found))
+        said = f"is {found.tolist()}" if found.size <= 9 else f"{bad} of its {found.size} numbers are not"
+        raise ArgumentError(f"{name} must be finite, but {said}.")
+    return found
+
+
+def numeric(value: Any) -> bool:
+    """Whether this is made of numbers, of whatever kind, and not of text, truth values, times or other objects."""
+    from coadjoint.kernels.trace.jaxprs import Tracer
+
+    if isinstance(value, (tuple, list)):
+        return all(numeric(part) for part in value)
+    try:
+        return isinstance(value, Tracer) or np.asarray(value).dtype.kind not in "OSUbmM"
+    except Exception:  # Of an object that cannot be converted.
+        return False
+
+
+def is_short(dtype: Any) -> bool:
+    """Whether this is a type of floats with fewer digits than float64: float32, float16, bfloat16 and the like."""
+    from jax import numpy as jnp
+
+    return bool(jnp.issubdtype(dtype, jnp.floating)) and np.dtype(dtype).itemsize < 8
+
+
+def _float64_tracer(value: Tracer, name: str) -> Tracer:
+    if value.dtype != np.float64:
+        raise ArgumentError(
+            f"{name} must be float64, but is traced as {value.dtype}: wrap your own jit, grad or vmap in "
+            "`with co.float64():` and pass Python floats or float64 arrays."
+        )
+    return value
+
+
+def _require_real(leaf: Any, name: str) -> None:
+    """Raise ArgumentError unless a leaf, or every entry of an array of objects, is a real number with all digits."""
+    from coadjoint.kernels.trace.jaxprs import Tracer
+
+    if isinstance(leaf, Tracer):
+        _float64_tracer(leaf, name)
+        return
+    if np.ma.is_masked(leaf):
+        raise ArgumentError(
+            f"{name} must have a value everywhere, but some of its entries are masked: fill them first."
+        )
+    found = leaf if hasattr(leaf, "dtype") else np.asarray(leaf)
+    if found.dtype == object and leaf is not None:
+        for entry in np.ravel(found):
+            if entry is None or isinstance(entry, (str, bytes, bool, complex, np.generic, np.ma.MaskedArray)):
+                _require_real(entry, name)
+    elif is_short(found.dtype):
+        raise ArgumentError(
+            f"{name} must be float64, but is {found.dtype}, which has lost digits already: 5.46 becomes 5.460000038; "
+            "make it with NumPy, or with jax.numpy inside `with co.float64():`."
+        )
+    elif found.dtype.kind == "f" and found.dtype.itemsize > 8:
+        if np.any((found.astype(np.float64) != found) & np.isfinite(found)):
+            raise ArgumentError(
+                f"{name} is {found.dtype}, whose digits float64 does not have: round it by .astype(float) if that is "
+                "what you mean."
+            )
+    elif found.dtype.kind not in "fiu":
+        said = shown(leaf) if len(shown(leaf)) < 60 else f"an array of {found.dtype}"
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {said}.")

@@ -119,7 +119,7 @@ def test_what_is_too_late_is_told():
         one.update({"usbl": [0.0, 0.0]}, t=2.0)
     with pytest.raises(co.ArgumentError, match="There is no measurement `gps`"):
         one.update({"gps": [0.0, 0.0]}, t=0.8)
-    with pytest.raises(co.ArgumentError, match="`memory` must be a number of seconds that is not negative"):
+    with pytest.raises(co.ArgumentError, match="`memory` must be a finite number from 0, but is"):
         filter(memory=-1.0)
 
 

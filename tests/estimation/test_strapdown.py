@@ -187,7 +187,7 @@ def test_a_log_of_an_unit_and_places_leads_to_the_biases_and_machine_code_does_w
 WRONG = {
     "error": (lambda: StrapdownProcess(error="middle"), '"left" or "right"'),
     "noise": (lambda: StrapdownProcess(noise={"gyro": 1.0}), "has `gyroscope` and `accelerometer`, but no `gyro`"),
-    "shape of noise": (lambda: StrapdownProcess(noise={"gyroscope": [1.0, 2.0]}), r"one number or \(3,\)"),
+    "shape of noise": (lambda: StrapdownProcess(noise={"gyroscope": [1.0, 2.0]}), r"one number or have shape \(3,\)"),
     "drifting": (lambda: StrapdownProcess(drifting={"scale": RandomWalk()}), "but no `scale`"),
     "position": (lambda: StrapdownProcess(position=(1.0, 2.0)), r"`position`.*the shape \(3,\)"),
     "state": (lambda: unit().row(3.0), "must be an InertialState"),

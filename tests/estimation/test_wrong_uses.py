@@ -69,7 +69,7 @@ WRONG = {
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": 0.1}),
         "must drift as a co.estimation.RandomWalk",
     ),
-    "time": (lambda: GaussMarkov(0.1, 0.0), "positive number of seconds"),
+    "time": (lambda: GaussMarkov(0.1, 0.0), "`time` of .* must be positive"),
     "density": (lambda: RandomWalk("much"), "finite and not negative"),
     "covariance": (lambda: Measurement(lambda m: m.q, [[1.0, 2.0], [2.0, 1.0]]), "positive definite"),
     "zero covariance": (lambda: Measurement(lambda m: m.q, 0.0), "must be a positive number"),
@@ -91,16 +91,19 @@ WRONG = {
     ),
     "neither": (lambda: Filter(process(), start(), measurements={}), "either `deviations` or `covariance`"),
     "P": (lambda: Filter(process(), start(), measurements={}, covariance=-np.eye(4)), "without negative eigenvalues"),
-    "members": (lambda: Filter(process(), start(), measurements={}, deviations={}, members=0), "positive whole number"),
+    "members": (
+        lambda: Filter(process(), start(), measurements={}, deviations={}, members=0),
+        "`members` must be a whole number from 1",
+    ),
     "state": (lambda: Filter(process(), 3.0, measurements={}, deviations={}), "one of the system's states"),
     "process": (lambda: Filter(system(), start(), measurements={}, deviations={}), "one such as ModelProcess"),
     "shape of a deviation": (
         lambda: Filter(process(), start(), measurements={}, deviations={"q": [1.0, 2.0]}),
-        r"`q` of `deviations` must be one number or \(1,\)",
+        r"`q` of `deviations` must be one number or have shape \(1,\)",
     ),
     "shape of a drift": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": RandomWalk([1.0, 2.0])}),
-        r"how `bias` drifts must be one number or \(1,\)",
+        r"how `bias` drifts must be one number or have shape \(1,\)",
     ),
     "far from the mean": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": GaussMarkov(0.1, 5, mean=1)}),
@@ -118,7 +121,7 @@ WRONG = {
         "needs 4 arguments",
     ),
     "times of a clock": (lambda: run(until=1.7e9), "subtract the time at which the log begins"),
-    "step": (lambda: filter().predict(0.0), "positive number of seconds"),
+    "step": (lambda: filter().predict(0.0), "`time` of .* must be positive"),
     "input": (lambda: filter().predict(0.1, {"pull": 1.0}), "no input `pull`: there are push"),
     "name": (lambda: filter().update({"depth": 1.0}), "no measurement `depth`: there are place"),
     "value": (lambda: filter().update({"place": [1.0, 2.0]}), "1 numbers at each time"),
@@ -148,9 +151,9 @@ WRONG = {
     "variances in words": (lambda: Measurement(lambda m: m.q, "0.1"), "must be a positive number"),
     "memory that is True": (
         lambda: Filter(process(), start(), measurements={}, deviations={}, memory=True),
-        "`memory` must be a number of seconds",
+        "`memory` must be a finite number from 0, but is True",
     ),
-    "every": (lambda: run(save_every=0), "positive whole number"),
+    "every": (lambda: run(save_every=0), "`save_every` must be a whole number from 1"),
 }
 
 
@@ -185,7 +188,7 @@ def test_arrays_that_do_not_fit_are_told():
             one.drawn(given, 0.1, of)
     with pytest.raises(co.ArgumentError, match="velocities of rows"):
         one.with_velocities(rows, np.zeros((1, 2)), np.zeros((1, 1)))
-    with pytest.raises(co.ArgumentError, match="`dt` of a prediction must be a positive number"):
+    with pytest.raises(co.ArgumentError, match="`dt` must be positive"):
         filter.predict(True)
     with pytest.raises(co.ArgumentError, match=r"Smoothing takes what `Filter\.run` returns"):
         co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]

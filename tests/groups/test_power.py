@@ -91,8 +91,8 @@ def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
     [
         (lambda: co.Power("SO3", 3), "must be a Lie group such as SO3\\(\\), but is 'SO3'"),
         (lambda: co.Power(co.Power(co.SO3(), 2), 2), "must not be a power itself"),
-        (lambda: co.Power(co.SO3(), 0), "must be a whole number of links from 1, but is 0"),
-        (lambda: co.Power(co.SO3(), 2.5), "must be a whole number of links from 1, but is 2.5"),
+        (lambda: co.Power(co.SO3(), 0), "must be a whole number from 1, but is 0"),
+        (lambda: co.Power(co.SO3(), 2.5), "must be a whole number from 1, but is 2.5"),
         (lambda: co.Power(co.SO3(), 3, "line"), 'must be "chain", "ring", "all" or pairs of links, but is'),
         (lambda: co.Power(co.SO3(), 3, [0, 1]), "must be a list of pairs of links"),
         (lambda: co.Power(co.SO3(), 3, 7), "must be a list of pairs of links"),

@@ -263,7 +263,7 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear[6]"]}, "has shape \\(6,\\)"),
         ({"parameters": ["center_of_buoyancy"]}, "are zero"),
         ({"parameters": ["linear"], "noise": {"speed": 1.0}}, "names `speed`"),
-        ({"parameters": ["linear"], "noise": {"u": 0.0}}, "must be a positive number"),
+        ({"parameters": ["linear"], "noise": {"u": 0.0}}, "noise of `u` must be positive"),
         ({"parameters": ["linear"], "segment": 0.2}, "fewer than four samples"),
         ({"parameters": ["linear"], "noise": {"angle": 1.0}}, "names `angle`"),
         ({"parameters": ["linear"], "segment": 0.0}, "`segment` must be a positive time"),
@@ -281,7 +281,7 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear"], "settle": "2"}, "`settle` must be a number"),
         ({"parameters": ["linear"], "delays": ["position"], "longest_delay": "1"}, "`longest_delay` must be a number"),
         ({"parameters": ["linear"], "noise": 0.1}, "`noise` must be name → value"),
-        ({"parameters": ["linear"], "noise": {"u": True}}, r"`noise\['u'\]` must be a number, but is True"),
+        ({"parameters": ["linear"], "noise": {"u": True}}, "noise of `u` must be positive, but is True"),
         ({"parameters": ["linear"], "measured": [1]}, "`measured` must be name → value"),
         ({"parameters": ["linear"], "measured": {"u": None}}, "`u` of `measured` must be a function of the state"),
         ({"parameters": ["linear"], "measured": {"u": lambda state: state.nu}}, "of `u` in `measured` must return one"),
@@ -342,10 +342,10 @@ def test_a_wrong_log_is_told_in_a_sentence(fine):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"noise": {"u": -0.1}}, "noise of `u` must be a standard deviation of at least 0, but is -0.1"),
-        ({"noise": {"u": np.inf}}, "noise of `u` must be a standard deviation"),
-        ({"noise": {"u": "0.1"}}, r"`noise\['u'\]` must be a number"),
-        ({"seed": -1}, "`seed` must be a whole number of at least 0, but is -1"),
+        ({"noise": {"u": -0.1}}, "noise of `u`, a standard deviation, must be a finite number from 0, but is -0.1"),
+        ({"noise": {"u": np.inf}}, "noise of `u`, a standard deviation, must be a finite"),
+        ({"noise": {"u": "0.1"}}, "noise of `u`, a standard deviation, must be a finite"),
+        ({"seed": -1}, "`seed` must be a whole number from 0, but is -1"),
         ({"seed": 1.5}, "`seed` must be a whole number"),
     ],
 )

@@ -11,7 +11,6 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify
-from coadjoint.identification.arguments import require_named, require_numbers
 
 T = np.arange(5.0)
 NAN, INF = np.nan, np.inf
@@ -82,13 +81,13 @@ def top() -> tuple[co.System, co.State]:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"level": 0.0}, "`level` must lie between 0 and 1, but is 0"),
-        ({"level": 1.0}, "`level` must lie between 0 and 1, but is 1"),
+        ({"level": 0.0}, "`level` must be a number between 0 and 1, but is 0"),
+        ({"level": 1.0}, "`level` must be a number between 0 and 1, but is 1"),
         ({"level": True}, "`level` must be a number"),
-        ({"segment": 0.0}, "`segment` must be a positive time in s, or None, but is 0"),
-        ({"segment": INF}, "`segment` must be a positive time"),
+        ({"segment": 0.0}, "`segment` must be positive, but is 0"),
+        ({"segment": INF}, "`segment` must be positive"),
         ({"between": "cubic"}, '`between` must be "held" or "linear", but is \'cubic\''),
-        ({"dt": "a"}, "`dt` must be a number"),
+        ({"dt": "a"}, "`dt` must be positive"),
         ({"noise": [1.0]}, "`noise` must be name → value"),
         ({"measured": [1.0]}, "`measured` must be name → value"),
         ({"log": T}, "`log` must be a Log"),
@@ -110,7 +109,6 @@ def test_what_holds_a_system_is_no_system():
 
 @pytest.mark.parametrize("value", [True, np.True_, "1", None, [1.0]])
 def test_numbers_are_numbers_and_no_truth_values(value):
-    require_numbers(level=1, settle=np.float64(0.5), dt=np.int64(2))
-    with pytest.raises(ArgumentError, match="Argument `level` must be a number"):
-        require_numbers(level=value)
-    require_named(noise={})
+    system, start = top()
+    with pytest.raises(ArgumentError, match="Argument `level` must be a number between 0 and 1, but is"):
+        identify(system, log(), start=start, parameters=["inertia"], level=value)

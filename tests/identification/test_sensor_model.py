@@ -246,7 +246,7 @@ def test_actuators_after_a_gap_are_where_the_log_has_them():
         ({"delays": {"gps": ["north"], "dvl": ["north", "u"]}}, "north in `gps` and in `dvl`"),
         ({"delays": ["u"], "longest_delay": -1.0}, "`longest_delay` must be positive"),
         ({"delays": ["u"], "longest_delay": 30.0}, "below a quarter of the log's"),
-        ({"attitude": "euler"}, '`attitude` must be "angles", "rotation" or None'),
+        ({"attitude": "euler"}, '`attitude` must be "angles" or "rotation"'),
         ({"attitude": "rotation", "delays": ["heading"]}, "has one delay"),
         ({"parameters": ["linear[0] = linear[1]"]}, "must begin equal, but `linear\\[0\\]` is 3"),
         ({"parameters": ["linear = added_mass[0,0]"]}, "must have as many numbers"),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.spaces.numbers import float64
 
 
 def body(**more) -> co.System:

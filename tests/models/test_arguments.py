@@ -61,7 +61,7 @@ def tilted(A, entry=(0, 3), by=0.5):
             lambda: vehicle(inertia=INDEFINITE),
             "`inertia` must be positive definite, but has the eigenvalue -1",
         ),
-        (lambda: vehicle(inertia=(1, 2)), "must have shape (3, 3), or (3,) for a diagonal matrix, but has shape (2,)."),
+        (lambda: vehicle(inertia=(1, 2)), "must have shape (3, 3) or (3,), but has shape (2,)."),
         (lambda: vehicle(added_mass=SKEWED), "use (added_mass + added_mass.T) / 2 if that is what you mean."),
         (lambda: vehicle(added_mass=INDEFINITE), "Argument `added_mass` must have no negative eigenvalue, but has -1"),
         (lambda: vehicle(added_mass=np.zeros((6, 6))), "but has shape (6, 6)."),

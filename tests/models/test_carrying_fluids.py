@@ -159,8 +159,8 @@ def test_heavy_fluid_over_light_turns_over():
 def test_what_carries_nothing_is_refused():
     fluid = fluids.magnetohydrodynamics(4)
     for call, sentence in (
-        (lambda: fluids.magnetohydrodynamics(1), "`size` must be a whole number N from 2, but is 1"),
-        (lambda: fluids.boussinesq(4, rotation=np.inf), "`rotation` must be a finite number, rad/s, but is inf"),
+        (lambda: fluids.magnetohydrodynamics(1), "`size` must be a whole number from 2, but is 1"),
+        (lambda: fluids.boussinesq(4, rotation=np.inf), "`rotation` must be a finite number, but is inf"),
         (lambda: fluids.carrying_start(fluids.euler(4), np.zeros((2, 2)), np.zeros((2, 2))), "that carries a function"),
         (lambda: fluids.carrying_start(fluid, np.eye(2), np.zeros((2, 2))), "must have mean 0, but c_00 is 1.0"),
         (lambda: fluids.DampedMidpoint(drag=0.1).require_fit(fluid), "damps vorticity alone: take a fluid"),

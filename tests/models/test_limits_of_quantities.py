@@ -57,7 +57,7 @@ def test_a_diagonal_stands_for_its_matrix_and_a_matrix_is_symmetric_to_round_off
         assert check(np.array([[1.0, 0.8e-9], [0.0, 1.0]]), "x", 2)[0, 1] == 0.8e-9
         with pytest.raises(ArgumentError, match="must be symmetric, but differs from its transpose by 2e-09"):
             check(SKEW, "x", 2)
-        with pytest.raises(ArgumentError, match=r"must have shape \(2, 2\), or \(2,\) for a diagonal matrix"):
+        with pytest.raises(ArgumentError, match=r"must have shape \(2, 2\) or \(2,\), but has shape"):
             check(np.eye(3), "x", 2)
 
 
@@ -109,8 +109,8 @@ def test_poles_and_a_turn_are_places_of_vortices(place):
         ({"places": [[0.0, -6.3]]}, "longitudes from −2π to 2π"),
         ({"places": [0.3, 0.5]}, r"must be \(vortices, 2\)"),
         ({"strengths": [1.0, 2.0]}, r"must be \(vortices, 2\)"),
-        ({"radius": 0.0}, "`radius` must be a finite number above 0, but is 0"),
-        ({"radius": 3.2}, "`radius` must be up to π"),
+        ({"radius": 0.0}, "`radius` must be positive, but is 0"),
+        ({"radius": 3.2}, "`radius` must be a finite number up to 3.14159"),
         ({"radius": 0.09}, "take a higher `degree`"),
         ({"degree": 0}, "degree"),
     ],

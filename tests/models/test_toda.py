@@ -89,5 +89,5 @@ def test_wrong_lattices_are_refused_in_a_sentence():
     for particles in (1, 2.5, 40, "three", True, np.nan, np.inf):
         with pytest.raises(co.ArgumentError, match="`particles` must be a whole number from 2 to 12"):
             toda.lattice(particles=particles)
-    with pytest.raises(co.ArgumentError, match="`momenta` must hold 3 numbers, one a particle"):
+    with pytest.raises(co.ArgumentError, match="`momenta` must have shape \\(3,\\)"):
         toda.start(toda.lattice(particles=3), positions=[0, 1, 2], momenta=[1, 2])

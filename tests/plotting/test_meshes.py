@@ -121,8 +121,8 @@ def test_a_damaged_file_is_a_sentence(name, tmp_path):
     ("name", "text", "options", "words"),
     [
         ("a.step", "", {}, "ends in .stl, .obj, .gltf or .glb"),
-        ("a.obj", OBJ, {"unit": "foot"}, "`unit` of a mesh must be one of"),
-        ("a.obj", OBJ, {"axes": "ENU"}, "`axes` of a mesh must be one of"),
+        ("a.obj", OBJ, {"unit": "foot"}, '`unit` of a mesh must be "m", "cm"'),
+        ("a.obj", OBJ, {"axes": "ENU"}, '`axes` of a mesh must be "FRD", "FLU"'),
         ("a.obj", "v 0 0 0\n", {}, "has no triangles"),
         ("a.obj", "v 0 0 0\nf 1 2 3\n", {}, "is damaged"),
         ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", {}, "not finite"),

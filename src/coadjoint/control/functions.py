@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.library import casadi
-from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.trace_checks import in_words
-from coadjoint.spaces.numbers import float64
 
 
 def casadi_function(
@@ -31,8 +32,7 @@ def casadi_function(
     Raises ArgumentError for other arguments and where CasADi is not installed, LagrangianError for a function that
     JAX cannot trace, or that needs an operation that CasADi does not have, by the name of the operation.
     """
-    if not callable(function):
-        raise ArgumentError(f"Argument `function` must be a function of arrays, but is {shown(function)}.")
+    checks.function(function, "function", "a function of arrays")
     ca, tracer = casadi(), Tracer()
     known: dict[Any, Any] = {}
     symbols, columns = [], []

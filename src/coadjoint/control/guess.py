@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.boundary_conditions import end_state
 from coadjoint.control.inputs_between import guesses
 from coadjoint.control.problem_data import End
@@ -45,8 +46,7 @@ def guessed_motion(transcription: Transcription, guess: Run | str | None) -> tup
         guess = "interpolate" if placed else "simulate"
     if isinstance(guess, Run):
         return _of_run(transcription, guess)
-    if not isinstance(guess, str):
-        raise ArgumentError(f"Argument `guess` must be a run, a name or None, but is {shown(guess)}.")
+    checks.instance(guess, "guess", str, "a run, a name or None")
     if guess == "interpolate":
         return _interpolated(transcription), {}
     if guess == "simulate":

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.control.numbers import number, require_between, spread
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.expressions.expression import Expr
@@ -23,7 +24,6 @@ from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.mechanics.trace_checks import in_words, require_float64
-from coadjoint.spaces.numbers import float64
 
 COURSES = ("held", "linear")
 """How an input may go over a step."""

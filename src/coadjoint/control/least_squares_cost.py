@@ -8,7 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
 
 
 def squares(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -21,8 +21,7 @@ def squares(function: Callable[..., Any]) -> Callable[..., Any]:
     To `problem.solve` this is a cost as any other. A controller takes 2 JᵀJ for its Hessian, J = ∂e/∂(x, u), which is
     never negative and needs no second derivatives. Raises ArgumentError for what is no function.
     """
-    if not callable(function):
-        raise ArgumentError(f"Argument `function` must be a function of the motion, but is {shown(function)}.")
+    checks.function(function, "function", "a function of the motion")
 
     @functools.wraps(function)
     def cost(*arguments: Any) -> Any:

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.functions import traced
 from coadjoint.control.library import casadi
@@ -56,10 +57,7 @@ class MeasuredState:
 
     def _require(self, state: Any) -> None:
         system = self._transcription.problem.system
-        if not isinstance(state, State):
-            raise ArgumentError(
-                f"Argument `state` must be a co.State of the problem's system, but is {type(state).__name__}."
-            )
+        checks.instance(state, "state", State, "a co.State of the problem's system")
         if state.places != system.places:
             raise ArgumentError("Argument `state` belongs to a system with another group or other spaces.")
         if np.ndim(state.t):

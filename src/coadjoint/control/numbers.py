@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.spaces.numbers import float64
 
 
 def number(value: Any, name: str, nan: bool = False) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.guess import guessed_motion, variables
 from coadjoint.control.joints import KEPT, Joint, carried, phased_program
 from coadjoint.control.numbers import number
@@ -141,8 +142,7 @@ class Phases:
             free = free or other.free_duration is not None
 
     def _require_shared(self) -> None:
-        if not isinstance(self.shared, (tuple, list)):
-            raise ArgumentError(f'Argument `shared` must be names, such as ("mass",), but is {shown(self.shared)}.')
+        checks.instance(self.shared, "shared", (tuple, list), 'names, such as ("mass",)')
         for name in self.shared:
             if sum(name in one.parameters for one in self.phases.values()) < 2:
                 raise ArgumentError(

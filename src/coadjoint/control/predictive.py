@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
@@ -318,8 +319,8 @@ def controller(
         raise ArgumentError(f"Argument `period` must not be longer than the horizon of {problem.length:g} s.")
     if late > steps:
         raise ArgumentError("Argument `delay` must not be longer than the period.")
-    if fallback is not None and not callable(fallback):
-        raise ArgumentError(f"Argument `fallback` must be a function of the state, but is {shown(fallback)}.")
+    if fallback is not None:
+        checks.function(fallback, "fallback", "a function of the state")
     problem = replace(
         problem, duration=None, parameters=dict.fromkeys(changing_names(problem, changing), (-np.inf, np.inf))
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
 from coadjoint.control.numbers import number, require_between, spread
@@ -43,10 +44,7 @@ class Input:
     course: str = "held"
 
     def __post_init__(self):
-        if self.course not in COURSES:
-            raise ArgumentError(
-                f'Argument `course` of an input must be "held" or "linear", but is {shown(self.course)}.'
-            )
+        checks.choice(self.course, "Argument `course` of an input", COURSES)
         shape = (self.shape,) if isinstance(self.shape, int) else self.shape
         if not isinstance(shape, tuple) or not all(type(n) is int and n > 0 for n in shape) or len(shape) > 1:
             raise ArgumentError(f"Argument `shape` of an input must be () or (m,), but is {shown(self.shape)}.")
@@ -160,20 +158,14 @@ class ProblemData:
         for name, bounds in self.path.items():
             require_signature(bounds.function, f"Argument `path` under `{name}`", arguments)
         if self.end is not None and not isinstance(self.end, End):
-            if not callable(self.end):
-                raise ArgumentError(
-                    "Argument `end` must be co.control.End(g=…, xi=…) or a function of the motion that is zero at the "
-                    f"end, but is {shown(self.end)}."
-                )
+            checks.function(
+                self.end, "end", "co.control.End(g=…, xi=…) or a function of the motion that is zero at the end"
+            )
             require_signature(self.end, "Argument `end`", arguments)
 
     def _require_path_points(self) -> None:
         given = self.path_points
-        if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or not 0 <= given <= MOST_POINTS:
-            raise ArgumentError(
-                f"Argument `path_points` must be a whole number from 0 to {MOST_POINTS}, of points inside each step at "
-                f"which `path` holds, but is {shown(given)}."
-            )
+        checks.whole(given, "path_points", 0, MOST_POINTS)
         if given and not self.path:
             raise ArgumentError("Argument `path_points` is where `path` holds inside steps: give `path`.")
 

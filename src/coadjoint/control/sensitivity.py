@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from coadjoint import checks
 from coadjoint.control.conditions import SolvedProgram, conditions
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
@@ -59,10 +60,7 @@ def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start
 
 
 def _require(problem: ProblemData, names: tuple[str, ...], start: Any) -> None:
-    if not isinstance(start, (tuple, list)):
-        raise ArgumentError(
-            f'Argument `start` must be names of parts of a state, such as ("g", "mu"), not {shown(start)}.'
-        )
+    checks.instance(start, "start", (tuple, list), 'names of parts of a state, such as ("g", "mu")')
     for name in names:
         if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):
             raise ArgumentError(

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.guess import guessed
 from coadjoint.control.infeasible import resisting
 from coadjoint.control.library import INTERRUPTED, IPOPT, casadi
@@ -82,8 +83,7 @@ def settings_of(
     solver: str, tolerance: float, max_iterations: int, verbose: bool, options: Mapping[str, Any] | None
 ) -> Settings:
     """The arguments of `Problem.solve` that are the solver's, checked."""
-    if solver not in SOLVERS:
-        raise ArgumentError(f"Argument `solver` must be one of {', '.join(SOLVERS)}, but is {shown(solver)}.")
+    checks.choice(solver, "solver", SOLVERS)
     if not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
         raise ArgumentError(f"Argument `tolerance` must be a small positive number, but is {shown(tolerance)}.")
     found, more = _options(solver, tolerance, whole(max_iterations, "max_iterations"), verbose), dict(options or {})

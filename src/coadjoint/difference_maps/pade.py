@@ -8,8 +8,8 @@ from math import factorial
 import jax
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element, transpose
 
@@ -27,10 +27,7 @@ class Pade(DifferenceMap):
     order: int = 2
 
     def __post_init__(self):
-        if not isinstance(self.order, int) or isinstance(self.order, bool) or not 1 <= self.order <= 8:
-            raise ArgumentError(
-                f"Argument `order` of Pade must be a whole number from 1 to 8, but is {shown(self.order)}."
-            )
+        object.__setattr__(self, "order", checks.whole(self.order, "Argument `order` of Pade", 1, 8))
 
     def _coefficients(self) -> list[float]:
         m = self.order

@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
 from coadjoint.kernels.packing import pack
@@ -30,12 +31,7 @@ class Drifting:
         self.sizes, self._drifts = dict(sizes), dict(drifts)
         for name, drift in self._drifts.items():
             for what in ("deviation", "density", "mean"):
-                shape = np.shape(getattr(drift, what, 0.0))
-                if shape not in ((), (self.sizes[name],)):
-                    raise ArgumentError(
-                        f"`{what}` of how `{name}` drifts must be one number or ({self.sizes[name]},), but has the "
-                        f"shape {shape}."
-                    )
+                checks.shape(getattr(drift, what, 0.0), f"`{what}` of how `{name}` drifts", (), (self.sizes[name],))
         self.count = sum(self.sizes.values())
         self.means = self._each(0.0, lambda drift: drift.mean)
 

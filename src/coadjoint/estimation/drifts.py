@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.trace.evaluate import traced
@@ -64,13 +65,7 @@ class GaussMarkov(Drift):
 
     def __post_init__(self):
         object.__setattr__(self, "deviation", not_negative(self.deviation, "deviation", "co.estimation.GaussMarkov"))
-        time = not_negative(self.time, "time", "co.estimation.GaussMarkov")
-        if np.ndim(time) or not time > 0:
-            raise ArgumentError(
-                f"Argument `time` of co.estimation.GaussMarkov must be a positive number of seconds, but is "
-                f"{shown(self.time)}."
-            )
-        object.__setattr__(self, "time", float(time))
+        object.__setattr__(self, "time", checks.positive(self.time, "Argument `time` of co.estimation.GaussMarkov"))
         object.__setattr__(self, "mean", finite(self.mean, "mean", "co.estimation.GaussMarkov"))
 
     def factor(self, h: Any) -> Any:

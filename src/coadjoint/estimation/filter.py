@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, StepError, shown, warn
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
 from coadjoint.estimation.measurements import Measurement, semidefinite
-from coadjoint.estimation.numbers import float64, is_number, numbers
+from coadjoint.estimation.numbers import float64, numbers
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample, judged_log, judged_members
 from coadjoint.estimation.timetable import (
@@ -89,11 +90,9 @@ class Filter(Remade):
         members: int | None = None,
         accuracy: bool = True,
     ):
-        if not isinstance(process, Process):
-            raise ArgumentError(f"Argument `process` must be one such as ModelProcess, but is {shown(process)}.")
-        self.process, self.members = process, _members(members)
-        if not isinstance(measurements, Mapping):
-            raise ArgumentError(f"Argument `measurements` must be name → Measurement, but is {shown(measurements)}.")
+        checks.instance(process, "process", Process, "one such as ModelProcess")
+        self.process, self.members = process, None if members is None else checks.whole(members, "members")
+        checks.instance(measurements, "measurements", Mapping, "name → Measurement")
         row = process.row(start)
         require_times(float(process.time(row)), "The filter begins")
         P = _first(process, row, deviations, covariance)
@@ -173,10 +172,7 @@ class Filter(Remade):
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
-        if not (is_number(dt) and 0.0 < dt < np.inf):
-            raise ArgumentError(
-                f"Argument `dt` of a prediction must be a positive number of seconds, but is {shown(dt)}."
-            )
+        checks.positive(dt, "dt")
         self._require_inputs(inputs)
         before, given = (self.t, self.rows, self.P), dict(inputs or {})
         for name in self._awaited - set(given):
@@ -218,10 +214,9 @@ class Filter(Remade):
         Raises ArgumentError for names that are no measurements, for other shapes and for times that are not kept,
         StepError where the covariance does not stay finite.
         """
-        if not isinstance(measured, Mapping):
-            raise ArgumentError(f"Argument `measured` must be name → value, but is {shown(measured)}.")
-        if t is not None and not is_number(t):
-            raise ArgumentError(f"Argument `t` must be a number of seconds, but is {shown(t)}.")
+        checks.instance(measured, "measured", Mapping, "name → value")
+        if t is not None:
+            checks.number(t, "t")
         for name, value in measured.items():
             self._value(name, value)
         kept = self.rows, self.P, self._past.copy()
@@ -291,8 +286,7 @@ class Filter(Remade):
         time. save_every: every how many nodes are kept, by default 1. covariances: whether P is kept, not only its
         diagonal.
         """
-        if isinstance(save_every, bool) or not isinstance(save_every, (int, np.integer)) or save_every < 1:
-            raise ArgumentError(f"Argument `save_every` must be a positive whole number, but is {shown(save_every)}.")
+        checks.whole(save_every, "save_every", 1)
         seen = self._series(measured, "measured", self._sizes)
         known = {name: seen[name] for name in self.measurements if name in seen}
         told = self._series(inputs, "inputs", self.process.input_sizes)
@@ -329,8 +323,8 @@ class Filter(Remade):
             warn(sentence, stacklevel=3)
 
     def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
-        if given is not None and not isinstance(given, Mapping):
-            raise ArgumentError(f"Argument `{argument}` must be name → (times, values), but is {shown(given)}.")
+        if given is not None:
+            checks.instance(given, argument, Mapping, "name → (times, values)")
         return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
 
     def _value(self, name: str, value: Any) -> np.ndarray:
@@ -345,8 +339,8 @@ class Filter(Remade):
         return one.values if one.values.ndim == 2 else one.values[0]
 
     def _require_inputs(self, inputs: Any) -> None:
-        if not isinstance(inputs, (Mapping, type(None))):
-            raise ArgumentError(f"Argument `inputs` must be name → value, but is {shown(inputs)}.")
+        if inputs is not None:
+            checks.instance(inputs, "inputs", Mapping, "name → value")
         for name in inputs or ():
             if name not in self.process.input_sizes:
                 known = ", ".join(self.process.input_sizes) or "none"
@@ -355,10 +349,7 @@ class Filter(Remade):
 
 def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:
     """A measurement with its function of rows, R and the largest NIS that is accepted."""
-    if not isinstance(measurement, Measurement):
-        raise ArgumentError(
-            f"`{name}` of `measurements` must be a co.estimation.Measurement, but is {shown(measurement)}."
-        )
+    checks.instance(measurement, f"`{name}` of `measurements`", Measurement, "a co.estimation.Measurement")
     with in_words(f"The function of the measurement `{name}`"):
         function = process.measurement(measurement.function, measurement.of_state)
         seen, _ = function(np.zeros((1, process.width)), process.example[None])
@@ -376,14 +367,6 @@ def _array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
             f"`{name}` of a filter must be a float64 array of the shape {shape}, but its shape is {np.shape(value)}."
         )
     return np.ascontiguousarray(value)
-
-
-def _members(members: Any) -> int | None:
-    if members is None:
-        return None
-    if isinstance(members, (int, np.integer)) and not isinstance(members, bool) and members > 0:
-        return int(members)
-    raise ArgumentError(f"Argument `members` must be a positive whole number or None, but is {shown(members)}.")
 
 
 def _first(process: Process, row: np.ndarray, deviations: Any, covariance: Any) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.timetable import SAME
@@ -93,8 +94,8 @@ class Filtered:
         """
         if self.covariances is None:
             raise ArgumentError("The NEES needs the covariances: run the filter with covariances=True.")
-        if not isinstance(known, Mapping | None):
-            raise ArgumentError(f"Argument `known` must be a dict of names and numbers, but is {shown(known)}.")
+        if known is not None:
+            checks.instance(known, "known", Mapping, "a dictionary of names and numbers")
         truth = self._process.rows_of(truth, self.t, known)
         if self.rows.ndim == 3 and np.shape(truth) == (len(self.t), self.rows.shape[2]):
             truth = np.broadcast_to(truth[:, None], self.rows.shape)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.numbers import is_number
 from coadjoint.estimation.timetable import SAME
 
 
@@ -29,11 +29,7 @@ class Past:
     """The steps of the last `memory` seconds."""
 
     def __init__(self, memory: Any):
-        if not (is_number(memory) and 0.0 <= memory < np.inf):
-            raise ArgumentError(
-                f"Argument `memory` must be a number of seconds that is not negative, but is {shown(memory)}."
-            )
-        self._memory, self._steps = float(memory), deque[PastStep]()
+        self._memory, self._steps = checks.not_negative(memory, "memory"), deque[PastStep]()
 
     def predicted(self, t: float, rows: np.ndarray, P: np.ndarray, dt: float, inputs: dict[str, Any]) -> None:
         """A prediction from t was made."""
@@ -61,7 +57,7 @@ class Past:
     def back(self, t: Any, now: float) -> list[PastStep]:
         """The steps from that around t on, which are forgotten; raises ArgumentError where none is kept."""
         first = self._steps[0].t if self._steps else now
-        if not (is_number(t) and first - SAME <= t <= now + SAME):
+        if not (checks.is_number(t) and first - SAME <= t <= now + SAME):
             raise ArgumentError(
                 f"A measurement at t = {shown(t)} s cannot be taken: the filter stands at {now:g} s and remembers its "
                 f"steps from {first:g} s on; `memory` of the filter says how far back it does."

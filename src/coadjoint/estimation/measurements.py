@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.numbers import is_number, numbers
+from coadjoint.estimation.numbers import numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +49,9 @@ class Measurement:
                 f"or a symmetric positive definite matrix (m, m), but is {shown(self.covariance)}."
             )
         object.__setattr__(self, "covariance", found)
-        if self.gate is not None and not (is_number(self.gate) and 0.0 < self.gate < 1.0):
-            raise ArgumentError(
-                "Argument `gate` of co.estimation.Measurement must be a probability between 0 and 1, as 0.999, but "
-                f"is {shown(self.gate)}."
+        if self.gate is not None:
+            checks.number(
+                self.gate, "Argument `gate` of co.estimation.Measurement, a probability,", above=0.0, below=1.0
             )
 
     def turns(self, size: int, name: str) -> np.ndarray:

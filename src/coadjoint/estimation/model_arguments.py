@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -23,8 +24,7 @@ def sizes_of(shapes: Any) -> dict[str, int]:
 
 def require_fit(method: Method, system: System, start: State, error: str) -> None:
     """Raise ArgumentError for methods, spaces and starts that a filter does not take."""
-    if error not in ("left", "right"):
-        raise ArgumentError(f'Argument `error` of {WHOSE} must be "left" or "right", but is {shown(error)}.')
+    checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
     if method.variable or len(method.pattern) != 1 or len(method.substeps) != 1 or method.pattern[0][0].tolerant:
         raise ArgumentError(f"A filter takes a method of one stage, such as co.Midpoint(), not {method.title}.")
     if method.start == "velocity":
@@ -42,10 +42,7 @@ def roots_of_noise(given: Mapping[str, Any] | None, d: int, q: int) -> np.ndarra
     given, found = dict(given or {}), []
     for name, size in (("torque", d), ("force", q)):
         value = not_negative(given.pop(name, 0.0), name, "`noise`")
-        if value.shape not in ((), (size,)):
-            raise ArgumentError(
-                f"`{name}` of `noise` must be one number or ({size},), but has the shape {value.shape}."
-            )
+        checks.shape(value, f"`{name}` of `noise`", (), (size,))
         found.append(np.broadcast_to(value, (size,)))
     if given:
         raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")

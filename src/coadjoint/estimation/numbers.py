@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-
-def is_number(value: Any) -> bool:
-    """Whether a value is one real number, of Python or of NumPy."""
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, (bool, np.timedelta64))
+from coadjoint.checks import is_number
 
 
 def float64(value: Any) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
@@ -35,17 +36,13 @@ def arguments_of(function: Callable[..., Any]) -> int | None:
 def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
     """Standard deviations by names as numbers (n,), 0 of what is not named; raises ArgumentError."""
     found = []
-    if not isinstance(deviations, Mapping):
-        raise ArgumentError(f"`deviations` must be name → number, but is {shown(deviations)}.")
+    checks.instance(deviations, "`deviations`", Mapping, "name → number")
     for name in deviations:
         if name not in sizes:
             raise ArgumentError(f"There is no error `{name}` to give a deviation of: there are {', '.join(sizes)}.")
     for name, size in sizes.items():
         value = not_negative(deviations.get(name, 0.0), name, "`deviations`")
-        if value.shape not in ((), (size,)):
-            raise ArgumentError(
-                f"`{name}` of `deviations` must be one number or ({size},), but has the shape {value.shape}."
-            )
+        checks.shape(value, f"`{name}` of `deviations`", (), (size,))
         found.append(np.broadcast_to(value, (size,)))
     return np.concatenate(found)
 

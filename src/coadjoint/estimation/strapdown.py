@@ -14,6 +14,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.augmented_state import Drifting
 from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative
@@ -90,13 +91,11 @@ class StrapdownProcess(Process):
         position: Any = (0.0, 0.0, 0.0),
         euler_zyx: Any = (0.0, 0.0, 0.0),
     ):
-        if error not in ("left", "right"):
-            raise ArgumentError(f'Argument `error` of {WHOSE} must be "left" or "right", but is {shown(error)}.')
-        self.error, self.gravity = error, float(vector(gravity, "gravity", (), WHOSE))
-        if self.gravity < 0:
-            raise ArgumentError(
-                f"`gravity` of {WHOSE} must not be negative, but is {gravity:g}: its third axis is down."
-            )
+        checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
+        self.error, self.gravity = (
+            error,
+            checks.not_negative(gravity, f"`gravity` of {WHOSE}, whose third axis is down,"),
+        )
         angles = vector(euler_zyx, "euler_zyx", (3,), WHOSE)
         if np.any(np.abs(angles) > 2 * np.pi):
             raise ArgumentError(f"`euler_zyx` of {WHOSE} must be angles in rad, up to 2π, but is {shown(euler_zyx)}.")
@@ -119,9 +118,7 @@ class StrapdownProcess(Process):
         size = 22 + self._drifts.count
         if isinstance(state, np.ndarray) and state.shape == (size,):
             return state
-        if not isinstance(state, InertialState):
-            raise ArgumentError(f"The `state` of a {WHOSE} must be an InertialState, but is {shown(state)}.")
-        parts = parts_of(state)
+        parts = parts_of(checks.instance(state, f"The `state` of a {WHOSE}", InertialState, "an InertialState"))
         for name in DRIFTING:
             if name not in self._drifts.sizes and np.any(parts[name]):
                 raise ArgumentError(f"The process has no `{name}`: say in `drifting` how it drifts.")
@@ -303,8 +300,8 @@ def _drifts(given: Mapping[str, Drift] | None) -> dict[str, Drift]:
 
 
 def _require_names(given: Any, argument: str, of: str) -> None:
-    if given is not None and not isinstance(given, Mapping):
-        raise ArgumentError(f"`{argument}` of {WHOSE} must be name → {of}, but is {shown(given)}.")
+    if given is not None:
+        checks.instance(given, f"`{argument}` of {WHOSE}", Mapping, f"name → {of}")
 
 
 def _noise(given: Mapping[str, Any] | None) -> np.ndarray:
@@ -312,8 +309,7 @@ def _noise(given: Mapping[str, Any] | None) -> np.ndarray:
     given, found = dict(given or {}), []
     for name in ("gyroscope", "accelerometer"):
         value = not_negative(given.pop(name, 0.0), name, "`noise`")
-        if value.shape not in ((), (3,)):
-            raise ArgumentError(f"`{name}` of `noise` must be one number or (3,), but has the shape {value.shape}.")
+        checks.shape(value, f"`{name}` of `noise`", (), (3,))
         found.append(np.broadcast_to(value, (3,)))
     if given:
         raise ArgumentError(f"`noise` of {WHOSE} has `gyroscope` and `accelerometer`, but no `{next(iter(given))}`.")

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.clocks import jumps_ahead
 from coadjoint.errors import ArgumentError, shown, warn
-from coadjoint.estimation.numbers import float64, is_number
+from coadjoint.estimation.numbers import float64
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 from coadjoint.memory import require_room
 from coadjoint.units import jumps_by_degrees
@@ -151,13 +152,12 @@ class Timetable:
     """The nodes of a log: multiples of dt after the start, and the times of measurements and inputs between them."""
 
     def __init__(self, begin: float, dt: Any, until: Any, measured: dict[str, Series], inputs: dict[str, Series]):
-        if not (is_number(dt) and 0.0 < dt < np.inf):
-            raise ArgumentError(f"Argument `dt` must be a positive number of seconds, but is {shown(dt)}.")
+        checks.positive(dt, "dt")
         ends = [one.times[-1] for one in measured.values() if len(one.times)]
         if until is None and not ends:
             raise ArgumentError("Without measurements a run needs `until`, the time at which it ends.")
-        if until is not None and not is_number(until):
-            raise ArgumentError(f"Argument `until` must be a number of seconds, but is {shown(until)}.")
+        if until is not None:
+            checks.number(until, "until")
         end = float(max(ends) if until is None else until)
         require_times(end, "The log ends")
         if not end > begin - SAME:

@@ -8,12 +8,13 @@ from itertools import combinations
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import (
     MatrixCoordinates,
     MatrixElements,
     require_room,
-    require_size,
     singular,
     unit,
 )
@@ -52,7 +53,7 @@ class SOn(MatrixCoordinates, _Quadratic):
     size: int
 
     def __post_init__(self):
-        require_size("SOn", self.size, 2)
+        checks.whole(self.size, "Argument `size` of SOn", 2, error=GroupError)
 
     @property
     def leaf_names(self) -> tuple[str, ...]:
@@ -114,7 +115,7 @@ class Sp(_Quadratic):
     size: int
 
     def __post_init__(self):
-        require_size("Sp", self.size, 1)
+        checks.whole(self.size, "Argument `size` of Sp", 1, error=GroupError)
 
     @property
     def form(self) -> np.ndarray:
@@ -145,7 +146,7 @@ class GLn(MatrixElements):
     size: int
 
     def __post_init__(self):
-        require_size("GLn", self.size, 1)
+        checks.whole(self.size, "Argument `size` of GLn", 1, error=GroupError)
 
     @property
     def dim(self) -> int:
@@ -205,7 +206,7 @@ class SLn(MatrixCoordinates, MatrixElements):
     size: int
 
     def __post_init__(self):
-        require_size("SLn", self.size, 2)
+        checks.whole(self.size, "Argument `size` of SLn", 2, error=GroupError)
 
     @property
     def dim(self) -> int:

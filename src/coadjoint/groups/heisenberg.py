@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError, shown
+from coadjoint import checks
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, LieGroup
 
 
@@ -23,8 +24,7 @@ class Heisenberg(LieGroup):
     size: int = 1
 
     def __post_init__(self):
-        if not isinstance(self.size, int) or isinstance(self.size, bool) or self.size < 1:
-            raise GroupError(f"Argument `size` of Heisenberg must be a whole number from 1, but is {shown(self.size)}.")
+        object.__setattr__(self, "size", checks.whole(self.size, "Argument `size` of Heisenberg", 1, error=GroupError))
 
     @property
     def basis(self) -> np.ndarray:

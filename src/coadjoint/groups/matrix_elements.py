@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError, shown
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, Element, LieGroup
 
 
@@ -115,12 +115,6 @@ def require_room(group: LieGroup) -> None:
             f"The basis of {group!r} would take {size / 1e9:.3g} GB of memory: use `hat` and `vee` of the group, which "
             "need none, and co.IsospectralMidpoint() or, where it fits, co.Cayley() as difference map."
         )
-
-
-def require_size(group: str, size: object, least: int) -> None:
-    """Raise GroupError unless a size is an integer of at least `least`."""
-    if not isinstance(size, (int, np.integer)) or isinstance(size, bool) or size < least:
-        raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {shown(size)}.")
 
 
 def unit(size: int, i: int, j: int) -> np.ndarray:

@@ -60,8 +60,6 @@ def _norm(A: Array) -> Array:
     return jnp.max(jnp.sum(jnp.abs(A), axis=0))
 
 
-Array = Any
-
 _TURNS = (44, 12, 10, 8, 7, 6)
 """Iterations of each square root. An eigenvalue at the angle π − δ needs log₂(1/δ) of the first."""
 _AGREEMENT = 1e-9

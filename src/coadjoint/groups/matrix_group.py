@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import GroupError, shown, told
 from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.complex_form import off_real_form, real_form
@@ -73,10 +74,9 @@ class MatrixGroup(MatrixElements):
     def _check_constraint(self) -> None:
         xi = np.random.default_rng(2).normal(size=self.dim)
         xi *= 0.5 / np.max(np.abs(np.einsum("k,kij->ij", xi, self._basis)))
-        if not callable(self._constraint):
-            raise GroupError(
-                f"Argument `constraint` of {self._name} must be a function g ↦ array, but is {shown(self._constraint)}."
-            )
+        checks.function(
+            self._constraint, f"Argument `constraint` of {self._name}", "a function g ↦ array", error=GroupError
+        )
         try:
             off = float(evaluate(lambda xi: self.defect(self.exp(xi)), xi))
         except Exception as error:

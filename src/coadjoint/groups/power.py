@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup
 
@@ -38,17 +39,13 @@ class Power(LieGroup):
     coupling: str | tuple[tuple[int, int], ...]
 
     def __init__(self, factor: LieGroup, count: int, coupling: str | Iterable[tuple[int, int]] = "chain"):
-        if not isinstance(factor, LieGroup):
-            raise GroupError(f"Argument `factor` of Power must be a Lie group such as SO3(), but is {shown(factor)}.")
+        checks.instance(factor, "Argument `factor` of Power", LieGroup, "a Lie group such as SO3()", error=GroupError)
         if isinstance(factor, Power):
             raise GroupError(
                 f"Argument `factor` of Power must not be a power itself, but is {factor!r}: take "
                 f"Power({factor.factor!r}, {factor.count} * …) with pairs of links as `coupling`."
             )
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise GroupError(
-                f"Argument `count` of Power must be a whole number of links from 1, but is {shown(count)}."
-            )
+        checks.whole(count, "Argument `count` of Power", 1, error=GroupError)
         object.__setattr__(self, "factor", factor)
         object.__setattr__(self, "count", int(count))
         object.__setattr__(self, "coupling", _coupling(coupling, int(count)))

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError, shown
+from coadjoint import checks
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, LieGroup
 
 
@@ -28,10 +29,7 @@ class Translation(LieGroup):
         return ("x",)
 
     def __post_init__(self):
-        if not isinstance(self.size, int) or self.size < 0:
-            raise GroupError(
-                f"Argument `size` of Translation must be a whole number from 0, but is {shown(self.size)}."
-            )
+        object.__setattr__(self, "size", checks.whole(self.size, "Argument `size` of Translation", 0, error=GroupError))
 
     @property
     def basis(self) -> np.ndarray:

@@ -10,9 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from coadjoint import checks
+from coadjoint.errors import GroupError
 from coadjoint.groups.complex_form import real_form
 from coadjoint.groups.group import Array
-from coadjoint.groups.matrix_elements import MatrixCoordinates, diagonal, require_size
+from coadjoint.groups.matrix_elements import MatrixCoordinates, diagonal
 from coadjoint.groups.matrix_functions import logarithm
 
 _HALF = 0.5**0.5
@@ -183,7 +185,7 @@ class Un(_Unitary):
     size: int
 
     def __post_init__(self):
-        require_size("Un", self.size, 1)
+        checks.whole(self.size, "Argument `size` of Un", 1, error=GroupError)
 
     @property
     def dim(self) -> int:
@@ -212,7 +214,7 @@ class SUn(_Unitary):
     size: int
 
     def __post_init__(self):
-        require_size("SUn", self.size, 2)
+        checks.whole(self.size, "Argument `size` of SUn", 2, error=GroupError)
 
     @property
     def dim(self) -> int:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.identification.log import Log
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.arguments import require_kinds
@@ -20,23 +18,7 @@ def require_arguments(system: Any, log: Any, start: Any, method: Any) -> None:
             f"Argument `system` must be a co.System, but is {type(system).__name__}: give its `system`, of "
             f"{inner.name}."
         )
-    if not isinstance(log, Log):
-        raise ArgumentError(
-            "Argument `log` must be a Log, as co.vehicles.logs.read_log(path) and co.identification.synthetic_log(run) "
-            f"make, but is {shown(log)}."
-        )
+    checks.instance(
+        log, "log", Log, "a Log, as co.vehicles.logs.read_log(path) and co.identification.synthetic_log(run) make"
+    )
     require_kinds(system, start, method)
-
-
-def require_numbers(**given: Any) -> None:
-    """Raise ArgumentError for arguments, by their names, that are no number."""
-    for name, value in given.items():
-        if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
-            raise ArgumentError(f"Argument `{name}` must be a number, but is {shown(value)}.")
-
-
-def require_named(**given: Any) -> None:
-    """Raise ArgumentError for arguments, by their names, that are not name → value."""
-    for name, value in given.items():
-        if not isinstance(value, Mapping):
-            raise ArgumentError(f"Argument `{name}` must be name → value by columns of the log, but is {shown(value)}.")

@@ -8,10 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
-import numpy as np
-
-from coadjoint.errors import ArgumentError, shown
-from coadjoint.identification.arguments import require_arguments, require_named, require_numbers
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
+from coadjoint.identification.arguments import require_arguments
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
 from coadjoint.identification.commands import require_commands, require_current
 from coadjoint.identification.fitting import fitted
@@ -94,16 +93,17 @@ def identify(
     """
     method = Midpoint() if method is None else method
     require_arguments(system, log, start, method)
-    require_numbers(level=level, settle=settle, longest_delay=longest_delay)
+    checks.number(level, "level", above=0.0, below=1.0)
+    for name, value in {"settle": settle, "longest_delay": longest_delay}.items():
+        checks.number(value, name)
     lengths = {"segment": None if segment == "auto" else segment, "dt": dt}
-    require_numbers(**{name: value for name, value in lengths.items() if value is not None})
-    require_named(noise={} if noise is None else noise, measured={} if measured is None else measured)
-    if not 0 < level < 1:
-        raise ArgumentError(f"Argument `level` must lie between 0 and 1, but is {level:g}.")
-    if (length := lengths["segment"]) is not None and not (np.isfinite(length) and length > 0):
-        raise ArgumentError(f"Argument `segment` must be a positive time in s, or None, but is {length:g}.")
-    if between not in get_args(Between):
-        raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
+    for name, value in lengths.items():
+        if value is not None:
+            checks.positive(value, name)
+    for name, value in {"noise": noise, "measured": measured}.items():
+        if value is not None:
+            checks.mapping(value, name, "name → value by columns of the log")
+    checks.choice(between, "between", get_args(Between))
     progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
     require_current(system, log, parameters, process_noise)
@@ -131,8 +131,7 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
     for name, function in measured.items():
         if name not in log.columns:
             raise ArgumentError(f"Argument `measured` names `{name}`, but the log holds {', '.join(log.columns)}.")
-        if not callable(function):
-            raise ArgumentError(f"`{name}` of `measured` must be a function of the state, but is {shown(function)}.")
+        checks.function(function, f"`{name}` of `measured`", "a function of the state")
     rest = [name for name in log.columns if name not in measured]
     if rest and not is_vehicle(system):
         raise ArgumentError(
@@ -163,11 +162,9 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
             raise ArgumentError(
                 f"Argument `noise` names `{name}`, which the log does not hold: it knows {', '.join(known)}."
             )
-        require_numbers(**{f"noise[{name!r}]": value})
-        if not (np.isfinite(value) and value > 0):
-            raise ArgumentError(f"The noise of `{name}` must be a positive number, but is {value!r}.")
+        size = checks.positive(value, f"The noise of `{name}`")
         parts = [part for part in known[name] if part in channels.names]
         if not parts:
             raise ArgumentError(f"Argument `noise` names `{name}`, but the log holds none of {', '.join(known[name])}.")
-        found.update(dict.fromkeys(parts, float(value)))
+        found.update(dict.fromkeys(parts, size))
     return found

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.clocks import other_unit
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import POSITION, UNITS, VELOCITY
 from coadjoint.identification.kinematics import undecided
 from coadjoint.identification.log_checks import implausible
@@ -64,8 +65,7 @@ class Log:
         if any(not 0 < k < len(time) for k in self.breaks):
             raise ArgumentError(f"`breaks` of a log must be samples from 1 to {len(time) - 1}, but are {self.breaks}.")
         for part in ("columns", "inputs", "units", "actual", "positions", "current"):
-            if not isinstance(getattr(self, part), Mapping):
-                raise ArgumentError(f"`{part}` of a log must be by names, but is {shown(getattr(self, part))}.")
+            checks.instance(getattr(self, part), f"`{part}` of a log", Mapping, "by names")
         columns = {name: _numbers(values, name) for name, values in self.columns.items()}
         inputs = {name: _numbers(values, name) for name, values in self.inputs.items()}
         actual = {name: _numbers(values, name) for name, values in self.actual.items()}

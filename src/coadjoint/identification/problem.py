@@ -130,8 +130,6 @@ def setting(
 ) -> Setting:
     """What is sought, checked; raises ArgumentError."""
     system = sought.system
-    if step is not None and not (np.isfinite(step) and step > 0):
-        raise ArgumentError(f"Argument `dt` must be positive, but is {step:g}.")
     if not 0 <= settle < log.duration:
         raise ArgumentError(f"Argument `settle` must be 0 or more and shorter than the log, but is {settle:g} s.")
     needed = sum(int(np.isfinite(values).sum()) for values in log.columns.values())

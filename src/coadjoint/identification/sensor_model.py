@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VELOCITY
 from coadjoint.identification.log import Log
@@ -148,8 +149,8 @@ def _channels(argument: str, given: Sequence[str], names: tuple[str, ...]) -> tu
 
 def _rotation(log: Log, names: tuple[str, ...], attitude: Attitude | None) -> bool:
     """Whether attitude is compared as a rotation: where it is asked for, or where the log pitches steeply."""
-    if attitude not in (None, "angles", "rotation"):
-        raise ArgumentError(f'Argument `attitude` must be "angles", "rotation" or None, but is {attitude!r}.')
+    if attitude is not None:
+        checks.choice(attitude, "attitude", ("angles", "rotation"))
     whole = all(name in names for name in ATTITUDE)
     if attitude == "rotation" and not whole:
         missing = ", ".join(name for name in ATTITUDE if name not in names)

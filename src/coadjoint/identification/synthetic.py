@@ -8,8 +8,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
-from coadjoint.identification.arguments import require_numbers
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import UNITS, VEHICLE, is_vehicle, seen
 from coadjoint.identification.log import Log
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -31,11 +31,8 @@ def synthetic_log(
     if unknown:
         raise ArgumentError(f"A vehicle has no column `{unknown[0]}`; it has {', '.join(VEHICLE)}.")
     for name, size in (noise or {}).items():
-        require_numbers(**{f"noise[{name!r}]": size})
-        if not 0 <= size < np.inf:
-            raise ArgumentError(f"The noise of `{name}` must be a standard deviation of at least 0, but is {size:g}.")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ArgumentError(f"Argument `seed` must be a whole number of at least 0, but is {shown(seed)}.")
+        checks.not_negative(size, f"The noise of `{name}`, a standard deviation,")
+    checks.whole(seed, "seed", 0)
     random = np.random.default_rng(seed)
     exact = seen(run.system, run.records, tuple(columns))
     noisy = {n: values + (noise or {}).get(n, 0.0) * random.normal(size=len(values)) for n, values in exact.items()}

@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
@@ -19,7 +21,6 @@ from coadjoint.mechanics.connection import Connection, finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.start_arguments import checked_element
 from coadjoint.mechanics.trace_checks import trace
-from coadjoint.spaces.numbers import float64
 
 _FINEST = 2**13
 """The most pieces into which an interval of a path is cut."""
@@ -113,8 +114,7 @@ def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
 
 def shapes_of(connection: DiscreteConnection, shapes: Any) -> np.ndarray:
     """A path of at least two shapes, (N+1, m); raises ArgumentError."""
-    if not isinstance(connection, DiscreteConnection):
-        raise ArgumentError(f"Argument `connection` must be a co.DiscreteConnection, but is {connection!r}.")
+    checks.instance(connection, "connection", DiscreteConnection, "a co.DiscreteConnection")
     if callable(shapes):
         raise ArgumentError("A discrete connection goes from shape to shape: give an array (N+1, m), not a function.")
     found = float64(shapes, "The shapes")

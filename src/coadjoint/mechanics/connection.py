@@ -11,13 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.trace_checks import trace
-from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 
 ROUND_OFF = 1e-9
@@ -75,8 +76,7 @@ class Connection:
 
 def require_bundle(group: object, size: object) -> None:
     """Raise GroupError or ArgumentError unless G is a group and M = ℝᵐ with m ≥ 1."""
-    if not isinstance(group, LieGroup):
-        raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {group!r}.")
+    checks.instance(group, "group", LieGroup, "a Lie group such as co.SO3()", error=GroupError)
     if not isinstance(size, int) or isinstance(size, bool) or size < 1:
         raise ArgumentError(f"Argument `size` must be the number of shape coordinates, at least 1, but is {size!r}.")
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -21,7 +22,6 @@ from coadjoint.mechanics.poisson import Phase
 from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.spaces.numbers import float64
 
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:

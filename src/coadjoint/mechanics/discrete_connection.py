@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint import checks
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
@@ -86,8 +87,7 @@ class DiscreteConnection:
 
         With at="start", x̄ = x: order 1. `difference_map` is τ, co.Exponential() by default.
         """
-        if at not in ("middle", "start"):
-            raise ArgumentError(f'Argument `at` must be "middle" or "start", but is {at!r}.')
+        checks.choice(at, "at", ("middle", "start"))
         tau = Exponential() if difference_map is None else difference_map
         tau.require_fit(connection.group)
 

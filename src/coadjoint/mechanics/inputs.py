@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.signals import Held, Signal
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
-from coadjoint.spaces.numbers import float64
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
-from coadjoint.spaces.numbers import float64
 
 
 def starting_values(given: Any) -> Any:

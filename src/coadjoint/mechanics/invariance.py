@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup, Opposite, Power
 from coadjoint.mechanics.state import Places
 from coadjoint.spaces import Space
@@ -20,8 +21,7 @@ def places_of(group: LieGroup, additional: Space, advected: Space, invariance: I
     On Gᵒᵖ, g⁻¹·ġ is ġg⁻¹, and the actions of g⁻¹ that give n, ν and a are those of g. Raises ArgumentError for what is
     neither "left" nor "right".
     """
-    if not isinstance(invariance, str) or invariance not in get_args(Invariance):
-        raise ArgumentError(f'Argument `invariance` must be "left" or "right", but is {shown(invariance)}.')
+    checks.choice(invariance, "invariance", get_args(Invariance))
     if invariance == "left":
         return Places(group, additional, advected)
     if isinstance(group, Opposite):

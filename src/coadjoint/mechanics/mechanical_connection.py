@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -75,8 +76,7 @@ def timeless(system: System) -> int:
 
 def shape_size(system: System) -> int:
     """m of a system on M × G with M = ℝᵐ; raises ArgumentError for another system."""
-    if not isinstance(system, System):
-        raise ArgumentError(f"Argument `system` must be a co.System, but is {system!r}.")
+    checks.instance(system, "system", System, "a co.System")
     if not _is_trivial(system.additional) or system.additional.ambient(system.group) == 0:
         raise ArgumentError(
             "A bundle needs a space of shapes on which the group does nothing, additional=co.Trivial(m), but this "

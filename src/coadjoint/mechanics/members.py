@@ -6,9 +6,9 @@ from typing import Any
 
 import jax
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.spaces.numbers import float64
 
 
 class Each:

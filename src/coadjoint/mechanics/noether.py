@@ -10,7 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.checks import float64
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -20,7 +22,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.spaces import Adjoint, Space
-from coadjoint.spaces.numbers import float64
 
 
 def total_momentum(system: System, state: State) -> Array:
@@ -58,10 +59,10 @@ class KelvinNoether:
     def __init__(self, c0: ArrayLike, K: Callable[[Array, Any], Array] | None = None, space: Space | None = None):
         self.c0 = float64(c0, "Argument `c0`")
         self.K = K
-        if space is not None and not isinstance(space, Space):
-            raise ArgumentError(f"Argument `space` must be a space such as co.Adjoint(), but is {shown(space)}.")
-        if K is not None and not callable(K):
-            raise ArgumentError(f"Argument `K` must be a function of (c, a), but is {shown(K)}.")
+        if space is not None:
+            checks.instance(space, "space", Space, "a space such as co.Adjoint()")
+        if K is not None:
+            checks.function(K, "K", "a function of (c, a)")
         self.space = Adjoint() if space is None else space
         if isinstance(self.c0, np.ndarray):
             self.c0.flags.writeable = False
@@ -100,8 +101,7 @@ class KelvinNoether:
         """Raise ArgumentError unless 𝒦(gc, ga) = Ad_g 𝒦(c, a) at random group elements."""
         space = acted_on(system.places, self.space)
         size = space.ambient(system.group)
-        if np.shape(self.c0) != (size,):
-            raise ArgumentError(f"Argument `c0` must have shape ({size},), but has shape {np.shape(self.c0)}.")
+        checks.shape(self.c0, "c0", (size,))
         group, V = system.group, system.advected
         if (chosen := self.K) is not None:
             require_float64(lambda c, a: chosen(c, V.view(group, a)), "𝒦", (self.c0, state.a))

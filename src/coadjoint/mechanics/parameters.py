@@ -8,11 +8,11 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import Each
 from coadjoint.paths import paths, respelled
 from coadjoint.spaces.named import Named, require_names
-from coadjoint.spaces.numbers import float64
 
 
 @jax.tree_util.register_pytree_with_keys_class

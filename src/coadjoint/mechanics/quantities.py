@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
@@ -27,8 +28,7 @@ def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None)
     for name, function in found:
         if not (isinstance(name, str) and name.isidentifier()):
             raise ArgumentError(f"A quantity must have a name such as `height`, but is called {shown(name)}.")
-        if not callable(function):
-            raise ArgumentError(f"Quantity `{name}` must be a function of the state, but is {shown(function)}.")
+        checks.function(function, f"Quantity `{name}`", "a function of the state")
     return found
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.continuous import velocities
@@ -27,8 +28,8 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
     (μ, π) stay, as where nothing acts while the parameters change; `keep="velocity"` lets (ξ, ν) of the node stay, as
     where what is dropped takes its own momentum along. Raises ArgumentError where neither is said.
     """
-    if keep is not None and keep not in get_args(Keep):
-        raise ArgumentError(f'Argument `keep` must be "momentum" or "velocity", but is {keep!r}.')
+    if keep is not None:
+        checks.choice(keep, "keep", get_args(Keep))
     before, plain = start.origin.system, going_on(start)
     if before is None or start.from_velocities:
         if keep == "velocity" and not start.from_velocities:

@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.kernels.trace.jaxprs import Tracer
-from coadjoint.spaces.numbers import float64
 
 EARLY = 1e-9
 """A jump comes this part of the shortest interval early, so that a node at a jump is after it whatever rounding did."""

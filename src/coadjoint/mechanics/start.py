@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
@@ -29,7 +30,6 @@ from coadjoint.mechanics.start_arguments import Checked, checked, checked_elemen
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import in_words, require_scalar
 from coadjoint.spaces.named import Named, require_names
-from coadjoint.spaces.numbers import float64
 
 FROM_REST = 25
 """Newton's iterations for the velocities of momenta that are given."""

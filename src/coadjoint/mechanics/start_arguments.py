@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup, Power
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
-from coadjoint.spaces.numbers import float64, numeric
 from coadjoint.spaces.space import checked_vector
 
 ON_GROUP = 1e-9

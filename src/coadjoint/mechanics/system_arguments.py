@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.reduced_functions import TRIVIAL, ReducedFunctions
@@ -19,10 +20,7 @@ def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
         return TRIVIAL
     if isinstance(space, Mapping):
         return Several(space)
-    if not isinstance(space, Space):
-        raise ArgumentError(
-            f"Argument `{name}` must be a space such as co.Defining(), or a dictionary of them, but is {shown(space)}."
-        )
+    checks.instance(space, name, Space, "a space such as co.Defining(), or a dictionary of them")
     return space
 
 
@@ -31,21 +29,19 @@ def parameters_from(parameters: Parameters | Mapping[str, Any] | None) -> Parame
     if isinstance(parameters, Mapping):
         require_names(parameters)
         parameters = Parameters(**parameters)
-    if parameters is not None and not isinstance(parameters, Parameters):
-        raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {shown(parameters)}.")
+    if parameters is not None:
+        checks.instance(parameters, "parameters", Parameters, "co.Parameters(…)")
     return parameters
 
 
 def require_plain(name: object, units: object, verify: object) -> None:
     """Raise ArgumentError unless the name is a text, units are texts by name, and `verify` is True or False."""
-    if not isinstance(name, str):
-        raise ArgumentError(f"Argument `name` must be a text, but is {shown(name)}.")
+    checks.instance(name, "name", str, "a text")
     if units is not None and not (isinstance(units, Mapping) and all(isinstance(u, str) for u in units.values())):
         raise ArgumentError(
             f'Argument `units` must be a dictionary of texts such as {{"energy": "J"}}, but is {shown(units)}.'
         )
-    if not isinstance(verify, bool):
-        raise ArgumentError(f"Argument `verify` must be True or False, but is {shown(verify)}.")
+    checks.instance(verify, "verify", bool, "True or False")
 
 
 def require_functions(system: ReducedFunctions) -> None:

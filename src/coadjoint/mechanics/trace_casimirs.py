@@ -7,6 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, SOn, SUn, Un
 from coadjoint.groups.group import Array
@@ -57,8 +58,7 @@ def trace_casimirs(system: System, degree: int = 4) -> dict[str, TraceCasimir]:
     by default 4.
     Raises ArgumentError for others.
     """
-    if isinstance(degree, bool) or not isinstance(degree, int) or degree < 2:
-        raise ArgumentError(f"Argument `degree` must be a whole number from 2, but is {shown(degree)}.")
+    checks.whole(degree, "degree", 2)
     group, V = group_of(system.places), system.advected
     if not isinstance(group, (Un, SUn, SOn, SO3)):
         raise ArgumentError(

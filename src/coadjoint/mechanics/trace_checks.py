@@ -15,12 +15,12 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.checks import is_short
 from coadjoint.errors import CoadjointError, LagrangianError, told
 from coadjoint.kernels.trace import jaxprs
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.mechanics.state import State
 from coadjoint.spaces.named import Named
-from coadjoint.spaces.numbers import is_short
 
 IMPURE = (
     "{} must be pure, but two readings of it differ: it takes random numbers, a clock or values that it changes; "

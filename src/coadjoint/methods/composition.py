@@ -8,13 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Start
 from coadjoint.methods.order_conditions import composed_order
 from coadjoint.methods.right_rectangle import RightRectangle
 from coadjoint.methods.step import Step
-from coadjoint.spaces.numbers import float64
 
 NegativeSubsteps = Literal["refuse", "allow"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.groups import SO3
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
@@ -47,8 +47,7 @@ def make(*, mass: Any, center_of_mass: Any, inertia: Any, gravity: Any = 9.81, i
     """
     m, r = positive(mass, "mass"), vector(center_of_mass, "center_of_mass")
     J = positive_definite(inertia, "inertia")
-    if inertia_about not in ("pivot", "center_of_mass"):
-        raise ArgumentError(f'Argument `inertia_about` must be "pivot" or "center_of_mass", but is {inertia_about!r}.')
+    checks.choice(inertia_about, "inertia_about", ("pivot", "center_of_mass"))
     if inertia_about == "center_of_mass":
         J = J + m * ((r @ r) * np.eye(3) - r[:, None] * r[None, :])
     p = Parameters(**checked(CHECKS, {"mass": m, "center_of_mass": r, "inertia": J, "gravity": gravity}))

@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SOn
 from coadjoint.groups.group import Array
@@ -18,7 +19,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.quantities import checked
 from coadjoint.models.rigid_body import UNITS
-from coadjoint.spaces.numbers import float64
 
 __all__ = ["body", "integrals", "lax_pair", "spectral_polynomial", "start"]
 

@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, DirectProduct, Heisenberg
 from coadjoint.groups.group import Array
@@ -17,7 +18,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.memory import require_room_at
 from coadjoint.models.quantities import checked, positive
-from coadjoint.spaces.numbers import float64
 
 __all__ = ["plane", "plane_positions", "plane_start", "sphere", "sphere_positions", "sphere_start"]
 

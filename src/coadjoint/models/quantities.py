@@ -8,11 +8,11 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import array, float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.members import Each, each, member_of
-from coadjoint.spaces.numbers import float64
 
 LONGEST = 1000.0
 """m: no vehicle is so long."""
@@ -41,9 +41,7 @@ def _checked(check: Check, value: Any, name: str) -> Any:
 
 def number(value: Any, name: str, at_least: float | None = None) -> Array:
     """A finite number; raises ArgumentError, also for a number below `at_least`."""
-    found = float64(value, f"Argument `{name}`")
-    if np.shape(found) != ():
-        raise ArgumentError(f"Argument `{name}` must be one number, but has shape {np.shape(found)}.")
+    found = array(value, name, ())
     if at_least is not None and not traced(found) and found < at_least:
         raise ArgumentError(f"Argument `{name}` must be at least {at_least:g}, but is {float(found):g}.")
     return found
@@ -84,10 +82,7 @@ def angles(value: Any, name: str) -> Any:
 
 def vector(value: Any, name: str, size: int = 3) -> Array:
     """A finite vector (size,); raises ArgumentError."""
-    found = float64(value, f"Argument `{name}`")
-    if np.shape(found) != (size,):
-        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {np.shape(found)}.")
-    return found
+    return array(value, name, (size,))
 
 
 def place(value: Any, name: str) -> Any:
@@ -104,10 +99,7 @@ def place(value: Any, name: str) -> Any:
 
 def matrix(value: Any, name: str, size: int = 3) -> Array:
     """A finite matrix (size, size); raises ArgumentError."""
-    found = float64(value, f"Argument `{name}`")
-    if np.shape(found) != (size, size):
-        raise ArgumentError(f"Argument `{name}` must have shape ({size}, {size}), but has shape {np.shape(found)}.")
-    return found
+    return array(value, name, (size, size))
 
 
 def direction(value: Any, name: str, size: int = 3) -> Array:
@@ -155,14 +147,9 @@ def positive_semidefinite(value: Any, name: str, size: int = 3) -> Array:
 
 
 def _symmetric(value: Array, name: str, size: int) -> Array:
-    found = float64(value, f"Argument `{name}`")
+    found = array(value, name, (size, size), (size,))
     if np.shape(found) == (size,):
         return jnp.diag(found) if traced(found) else np.diag(found)
-    if np.shape(found) != (size, size):
-        raise ArgumentError(
-            f"Argument `{name}` must have shape ({size}, {size}), or ({size},) for a diagonal matrix, but has shape "
-            f"{np.shape(found)}."
-        )
     if not traced(found):
         skew = float(np.max(np.abs(found - found.T)))
         if skew > SYMMETRIC * float(np.max(np.abs(found))):

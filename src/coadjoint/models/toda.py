@@ -8,12 +8,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import MatrixGroup
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.spaces.numbers import float64
 
 __all__ = ["lattice", "lax_matrix", "start"]
 
@@ -65,12 +65,7 @@ def trace(state, *, power: int):
 def start(toda: System, *, positions: Any, momenta: Any) -> State:
     """The state of particles at q_i with momenta p_i, (n,) each; raises ArgumentError for other shapes."""
     n = toda.group.matrix_size
-    q, p = (
-        np.asarray(float64(x, f"Argument `{name}`")) for name, x in (("positions", positions), ("momenta", momenta))
-    )
-    for name, x in (("positions", q), ("momenta", p)):
-        if x.shape != (n,):
-            raise ArgumentError(f"Argument `{name}` must hold {n} numbers, one a particle, but has shape {x.shape}.")
+    q, p = np.asarray(array(positions, "positions", (n,))), np.asarray(array(momenta, "momenta", (n,)))
     off = 0.5 * np.exp(0.5 * (q[:-1] - q[1:]))
     L = np.diag(-0.5 * p) + np.diag(off, 1) + np.diag(off, -1)
     return toda.state(mu=[4 * L[i, j] for i, j in _places(n)])

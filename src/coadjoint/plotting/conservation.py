@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.plotting.entries import Entry, require
 from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
@@ -25,8 +25,8 @@ def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
     paper shows, and the second for every other rule.
     """
-    if definition not in (None, "discrete", "legendre"):
-        raise ArgumentError(f'Argument `definition` must be "discrete" or "legendre", but is {definition!r}.')
+    if definition is not None:
+        checks.choice(definition, "definition", ("discrete", "legendre"))
 
     def name(run: Entry) -> str:
         left = str(run.dataset.attrs.get("method", "")).startswith("LeftRectangle")

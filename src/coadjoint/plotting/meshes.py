@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.groups.attitude import from_quaternion
 
@@ -41,8 +42,7 @@ def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") 
     if read is None:
         raise ArgumentError(f"A mesh is a file that ends in .stl, .obj, .gltf or .glb, but is {source.name}.")
     for name, value, known in (("unit", unit, UNITS), ("axes", axes, AXES)):
-        if value not in known:
-            raise ArgumentError(f"Argument `{name}` of a mesh must be one of {list(known)}, but is {value!r}.")
+        checks.choice(value, f"Argument `{name}` of a mesh", known)
     try:
         data = _content(source)
         vertices, faces = read(data, source)

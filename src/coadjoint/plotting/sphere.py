@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from coadjoint import checks
 from coadjoint.disk import atomic_file
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.plotting.style import COLUMN, PAGE, canvas, save, style
@@ -67,8 +68,7 @@ def animation(
     target = Path(path)
     if target.suffix.lower() != ".gif":
         raise ArgumentError(f"An animation's file must end in .gif, but is {target.name}.")
-    if isinstance(frames, bool) or not isinstance(frames, int) or not 2 <= frames <= 1000:
-        raise ArgumentError(f"Argument `frames` must be a whole number from 2 to 1000, but is {shown(frames)}.")
+    checks.whole(frames, "frames", 2, 1000)
     _require(fields, variable, projection)
     count = fields.sizes["time"]
     if count < 2:
@@ -176,5 +176,4 @@ def _require(fields: Any, variable: str, projection: str = "mollweide") -> None:
             f"Argument `fields` must be a dataset of co.models.fluids.fields with `{variable}` over time, but is "
             f"{shown(type(fields).__name__)}."
         )
-    if projection not in ("mollweide", "hammer"):
-        raise ArgumentError(f'Argument `projection` must be "mollweide" or "hammer", but is {shown(projection)}.')
+    checks.choice(projection, "projection", ("mollweide", "hammer"))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from coadjoint import sections
+from coadjoint import checks, sections
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.runs.methods import map_name, method_name
@@ -48,8 +48,7 @@ class Runnable(ABC):
         for name, given in table.items():
             if name not in known:
                 raise ArgumentError(unknown(f"section [{name}]", f"A {cls.WORD}", name, known))
-            if not isinstance(given, dict):
-                raise ArgumentError(f"[{name}] must be a section of a {cls.WORD}, but is {given!r}.")
+            checks.instance(given, f"[{name}]", dict, f"a section of a {cls.WORD}")
         for name in cls.NEEDED:
             if name not in table:
                 raise ArgumentError(f"The {cls.WORD} {path} needs a section [{name}].")

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
@@ -18,7 +19,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.methods.method import Method
-from coadjoint.spaces.numbers import float64
 
 
 def read_of(read: Callable[[State], Any], what: str, state: State) -> Any:

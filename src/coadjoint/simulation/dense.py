@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
@@ -16,7 +17,6 @@ from coadjoint.mechanics.internal_state import later_in, part_of
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import ALL_HELD, EVENTS
 from coadjoint.simulation.plan import Plan
-from coadjoint.spaces.numbers import float64
 
 
 def not_finite(plan: Plan, state: State) -> str | None:

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units, points, require_group
 from coadjoint.groups.group import Array, LieGroup, transpose
@@ -139,8 +140,7 @@ def _frame(space: Space, group: LieGroup, x: Array) -> Array:
     dim, what = space.dim(group), f"`tangent` of {space!r} with `dim` = {space.dim(group)}"
     with in_words(what):
         E = jax.vmap(lambda y: space.tangent(group, x, y), out_axes=1)(jnp.eye(dim))
-    if E.shape != (x.shape[0], dim):
-        raise GroupError(f"{what} must have shape {x.shape}, but has shape {E.shape[:1]}.")
+    checks.shape(E, what, (x.shape[0], dim), error=GroupError)
     return E
 
 

@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.matrix_functions import exponential_minus_one
@@ -35,10 +36,7 @@ class GroupItself(Embedded):
     action: Literal["multiplication", "conjugation"] = "multiplication"
 
     def __post_init__(self):
-        if not isinstance(self.action, str) or self.action not in ("multiplication", "conjugation"):
-            raise ArgumentError(
-                f'Argument `action` must be "multiplication" or "conjugation", but is {shown(self.action)}.'
-            )
+        checks.choice(self.action, "action", ("multiplication", "conjugation"))
 
     def ambient(self, group: LieGroup) -> int:
         return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(jax.eval_shape(group.identity)))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from coadjoint.errors import GroupError, shown
+from coadjoint import checks
+from coadjoint.errors import GroupError
 from coadjoint.groups import SE2, SE3, SO3, LieGroup, SemidirectProduct
 from coadjoint.groups.group import Array, Element
 from coadjoint.spaces.space import Space
@@ -94,8 +95,7 @@ class Trivial(Representation):
     size: int
 
     def __post_init__(self):
-        if not isinstance(self.size, int) or self.size < 0:
-            raise GroupError(f"Argument `size` of Trivial must be a whole number, but is {shown(self.size)}.")
+        object.__setattr__(self, "size", checks.whole(self.size, "Argument `size` of Trivial", 0, error=GroupError))
 
     def ambient(self, group: LieGroup) -> int:
         return self.size

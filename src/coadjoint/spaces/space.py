@@ -14,10 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.spaces.numbers import float64, numeric
 
 
 class Space:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint import sections
+from coadjoint import checks, sections
 from coadjoint.checks import number, unknown, whole
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.run_file import of_table, put
@@ -245,8 +245,7 @@ def of_tables(table: Mapping[str, Any], base: Mapping[str, Any], path: Path, pla
     for name, given in table.items():
         if name not in known:
             raise ArgumentError(unknown(f"section [{name}]", "A sweep file", name, known))
-        if not isinstance(given, Mapping):
-            raise ArgumentError(f"[{name}] must be a section of a sweep file, but is {given!r}.")
+        checks.instance(given, f"[{name}]", Mapping, "a section of a sweep file")
     own = sections.read(SweepSection, "sweep", table.get("sweep", {}))
     results = sections.read(ResultsSection, "results", table.get("results", {}))
     varied = tuple(read(table.get("vary", {})))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, shown
 
@@ -158,12 +159,11 @@ def _between(given: Mapping[str, Any], ends: Sequence[float], name: str, what: s
     count, scale = given.get("count"), given.get("scale", "linear")
     if not low < high:
         raise ArgumentError(f"{what} is an empty range: `from`, {low:g}, must be less than `to`, {high:g}.")
-    if scale not in ("linear", "log"):
-        raise ArgumentError(f'{what} scale must be "linear" or "log", but is {shown(scale)}.')
+    checks.choice(scale, f"{what} scale", ("linear", "log"))
     if scale == "log" and low <= 0:
         raise ArgumentError(f"{what} from must be positive with a scale of logarithms, but is {low:g}.")
-    if count is not None and (isinstance(count, bool) or not isinstance(count, int) or count < 2):
-        raise ArgumentError(f"{what} count must be a whole number, 2 or more, but is {shown(count)}.")
+    if count is not None:
+        checks.whole(count, f"{what} count", 2)
     return Number(name, between=(low, high), count=count, even=scale == "linear")
 
 

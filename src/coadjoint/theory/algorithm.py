@@ -10,19 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps import DifferenceMap, Exponential
-from coadjoint.errors import ArgumentError, StepError
+from coadjoint.errors import StepError
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.kernels.newton.solver import DenseStage
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend
 from coadjoint.spaces import Space
-
-
-def whole_steps(steps: object) -> int:
-    """A number of steps from 1 on; raises ArgumentError."""
-    if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
-        raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
-    return int(steps)
 
 
 class Algorithm(DenseStage):

@@ -7,6 +7,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.newton import solver
@@ -17,7 +19,6 @@ from coadjoint.mechanics.mechanical_connection import timeless
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
 from coadjoint.methods.step import Step
-from coadjoint.spaces.numbers import float64
 
 
 def discrete_mechanical_connection(system: System, method: Method, dt: float) -> DiscreteConnection:
@@ -53,8 +54,7 @@ def discrete_mechanical_connection(system: System, method: Method, dt: float) ->
 
 def one_stage(system: System, method: Method) -> Step:
     """The step of a method that has one Λ(F, x, x⁺; h); raises ArgumentError for others."""
-    if not isinstance(method, Method):
-        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {method!r}.")
+    checks.instance(method, "method", Method, "a method such as co.Midpoint()")
     step = method.stages[0][0]
     unknowns = system.group.dim, system.additional.dim(system.group)
     if len(method.stages) != 1 or tuple(step.blocks(system)) != unknowns or not method.claims.symplectic:

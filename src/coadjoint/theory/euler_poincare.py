@@ -9,11 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.groups.derivative import left_derivative, right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
-from coadjoint.theory.algorithm import Algorithm, whole_steps
+from coadjoint.theory.algorithm import Algorithm
 from coadjoint.theory.instant import ALWAYS, Instant, given, next_instant
 
 
@@ -186,5 +187,5 @@ def discrete_euler_poincare_algorithm(system: System, first: Link, h: float, ste
     as in co.simulate. Raises StepError where Newton does not solve a step, ArgumentError for a link without its `at`.
     """
     first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
-    found: Any = DiscreteEulerPoincare(system).run(first, h, whole_steps(steps) - 1)
+    found: Any = DiscreteEulerPoincare(system).run(first, h, checks.whole(steps, "steps") - 1)
     return found

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element
@@ -28,7 +29,6 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
 from coadjoint.methods.program import held
 from coadjoint.methods.step import Step
-from coadjoint.theory.algorithm import whole_steps
 from coadjoint.theory.discrete_mechanical_connection import one_stage, positive_step
 from coadjoint.theory.slopes import impulse_of
 
@@ -155,7 +155,7 @@ def lagrange_poincare(
     are not on M × G, and StepError where Newton fails.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
-    steps = whole_steps(steps)
+    steps = checks.whole(steps, "steps")
     state = _begun(system, start, method, dt)
     at = _Node(-state.mu, state.pi, state)
     advance = tabulate(partial(_advance, l), at)
@@ -244,8 +244,7 @@ def _begun(system: System, start: State, method: Method, h: float) -> State:
 def _reduced_lagrangian(system: System, method: Method, connection: object, dt: Any) -> ReducedLagrangian:
     """l of a rule through a connection; raises ArgumentError for what does not fit."""
     size = shape_size(system)
-    if not isinstance(connection, DiscreteConnection):
-        raise ArgumentError(f"Argument `connection` must be a co.DiscreteConnection, but is {connection!r}.")
+    connection = checks.instance(connection, "connection", DiscreteConnection, "a co.DiscreteConnection")
     if (connection.group, connection.size) != (system.group, size):
         raise ArgumentError(
             f"The connection is on {connection.group!r} with {connection.size} shape coordinates, but the system on "

@@ -11,12 +11,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, GroupError, LagrangianError
+from coadjoint import checks
+from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
-from coadjoint.theory.algorithm import Algorithm, whole_steps
+from coadjoint.theory.algorithm import Algorithm
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.unreduced import KEYWORDS, WithKeywords, has_points, keywords_of
@@ -53,8 +54,7 @@ class PoissonLagrangian:
     driven: System | None = None
 
     def __post_init__(self):
-        if self.parameter not in ("left", "right"):
-            raise ArgumentError(f'Argument `parameter` must be "left" or "right", but is {self.parameter!r}.')
+        checks.choice(self.parameter, "parameter", ("left", "right"))
         if not self.space.flat:
             raise GroupError(f"Advected parameters need a representation of the group, but got {self.space!r}.")
         if self.driven is None:
@@ -193,7 +193,7 @@ class EulerPoincarePoisson(Algorithm):
 def poisson_algorithm(l: PoissonLagrangian, first: PoissonLink, h: float, steps: int) -> PoissonLink:
     """The `steps` links (f, a) that start with one and solve (B19), every leaf with a leading axis."""
     first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
-    found: Any = EulerPoincarePoisson(l).run(first, h, whole_steps(steps) - 1)
+    found: Any = EulerPoincarePoisson(l).run(first, h, checks.whole(steps, "steps") - 1)
     return found
 
 

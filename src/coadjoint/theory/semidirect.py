@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
-from coadjoint.theory.algorithm import Algorithm, whole_steps
+from coadjoint.theory.algorithm import Algorithm
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.unreduced import KEYWORDS, WithKeywords, keywords_of
@@ -183,5 +184,5 @@ def semidirect_algorithm(
 ) -> SemidirectLink:
     """The `steps` links (f, y, u⁺) that start with one and solve (B13), every leaf with a leading axis."""
     first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
-    found: Any = SemidirectEulerPoincare(group, space, l).run(first, h, whole_steps(steps) - 1)
+    found: Any = SemidirectEulerPoincare(group, space, l).run(first, h, checks.whole(steps, "steps") - 1)
     return found

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import left_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
@@ -20,7 +21,7 @@ from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Places
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
-from coadjoint.theory.algorithm import Algorithm, whole_steps
+from coadjoint.theory.algorithm import Algorithm
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given, require_instants
 
@@ -152,10 +153,9 @@ class UnreducedLagrangian(LagrangianInSpace):
         return self.function(e, n, F, s, *others, **keywords)
 
 
-def keywords_of(function: object) -> tuple[str, ...]:
+def keywords_of(function: Any) -> tuple[str, ...]:
     """Which of t, inputs and internal a function takes by keyword; raises LagrangianError for what is no function."""
-    if not callable(function):
-        raise LagrangianError(f"The unreduced discrete Lagrangian must be a Python function, but is {function!r}.")
+    checks.function(function, "The unreduced discrete Lagrangian", "a Python function", error=LagrangianError)
     known = inspect.signature(function).parameters
     return tuple(key for key in KEYWORDS if keyword_only(known, key))
 
@@ -294,5 +294,5 @@ def discrete_euler_lagrange_algorithm(
     inputs or an internal state. Raises StepError where Newton does not solve a step, ArgumentError where `at` lacks.
     """
     a0 = parameter_of(L.places, a0)
-    before, here, *_ = DiscreteEulerLagrange(L).run((first, second, a0, at), h, whole_steps(steps) - 1)
+    before, here, *_ = DiscreteEulerLagrange(L).run((first, second, a0, at), h, checks.whole(steps, "steps") - 1)
     return jax.tree.map(lambda rows, ends: np.concatenate([rows[:1], ends]), before, here)

@@ -14,9 +14,9 @@ from typing import Any, Literal
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.spaces.numbers import float64
 
 Axes = Literal["NED/FRD", "ENU/FLU"]
 

@@ -178,8 +178,11 @@ def test_points_on_rods_and_thin_links_on_so3_move_alike():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: rods.cosserat(**SOFT, elements=0), "Argument `elements` must be a whole number from 1 of a rod"),
-        (lambda: rods.cosserat(**SOFT, elements=2, ends="hinged"), "`ends` must be one of free, clamped, both clamped"),
+        (lambda: rods.cosserat(**SOFT, elements=0), "of a rod with ends 'free' must be a whole number from 1"),
+        (
+            lambda: rods.cosserat(**SOFT, elements=2, ends="hinged"),
+            '`ends` must be "free", "clamped", "both clamped" or',
+        ),
         (lambda: rods.cosserat(**{**SOFT, "EI": -1.0}, elements=2), "Argument `EI` must be positive, but is -1."),
         (lambda: rods.cosserat(**{**SOFT, "inertia": 0.1}, elements=2), "`inertia` must have shape (3,)"),
         (lambda: rods.cosserat(**{**SOFT, "length": [1, 2, 3]}, elements=2), "`length` must have shape (2,)"),
@@ -188,7 +191,7 @@ def test_points_on_rods_and_thin_links_on_so3_move_alike():
             lambda: rods.planar(**PLANE, elements=4, motion=lambda t: t),
             "moves a clamped first end, but this rod has ends 'free'",
         ),
-        (lambda: rods.planar(**PLANE, elements=4, rest_curvature=(1, 2)), "must have shape () or (4,)"),
+        (lambda: rods.planar(**PLANE, elements=4, rest_curvature=(1, 2)), "must be one number or have shape (4,)"),
         (lambda: rods.pendulums(links=0, length=1, mass=1, inertia=(1, 1, 1)), "`links` must be a whole number"),
         (lambda: rods.points(links=2, length=1, mass=0), "Argument `mass` must be positive, but is 0."),
         (lambda: rods.planar(**PLANE, elements=2).replace(EA=-1.0), "Argument `EA` must be positive"),

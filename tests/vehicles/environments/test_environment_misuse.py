@@ -56,7 +56,7 @@ def test_a_mistake_is_one_sentence(given, sentence):
     ("given", "sentence"),
     [
         ({"num_envs": 0}, "`num_envs` must be"),
-        ({"num_envs": 2, "autoreset": "never"}, "next_step, same_step, disabled"),
+        ({"num_envs": 2, "autoreset": "never"}, '"next_step", "same_step" or "disabled"'),
         ({"num_envs": 2, "reword": None}, "did you mean `reward`"),
         ({"num_envs": 2, "threads": 0}, "`threads` must be"),
     ],

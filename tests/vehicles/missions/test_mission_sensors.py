@@ -77,7 +77,7 @@ def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder
 @pytest.mark.parametrize(
     "old, new, sentence",
     [
-        ("seed = 7", "seed = -7", r"\[sensors\] seed must be a whole number of at least 0, but is -7"),
+        ("seed = 7", "seed = -7", r"\[sensors\] seed must be a whole number from 0, but is -7"),
         ("seed = 7", "seed = 1.5", r"\[sensors\] seed must be a whole number"),
         ("seed = 7", "sede = 7", r"Section \[sensors\] has no key `sede`: did you mean `seed`"),
         ('"imu", ', '"inu", ', r"has no sensor 'inu': did you mean `imu`"),

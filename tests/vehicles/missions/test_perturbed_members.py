@@ -58,5 +58,5 @@ def test_each_member_has_a_seed_of_its_own():
     own = co.each([4, 9])
     assert drawn(2, seed=own) is own and np.asarray(drawn(2).values).tolist() == [0, 1]
     for wrong in (-1, 1.0, True, "1"):
-        with pytest.raises(ArgumentError, match="seed must be a whole number of at least 0"):
+        with pytest.raises(ArgumentError, match="seed must be a whole number from 0"):
             drawn(2, seed=wrong)

@@ -153,7 +153,7 @@ def test_sensors_have_numbers_of_their_own_by_name_and_by_seed():
     for other in (drawn("depth", 2), drawn("deep", 1)):
         assert abs(np.corrcoef(first, other)[0, 1]) < 5 / np.sqrt(4000)
     for seed in (-1, 1.5, True, "one"):
-        with pytest.raises(ArgumentError, match="`seed` must be a whole number of at least 0"):
+        with pytest.raises(ArgumentError, match="`seed` must be a whole number from 0"):
             drawn("depth", seed)
 
 

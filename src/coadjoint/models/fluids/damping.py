@@ -9,7 +9,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -53,11 +54,7 @@ class DampedMidpoint(IsospectralMidpoint):
     def __post_init__(self):
         super().__post_init__()
         for name in ("viscosity", "drag"):
-            value = getattr(self, name)
-            number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-            if not number or not 0 <= value < np.inf:
-                raise ArgumentError(f"Argument `{name}` must be a finite number from 0, but is {shown(value)}.")
-            object.__setattr__(self, name, float(value))
+            object.__setattr__(self, name, checks.not_negative(getattr(self, name), name))
         if self.stirring is not None:
             c = checked(self.stirring, "stirring")
             if c.ndim != 2 or c[0, 0] != 0:

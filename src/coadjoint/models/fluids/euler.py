@@ -8,6 +8,7 @@ from typing import Any, cast
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Un
 from coadjoint.mechanics.members import Each
@@ -50,12 +51,9 @@ def euler(size: int, rotation: float = 0.0) -> System:
     nonrotating and rotating spheres, Phys. Rev. Lett. 93 (2004); Modin and Viviani, A Casimir preserving scheme for
     long-time simulation of spherical ideal hydrodynamics, J. Fluid Mech. 884 (2020).
     """
-    if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 2:
-        raise ArgumentError(f"Argument `size` must be a whole number N from 2, but is {shown(size)}.")
-    size = int(size)
+    size = checks.whole(size, "size", 2)
     require_room_at("A fluid on the sphere", size, 8.0 * ARRAYS * size**2, 2)
-    if isinstance(rotation, bool) or not isinstance(rotation, (int, float, np.number)) or not np.isfinite(rotation):
-        raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
+    checks.number(rotation, "rotation")
     turning = axial(size, 2.0)
 
     def hamiltonian(mu, p):
@@ -116,8 +114,7 @@ def require_states(fluid: System, records: Any) -> None:
     """Raise ArgumentError unless `records` are states of a fluid of this size."""
     count = size_of(fluid) ** 2
     expected = "a state of this fluid, or states with leading axes, as run.final and run.records"
-    if not isinstance(records, State):
-        raise ArgumentError(f"Argument `records` must be {expected}, but is {shown(records)}.")
+    checks.instance(records, "records", State, expected)
     if np.shape(records.mu)[-1:] != (count,):
         raise ArgumentError(
             f"Argument `records` must be {expected}, μ with {count} numbers, but μ has shape {np.shape(records.mu)}."

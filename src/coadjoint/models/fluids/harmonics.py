@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.memory import require_room
 from coadjoint.models.fluids.laplacian import tridiagonal
@@ -20,12 +21,6 @@ REAL = 1e-12
 """What the imaginary part of a c_l0 may be, of the largest number: round-off."""
 SMALL = 1e-6
 """What an entry of an eigenvector must be, of the largest, for its sign to be above round-off."""
-
-
-def require_whole(name: str, value: object, least: int) -> None:
-    """Raise ArgumentError unless an argument is a whole number from `least`."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ArgumentError(f"Argument `{name}` must be a whole number from {least}, but is {shown(value)}.")
 
 
 @lru_cache(maxsize=1024)
@@ -118,7 +113,7 @@ def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     size: N. momentum: the coordinates. Raises ArgumentError for what are no coordinates, and where all matrices T_lm,
     8N³/3 bytes, do not fit in memory.
     """
-    require_whole("size", size, 1)
+    checks.whole(size, "size", 1)
     mu = _numbers(momentum)
     if mu is None or mu.shape[-1:] != (size**2,) or not np.all(np.isfinite(mu)):
         shape = "" if mu is None else f", of shape {mu.shape}"
@@ -169,7 +164,7 @@ def on_grid(
     """
     c = checked(coefficients)
     for name, count in (("latitudes", latitudes), ("longitudes", longitudes)):
-        require_whole(name, count, 2)
+        checks.whole(count, name, 2)
     needed = 8.0 * latitudes * (c.shape[-1] ** 2 + 2 * c[..., 0, 0].size * (longitudes + c.shape[-1]))
     require_room(f"A grid of {latitudes} × {longitudes} points", needed, "take fewer latitudes and longitudes")
     latitude = np.linspace(-np.pi / 2, np.pi / 2, latitudes)

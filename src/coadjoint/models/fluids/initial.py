@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from scipy.special import ive
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.models.fluids.harmonics import Coefficients, legendre, require_whole
-from coadjoint.spaces.numbers import float64
+from coadjoint.models.fluids.harmonics import Coefficients, legendre
 
 LEFT_OUT = 0.1
 """How much of the vorticity at the centre of a vortex its degrees may leave out."""
@@ -22,9 +23,9 @@ def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0, spectr
     by default 1. spectrum: the shares of the degrees 0 … degree in ∫ω², (degree + 1,), the first 0, of any sum; by
     default each c_lm is normal with one variance. Raises ArgumentError for others.
     """
-    require_whole("seed", seed, 0)
-    require_whole("degree", degree, 1)
-    wanted = _number("enstrophy", enstrophy, least=0.0)
+    checks.whole(seed, "seed", 0)
+    checks.whole(degree, "degree", 1)
+    wanted = checks.not_negative(enstrophy, "enstrophy")
     random = np.random.default_rng(seed)
     c = np.tril(random.normal(size=(degree + 1, degree + 1)) + 1j * random.normal(size=(degree + 1, degree + 1)))
     c[:, 0] = np.sqrt(2) * c[:, 0].real
@@ -53,13 +54,11 @@ def rossby_haurwitz(degree: int, order: int, amplitude: complex, spin: float = 0
     Raises ArgumentError for others. Source: Haurwitz, The motion of atmospheric disturbances on the spherical earth,
     J. Mar. Res. 3 (1940).
     """
-    require_whole("degree", degree, 1)
-    require_whole("order", order, 1)
-    if order > degree:
-        raise ArgumentError(f"Argument `order` must be from 1 to degree = {degree}, but is {shown(order)}.")
+    checks.whole(degree, "degree", 1)
+    checks.whole(order, "order", 1, degree)
     c = np.zeros((degree + 1, degree + 1), complex)
-    c[degree, order] = _number("amplitude", amplitude, kinds=(int, float, complex))
-    c[1, 0] = 2 * _number("spin", spin) * np.sqrt(4 * np.pi / 3)
+    c[degree, order] = _complex(amplitude, "amplitude")
+    c[1, 0] = 2 * checks.number(spin, "spin") * np.sqrt(4 * np.pi / 3)
     return c
 
 
@@ -75,7 +74,7 @@ def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coeffic
     Raises ArgumentError for others, and where the degrees leave out over a tenth of a vortex, degree below some 2/r.
     Source: Abramowitz and Stegun, 10.2.36, with the addition theorem.
     """
-    require_whole("degree", degree, 1)
+    checks.whole(degree, "degree", 1)
     at, s = (np.asarray(float64(x, f"Argument `{n}`")) for n, x in (("places", places), ("strengths", strengths)))
     if at.ndim != 2 or at.shape[1] != 2 or s.shape != at.shape[:1]:
         raise ArgumentError(
@@ -86,8 +85,8 @@ def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coeffic
         raise ArgumentError("Argument `places` must have latitudes from −π/2 to π/2, rad, as its first column.")
     if np.any(np.abs(at[:, 1]) > 2 * np.pi):
         raise ArgumentError("Argument `places` must have longitudes from −2π to 2π, rad, as its second column.")
-    if _number("radius", radius, above=0.0) > np.pi:
-        raise ArgumentError(f"Argument `radius` must be up to π, rad, but is {radius:g}.")
+    checks.positive(radius, "radius")
+    checks.number(radius, "radius", most=np.pi)
     kappa = 1 / radius / radius
     l = np.arange(degree + 1)
     bessel = np.sqrt(np.pi / (2 * kappa)) * ive(l + 0.5, kappa)
@@ -103,10 +102,7 @@ def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coeffic
     return c
 
 
-def _number(name: str, value: Any, least: float = -np.inf, above: float = -np.inf, kinds: Any = (int, float)) -> Any:
-    """A finite number, of `least` or more and above `above`, as an argument; raises ArgumentError for others."""
-    good = isinstance(value, (*kinds, np.number)) and not isinstance(value, (bool, np.bool_)) and np.isfinite(value)
-    if not good or (not isinstance(value, complex) and not (value >= least and value > above)):
-        bound = f" from {least:g}" if least > -np.inf else f" above {above:g}" if above > -np.inf else ""
-        raise ArgumentError(f"Argument `{name}` must be a finite number{bound}, but is {shown(value)}.")
-    return value
+def _complex(value: Any, name: str) -> complex:
+    if isinstance(value, bool) or not isinstance(value, (int, float, complex, np.number)) or not np.isfinite(value):
+        raise ArgumentError(f"Argument `{name}` must be a finite number, but is {shown(value)}.")
+    return complex(value)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import array, float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.float64 import float64 as float64_scope
@@ -23,7 +24,6 @@ from coadjoint.models.rods.sections import RodLayout
 from coadjoint.models.rods.strains import logarithm, straight
 from coadjoint.spaces import Dual, RelativePoses
 from coadjoint.spaces.links import GROUND
-from coadjoint.spaces.numbers import float64
 
 STIFF = 1e6
 """EA and GA where they are left out, in units of EI/L²: a penalty for stretch and shear, which stay below 1e-5 under
@@ -217,10 +217,8 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
         return float64(value, name)
 
     def curvature(value: Any, name: str) -> Any:
-        found = float64(value, f"Argument `{name}`")
         one, all_ = ((3,), (layout.elements, 3)) if three else ((), (layout.elements,))
-        if np.shape(found) not in (one, all_):
-            raise ArgumentError(f"Argument `{name}` must have shape {one} or {all_}, but has shape {np.shape(found)}.")
+        found = array(value, name, one, all_)
         return jnp.broadcast_to(found, all_) if traced(found) else np.broadcast_to(found, all_)
 
     size = 3 if three else 2

@@ -9,7 +9,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, Power, Translation
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
@@ -18,7 +19,6 @@ from coadjoint.models.quantities import checked, direction, not_negative
 from coadjoint.models.rods.strains import rotation_vector
 from coadjoint.spaces import Defining, RelativePoses, Sphere, Trivial
 from coadjoint.spaces.links import GROUND
-from coadjoint.spaces.numbers import float64
 
 UNITS = {"xi": "rad/s", "xi_spatial": "rad/s", "mu": "kg m²/s", "a": "1", "energy": "J", "discrete_energy": "J"}
 POINTS = {**UNITS, "n": "1", "nu": "1/s", "q": "1", "qdot": "1/s", "pi": "kg m²/s"}
@@ -41,10 +41,10 @@ def pendulums(
     joint that it hangs from, m, by default in the middle. stiffness: k, N m. gravity: g, m/s².
     Parameters: length, mass, inertia, center, stiffness, gravity. Raises ArgumentError for what no body can have.
     """
-    links = _count(links)
-    checks = _checks(links, 3)
+    links = checks.whole(links, "links")
+    rules = _checks(links, 3)
     given = {"length": length, "mass": mass, "inertia": inertia, "stiffness": stiffness, "gravity": gravity}
-    center = 0.5 * np.asarray(checks["length"](length, "length")) if center is None else center
+    center = 0.5 * np.asarray(rules["length"](length, "length")) if center is None else center
     pairs = tuple((GROUND, i) for i in range(links))
 
     def lagrangian(xi, a, p):
@@ -60,8 +60,8 @@ def pendulums(
         Power(SO3(), links, "all"),
         lagrangian,
         advected={"frame": RelativePoses(pairs), "down": Defining()},
-        parameters=Parameters(**checked(checks, {**given, "center": center})),
-        checks=partial(checked, checks),
+        parameters=Parameters(**checked(rules, {**given, "center": center})),
+        checks=partial(checked, rules),
         units=UNITS,
         name="chain of pendulums",
     )
@@ -76,13 +76,8 @@ def pendulums_start(
     frames, (3,) or (N, 3), rad/s. down: the direction of gravity, (3,). Raises ArgumentError for other shapes.
     """
     N = getattr(chain.group, "count", 0)
-    R = np.eye(3) if rotation is None else float64(rotation, "Argument `rotation`")
-    omega = float64(angular_velocity, "Argument `angular_velocity`")
-    for name, value, shape in (("rotation", R, (3, 3)), ("angular_velocity", omega, (3,))):
-        if np.shape(value) not in (shape, (N, *shape)):
-            raise ArgumentError(
-                f"Argument `{name}` must have shape {shape} or {(N, *shape)}, but has shape {np.shape(value)}."
-            )
+    R = np.eye(3) if rotation is None else checks.array(rotation, "rotation", (3, 3), (N, 3, 3))
+    omega = checks.array(angular_velocity, "angular_velocity", (3,), (N, 3))
     g = np.broadcast_to(R, (N, 3, 3)).copy()
     a0 = {"frame": None, "down": direction(down, "down")}
     return chain.state(g=g, xi=np.broadcast_to(omega, (N, 3)).copy(), a0=a0)
@@ -98,9 +93,9 @@ def points(*, links: Any, length: Any, mass: Any, gravity: Any = 9.81) -> System
     links: N. length: of a rod, m, one number or (N,). mass: of a point, kg, likewise. gravity: g, m/s².
     Parameters: length, mass, gravity. Raises ArgumentError for what no chain can have.
     """
-    links = _count(links)
-    checks = _checks(links, 0)
-    values = checked(checks, {"length": length, "mass": mass, "gravity": gravity})
+    links = checks.whole(links, "links")
+    rules = _checks(links, 0)
+    values = checked(rules, {"length": length, "mass": mass, "gravity": gravity})
 
     def lagrangian(xi, n, nu, p):
         places, moving = (jnp.cumsum(p.length[:, None] * one, axis=0) for one in (n, nu))
@@ -111,7 +106,7 @@ def points(*, links: Any, length: Any, mass: Any, gravity: Any = 9.81) -> System
         lagrangian,
         additional=Sphere(Trivial(3)),
         parameters=Parameters(**values),
-        checks=partial(checked, checks),
+        checks=partial(checked, rules),
         units=POINTS,
         name="chain of points",
     )
@@ -126,9 +121,7 @@ def points_start(chain: System, *, directions: Any = (0.0, 0.0, -1.0), rates: An
     N = getattr(chain.group, "count", 0)
     found = []
     for name, value in (("directions", directions), ("rates", rates)):
-        given = float64(value, f"Argument `{name}`")
-        if np.shape(given) not in ((3,), (N, 3)):
-            raise ArgumentError(f"Argument `{name}` must have shape (3,) or {(N, 3)}, but has shape {np.shape(given)}.")
+        given = checks.array(value, name, (3,), (N, 3))
         found.append(np.broadcast_to(given, (N, 3)).copy())
     return chain.state(q=found[0], qdot=found[1])
 
@@ -146,20 +139,10 @@ def _heights(along: Any, p: Any) -> Any:
     return p.gravity * p.mass @ (reached + p.center * along)
 
 
-def _count(links: Any) -> int:
-    if isinstance(links, bool) or not isinstance(links, (int, np.integer)) or links < 1:
-        raise ArgumentError(f"Argument `links` must be a whole number from 1, but is {shown(links)}.")
-    return int(links)
-
-
 def _checks(count: int, axes: int) -> dict[str, Callable[[Any, str], Any]]:
     def each(shape: tuple[int, ...], least: float) -> Callable[[Any, str], Any]:
         def check(value: Any, name: str) -> Any:
-            found = float64(value, f"Argument `{name}`")
-            if np.shape(found) not in (shape, (count, *shape)):
-                raise ArgumentError(
-                    f"Argument `{name}` must have shape {shape} or {(count, *shape)}, but has shape {np.shape(found)}."
-                )
+            found = checks.array(value, name, shape, (count, *shape))
             low = np.min(found)
             if low < 0 or (least and low <= 0):
                 raise ArgumentError(f"Argument `{name}` must be positive, but is {low:g}.")

@@ -7,9 +7,8 @@ from math import pi
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import positive
@@ -56,16 +55,10 @@ class RodLayout:
     planar: bool = False
 
     def __post_init__(self):
-        if self.ends not in ENDS:
-            raise ArgumentError(f"Argument `ends` must be one of {', '.join(ENDS)}, but is {shown(self.ends)}.")
+        checks.choice(self.ends, "ends", ENDS)
         least = {"free": 1, "clamped": 1, "both clamped": 2, "ring": 3}[self.ends]
-        whole = isinstance(self.elements, (int, np.integer)) and not isinstance(self.elements, bool)
-        if not whole or self.elements < least:
-            raise ArgumentError(
-                f"Argument `elements` must be a whole number from {least} of a rod with ends {self.ends!r}, but is "
-                f"{shown(self.elements)}."
-            )
-        object.__setattr__(self, "elements", int(self.elements))
+        what = f"Argument `elements` of a rod with ends {self.ends!r}"
+        object.__setattr__(self, "elements", checks.whole(self.elements, what, least))
 
     @property
     def sections(self) -> int:

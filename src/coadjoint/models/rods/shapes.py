@@ -7,6 +7,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.kernels.trace.evaluate import evaluate, traced
@@ -16,7 +18,6 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
 from coadjoint.models.quantities import direction, number, vector
 from coadjoint.models.rods.strains import each_element, straight
-from coadjoint.spaces.numbers import float64
 
 OPEN = 1e-3
 """How far the end of a ring may be from its beginning at the start, in lengths of an element, and in rad."""
@@ -179,10 +180,7 @@ def _velocities(R: np.ndarray, x: np.ndarray, velocity: Any, angular_velocity: A
     omega = float64(angular_velocity, "Argument `angular_velocity`")
     turning = (3,) if size == 3 else ()
     for name, given, shape in (("velocity", v, (size,)), ("angular_velocity", omega, turning)):
-        if np.shape(given) not in (shape, (N, *shape)):
-            raise ArgumentError(
-                f"Argument `{name}` must have shape {shape} or {(N, *shape)}, but has shape {np.shape(given)}."
-            )
+        checks.shape(given, name, shape, (N, *shape))
     if np.ndim(omega) == len(turning):
         away = x - np.mean(x, axis=0)
         rigid = np.cross(omega, away) if size == 3 else omega * np.stack([-away[:, 1], away[:, 0]], axis=1)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.trace.evaluate import tabulate
@@ -35,7 +36,6 @@ from coadjoint.simulation.root_finding import crossings, from_zero
 from coadjoint.simulation.steppers.beginning import shapes_of, spread
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.spaces.named import Named
-from coadjoint.spaces.numbers import float64
 
 ALONE = "input"
 """The name of a command that ℓ and forces read as `inputs` itself."""

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import layout
@@ -52,7 +53,6 @@ from coadjoint.simulation.steppers.native_engine import NativeEngine
 from coadjoint.simulation.steppers.stepping import Stepping
 from coadjoint.simulation.trajectory import Trajectory, computed
 from coadjoint.spaces.named import Named
-from coadjoint.spaces.numbers import float64
 
 
 class Stepper(Stepping):

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import tabulate
@@ -110,8 +111,7 @@ class Episodes:
 
     def _checked(self, given: Any) -> dict[str, Any]:
         """Position, attitude, velocity through the water and ω of a start; raises ArgumentError."""
-        if not isinstance(given, Mapping):
-            raise ArgumentError(f"A start must be a dictionary of {', '.join(KEYS)}, but is {shown(given)}.")
+        checks.instance(given, "A start", Mapping, f"a dictionary of {', '.join(KEYS)}")
         if unknown := [name for name in given if name not in KEYS]:
             raise ArgumentError(f"A start may have {', '.join(KEYS)}, but has {shown(unknown[0])}.")
         if "speed" in given and "velocity" in given:

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.simulation.arguments import whole
 from coadjoint.vehicles.environments.cross_current import CrossCurrent
@@ -80,8 +81,8 @@ def environment(
     from coadjoint.vehicles.environments.spaces import whole_or_none
 
     whole_or_none(randomise_seed, "randomise_seed")
-    if render_mode not in (None, "rgb_array"):
-        raise ArgumentError(f'Argument `render_mode` must be "rgb_array" or None, but is {shown(render_mode)}.')
+    if render_mode is not None:
+        checks.choice(render_mode, "render_mode", ("rgb_array",))
     wanted = Wanted(
         actions=actions, observe=observe, reward=reward, ends=ends, bounds=bounds, controller=controller, water=water,
         dt=dt, period=period, seconds=seconds, accuracy=accuracy,
@@ -116,8 +117,7 @@ def vector_environment(
     from coadjoint.vehicles.environments.spaces import whole_or_none
 
     whole_or_none(randomise_seed, "randomise_seed")
-    if not isinstance(autoreset, str) or autoreset not in MODES:
-        raise ArgumentError(f"Argument `autoreset` must be one of {', '.join(MODES)}, but is {shown(autoreset)}.")
+    checks.choice(autoreset, "autoreset", MODES)
     known = [field.name for field in fields(Wanted)]
     wanted.pop("render_mode", None)
     if unknown := [name for name in wanted if name not in known]:

@@ -10,6 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.mechanics.state import State
 from coadjoint.portable import require_portable
@@ -116,8 +117,8 @@ class Simulated:
     def _rewarded(self) -> Callable[[State, Any], Any]:
         """r − c mean(a²) + Σ of the rewards of the ends that have come; a reward of one's own is without the effort."""
         given, effort = self.wanted.reward, self.task.effort
-        if given is not None and not callable(given):
-            raise ArgumentError(f"Argument `reward` must be a function of the Feedback, but is {shown(given)}.")
+        if given is not None:
+            checks.function(given, "reward", "a function of the Feedback")
         places = actuators(self.craft) if given is None and effort else None
         inner = of_feedback(self.common, self.task.reward if given is None else given)
 
@@ -177,8 +178,7 @@ def _periods(long: Any, short: Any, name: str, unit: str) -> int:
 
 
 def _craft(vehicle: Vehicle, task: Task, wanted: Wanted) -> Craft:
-    if wanted.actions not in ("actuators", "set_points"):
-        raise ArgumentError(f'Argument `actions` must be "actuators" or "set_points", but is {shown(wanted.actions)}.')
+    checks.choice(wanted.actions, "actions", ("actuators", "set_points"))
     if wanted.actions == "actuators":
         for name in ("bounds", "controller"):
             if getattr(wanted, name) is not None:
@@ -201,23 +201,16 @@ def _actions(craft: Craft, task: Task, wanted: Wanted) -> Actions:
 def _uncertain(craft: Craft, given: Any) -> Uncertain | None:
     if isinstance(given, Mapping):
         return Uncertain(craft, given) if given else None
-    if not isinstance(given, bool):
-        raise ArgumentError(
-            f"Argument `randomise` must be True, False, or path → standard deviation, but is {shown(given)}."
-        )
+    checks.instance(given, "randomise", bool, "True, False, or path → standard deviation")
     return Uncertain(craft, of_file(craft)) if given else None
 
 
 def _ends(given: Any) -> dict[str, End]:
     """Name → End, of functions too; raises ArgumentError."""
-    if not isinstance(given, Mapping):
-        raise ArgumentError(f"Argument `ends` must be name → function of the Feedback, or End, but is {shown(given)}.")
+    checks.instance(given, "ends", Mapping, "name → function of the Feedback, or End")
     found = {name: end if isinstance(end, End) else End(end) for name, end in given.items()}
     for name, end in found.items():
-        if not callable(end.when):
-            raise ArgumentError(
-                f"The end `{shown(name)}` must be a function of the Feedback, but is {shown(end.when)}."
-            )
+        checks.function(end.when, f"The end `{shown(name)}`", "a function of the Feedback")
     return found
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
 from coadjoint.vehicles.environments.simulated import Simulated
 
 UNIT = ("down", "north", "facing")
@@ -30,5 +30,5 @@ def varying_from(seed: Any) -> np.random.Generator:
 
 def whole_or_none(seed: Any, name: str) -> None:
     """Raise ArgumentError for what is no seed."""
-    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0):
-        raise ArgumentError(f"Argument `{name}` must be a whole number from 0 on, but is {shown(seed)}.")
+    if seed is not None:
+        checks.whole(seed, name, 0)

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.transforms import Affine2D
 
+from coadjoint import checks
 from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry
@@ -34,8 +35,7 @@ def animation(runs: Sequence[Entry], path: str | os.PathLike[str], frames: int =
     target = Path(path)
     if target.suffix.lower() not in (".gif", ".html"):
         raise ArgumentError(f"An animation's file must end in .gif or .html, but is {target.name}.")
-    if not isinstance(frames, int) or not 2 <= frames <= 1000:
-        raise ArgumentError(f"Argument `frames` must be a whole number from 2 to 1000, but is {frames!r}.")
+    checks.whole(frames, "frames", 2, 1000)
     if target.suffix.lower() == ".html":
         return write_text(target, page(scene(runs)))
     shown = list(runs[:_MOST])

@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint import checks
+from coadjoint.errors import FileError
 from coadjoint.models.quantities import positive
 from coadjoint.sealed import engine_of
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
@@ -43,8 +44,7 @@ def capytaine_added_mass(
     where the mean of A and Aᵀ is more than 1 % away. Source: Capytaine's manual, "Export outputs".
     """
     density = None if fluid_density is None else positive(fluid_density, "fluid_density")
-    if frequency not in ("infinite", "highest"):
-        raise ArgumentError(f'Argument `frequency` must be "infinite" or "highest", but is {frequency!r}.')
+    checks.choice(frequency, "frequency", ("infinite", "highest"))
     source = Path(path)
     dataset = _dataset(source)
     _require_one_body(dataset, source)

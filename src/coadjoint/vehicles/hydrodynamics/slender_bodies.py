@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.hydrodynamics.ellipsoids import ellipsoid_added_mass
 from coadjoint.vehicles.hydrodynamics.sections import crosswise_added_mass, rolling_added_mass
 

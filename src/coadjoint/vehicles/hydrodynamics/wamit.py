@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError, warn
+from coadjoint import checks
+from coadjoint.errors import FileError, warn
 from coadjoint.models.quantities import positive
 from coadjoint.texts import text_of
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
@@ -43,11 +44,8 @@ def wamit_added_mass(
     a one, has several bodies, or lets more water move at infinite frequency than at zero; ArgumentError. Warns where
     the mean of A and Aᵀ is more than 1 % away. Source: WAMIT user manual, chapter 4.
     """
-    if infinite_frequency not in ("zero", "negative", None):
-        raise ArgumentError(
-            'Argument `infinite_frequency` must be "zero" (PERIOD = 0) or "negative" (PERIOD < 0), but is '
-            f"{infinite_frequency!r}."
-        )
+    if infinite_frequency is not None:
+        checks.choice(infinite_frequency, "infinite_frequency", ("zero", "negative"))
     L, density = positive(length, "length"), positive(fluid_density, "fluid_density")
     source = Path(path)
     rows = _rows(source)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.quantities import not_negative
 from coadjoint.vehicles.files.file import vehicle_from_text
@@ -67,8 +68,7 @@ def import_vehicle(
     xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
     root = xacro.read(source)
     draft = Draft(_name(root.attributes.get("name"), source), f"{source.name}, a file of another simulator")
-    if forward not in ("x", "-x"):
-        raise ArgumentError(f'Argument `forward` must be "x" or "-x", but is {forward!r}.')
+    checks.choice(forward, "forward", ("x", "-x"))
     if forward == "-x":
         draft.flip = np.array([-1.0, 1.0, -1.0])
     if root.tag == "robot":

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.clocks import Unsorted
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.signals import Held, Linear
@@ -37,8 +38,7 @@ def inputs_from_csv(
     FileError with line and column for a file that cannot be used, ArgumentError for names that it lacks and for an
     input of more than 100 000 rows.
     """
-    if between not in KINDS:
-        raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
+    checks.choice(between, "between", KINDS)
     if not (isinstance(every, (int, float)) and every >= 0):
         raise ArgumentError(f"Argument `every` must be a time in s, 0 or more, but is {every!r}.")
     table = read_csv(path, unsorted)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import Each, count_members
@@ -135,8 +136,7 @@ def _start(file: MissionSections, units: Mapping[str, str]) -> dict[str, Any]:
 
 def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
     """Where actuators start, by part, in SI units."""
-    if not isinstance(given, dict):
-        raise ArgumentError(f"[initial] actuators must be a table, as in {{ propeller_rpm = 900 }}, but is {given!r}.")
+    checks.instance(given, "[initial] actuators", dict, "a table, as in { propeller_rpm = 900 }")
     found = {}
     for key, value in given.items():
         name, unit = split_name(key, units)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
@@ -18,7 +19,6 @@ from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.members import Each, count_members, stacked
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.model.command_limits import clipped, command_range, require_in_range
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
 from coadjoint.mechanics.parameters import Parameters
@@ -46,21 +47,15 @@ class Craft:
         water: Water | None = None,
         faults: Sequence[Fault] = (),
     ):
-        if not isinstance(vehicle, Vehicle):
-            raise ArgumentError(f"Argument `vehicle` must be a Vehicle, but is {vehicle!r}.")
-        if water is not None and not isinstance(water, Water):
-            raise ArgumentError(
-                f"Argument `water` must be a Water such as UniformWater((0.0, 0.2, 0.0)), but is {water!r}."
-            )
+        checks.instance(vehicle, "vehicle", Vehicle, "a Vehicle")
+        if water is not None:
+            checks.instance(water, "water", Water, "a Water such as UniformWater((0.0, 0.2, 0.0))")
         if isinstance(controller, type):
             raise ArgumentError(
                 f"Argument `controller` is the class {controller.__name__}: give one of them, {controller.__name__}(…)."
             )
         if controller is not None and not isinstance(controller, Controller):
-            if not callable(controller):
-                raise ArgumentError(
-                    f"Argument `controller` must be a Controller, or a function (feedback, p), but is {controller!r}."
-                )
+            checks.function(controller, "controller", "a Controller, or a function (feedback, p)")
             controller = FunctionController(function=controller)
         controller = None if controller is None else controller.fitted(vehicle)
         self.vehicle, self.controller, self.water = vehicle, controller, StillWater() if water is None else water

@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.internal_state import Course, jumped
@@ -46,8 +47,8 @@ class Fault:
     def __post_init__(self) -> None:
         if (self.time is None) == (self.when is None):
             raise ArgumentError(f"A fault of `{self.part}` needs either a time or `when`, an event.")
-        if self.when is not None and not callable(self.when):
-            raise ArgumentError(f"Argument `when` of a fault must be a function (motion, p), but is {self.when!r}.")
+        if self.when is not None:
+            checks.function(self.when, "Argument `when` of a fault", "a function (motion, p)")
         if self.time is not None:
             object.__setattr__(self, "time", float(number(self.time, "time` of a fault of `" + self.part)))
         name = self.name or self.part

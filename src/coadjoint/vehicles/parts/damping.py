@@ -6,21 +6,19 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
-import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.errors import ArgumentError
+from coadjoint.checks import float64
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.parts.measured import measured, numbers, six
 from coadjoint.vehicles.parts.part import Flow, Part, speed_of
 
 
 def _six(value: Any, name: str) -> Any:
     found = float64(value, f"Argument `{name}`")
-    if np.shape(found) not in ((6,), (6, 6)):
-        raise ArgumentError(f"Argument `{name}` must have shape (6, 6) or (6,), but has shape {np.shape(found)}.")
+    checks.shape(found, name, (6, 6), (6,))
     return found
 
 

@@ -13,9 +13,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.parts.numbers import Numbers
 
 

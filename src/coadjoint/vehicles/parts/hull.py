@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.parts.measured import measured, not_negative
 from coadjoint.vehicles.parts.part import AHEAD, Flow, Part
 

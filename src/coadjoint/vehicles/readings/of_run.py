@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import tabulate
@@ -59,8 +60,7 @@ def readings(
     for sensors that there are not; warns of a sensor whose latency is longer than
     the run.
     """
-    if not isinstance(run, Run):
-        raise ArgumentError(f"Argument `run` must be a run of co.simulate, of a single craft, but is {shown(run)}.")
+    checks.instance(run, "run", Run, "a run of co.simulate, of a single craft")
     if bottom is not None and not callable(bottom):
         bottom = float(not_negative(bottom, "bottom"))
     craft = craft_of(run.system) if craft is None else craft

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import not_negative, positive
@@ -85,8 +86,7 @@ def dimensions(channel: Channel) -> dict[str, Dimension]:
 
 def checked(errors: Any, channel: Channel, whose: str) -> Errors:
     """The errors of a channel as float64 numbers; raises ArgumentError, naming the field and `whose` it is."""
-    if not isinstance(errors, Errors):
-        raise ArgumentError(f"Argument `{channel.name}` of the {whose} must be Errors(…), but is {errors!r}.")
+    checks.instance(errors, f"Argument `{channel.name}` of the {whose}", Errors, "Errors(…)")
     found: dict[str, Any] = {}
     for name in dimensions(channel):
         value = getattr(errors, name)

@@ -7,6 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import attitude
 from coadjoint.vehicles.sensors.errors import Channel, Errors
@@ -31,8 +32,7 @@ class Noise:
     """
 
     def __init__(self, sensor: Sensor, seed: int):
-        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise ArgumentError(f"Argument `seed` must be a whole number of at least 0, but is {shown(seed)}.")
+        checks.whole(seed, "seed", 0)
         self.sensor, self.count = sensor, 0
         key = crc32(sensor.name.encode())
         drawing = {

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
@@ -158,8 +159,7 @@ class Sensor(Numbers, ABC):
         return self._evaluated(self.within, motion, own)
 
     def _evaluated(self, function: Any, motion: Any, own: Any) -> Any:
-        if not isinstance(motion, Kinematics):
-            raise ArgumentError(f"Argument `motion` must be Kinematics(…), but is {shown(motion)}.")
+        checks.instance(motion, "motion", Kinematics, "Kinematics(…)")
         own = Named(**self.parameters()) if own is None else own
         own = Named(**own) if isinstance(own, dict) else own
         return evaluate(lambda motion, own: function(_as_arrays(motion), own), motion, own)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.groups.attitude import to_quaternion
 from coadjoint.mechanics.state import State
@@ -91,12 +92,9 @@ class Service:
 
     def _carry_out(self, request: Mapping[str, Any]) -> None:
         steps, commands, reset = request.get("steps", 1), request.get("commands", {}), request.get("reset", False)
-        if not isinstance(steps, int) or isinstance(steps, bool) or not 0 <= steps <= MOST_STEPS:
-            raise ArgumentError(f"`steps` must be a whole number from 0 to {MOST_STEPS}, but is {shown(steps)}.")
-        if not isinstance(commands, dict):
-            raise ArgumentError(f"`commands` must be an object of names and numbers, but is {shown(commands)}.")
-        if not isinstance(reset, (bool, dict)):
-            raise ArgumentError(f'`reset` must be true, or an object such as {{"speed": 1.5}}, but is {shown(reset)}.')
+        checks.whole(steps, "`steps`", 0, MOST_STEPS)
+        checks.instance(commands, "`commands`", dict, "an object of names and numbers")
+        checks.instance(reset, "`reset`", (bool, dict), 'true, or an object such as {"speed": 1.5}')
         if commands and not steps:
             raise ArgumentError("`commands` need at least one step over which they are held.")
         with nullcontext() if reset is False else self.served.intact():

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups.group import Array
 from coadjoint.sealed import engine_of
@@ -34,8 +35,7 @@ class Bottom:
     """
 
     def __init__(self, north: Any, east: Any, depth: Any, between: Literal["bilinear", "bicubic"] = "bilinear"):
-        if between not in ("bilinear", "bicubic"):
-            raise ArgumentError(f'Argument `between` must be "bilinear" or "bicubic", but is {between!r}.')
+        checks.choice(between, "between", ("bilinear", "bicubic"))
         self.north, self.east = _axis(north, "north"), _axis(east, "east")
         found = np.asarray(depth, dtype=float)
         shape = (len(self.north), len(self.east))
@@ -122,8 +122,7 @@ class Bottom:
         Raises FileError for a file that cannot be read, is in degrees, turned, or has pixels without a value,
         ArgumentError for other words and numbers and where tifffile is not installed.
         """
-        if positive not in ("up", "down"):
-            raise ArgumentError(f'Argument `positive` must be "up" or "down", but is {positive!r}.')
+        checks.choice(positive, "positive", ("up", "down"))
         try:
             zero = np.asarray(origin, float)
         except (TypeError, ValueError):

@@ -10,12 +10,13 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.signals import Held
 from coadjoint.models.quantities import vector
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.water.functions import returned
 from coadjoint.vehicles.water.water import Water
 
@@ -51,8 +52,7 @@ class TimeCurrent(Water):
     steady = False
 
     def __post_init__(self) -> None:
-        if not callable(self.function):
-            raise ArgumentError(f"Argument `function` must be a function of time, but is {self.function!r}.")
+        checks.function(self.function, "function", "a function of time")
         if isinstance(self.function, Held):
             raise ArgumentError(
                 "A current must not jump, as co.Held does: take co.Linear, with a short time in between."

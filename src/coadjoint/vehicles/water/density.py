@@ -9,11 +9,11 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import number, positive
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.parts.numbers import Numbers
 from coadjoint.vehicles.water.columns import DOWN, read
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
@@ -124,8 +125,7 @@ class Sheared(Water):
             raise ArgumentError(
                 "Argument `surface` has a density of its own, which a profile of currents has not: give both to a Sea."
             )
-        if not isinstance(profile, Profile):
-            raise ArgumentError(f"Argument `profile` must be a Profile such as PowerLaw(40.0), but is {profile!r}.")
+        checks.instance(profile, "profile", Profile, "a Profile such as PowerLaw(40.0)")
         object.__setattr__(self, "surface", surface)
         object.__setattr__(self, "profile", profile)
 

@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.members import Each
@@ -27,15 +28,10 @@ class Sea(Water):
     """
 
     def __init__(self, *, density: Density | None = None, **currents: Water):
-        if density is not None and not isinstance(density, Density):
-            raise ArgumentError(
-                f"Argument `density` must be a Density such as LinearDensity(1025.0), but is {density!r}."
-            )
+        if density is not None:
+            checks.instance(density, "density", Density, "a Density such as LinearDensity(1025.0)")
         for name, current in currents.items():
-            if not isinstance(current, Water):
-                raise ArgumentError(
-                    f"The current `{name}` must be a Water such as UniformWater(…), but is {current!r}."
-                )
+            checks.instance(current, f"The current `{name}`", Water, "a Water such as UniformWater(…)")
             if current.stratified:
                 raise ArgumentError(
                     f"The current `{name}` has a density of its own, and a sea has one: give it as Sea(density=…)."

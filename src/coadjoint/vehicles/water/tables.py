@@ -8,11 +8,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
+from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.signals import Linear
-from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.water.columns import DOWN, Columns, read
 from coadjoint.vehicles.water.water import Water
 
@@ -51,10 +52,7 @@ class CurrentTable(Water):
         if not shape:
             raise ArgumentError("A table of currents needs `times`, `depths` or both.")
         velocities = float64(self.velocities, "Argument `velocities`")
-        if np.shape(velocities) != (*shape, 3):
-            raise ArgumentError(
-                f"Argument `velocities` must have shape {(*shape, 3)}, but has shape {np.shape(velocities)}."
-            )
+        checks.shape(velocities, "velocities", (*shape, 3))
         object.__setattr__(self, "velocities", velocities)
 
     @property

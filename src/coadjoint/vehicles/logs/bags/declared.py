@@ -23,6 +23,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.texts import read_table, told_text
 from coadjoint.vehicles.axes import Axes, body_axes, space_axes
@@ -178,8 +179,8 @@ def _axes(value: Any, where: str) -> Axes:
 
 def _stamp(row: Mapping[str, Any], where: str) -> Stamp | None:
     value = row.get("stamp")
-    if value not in (None, "header", "log"):
-        raise FileError(f'{where}: `stamp` must be "header" or "log", but is {value!r:.40}.')
+    if value is not None:
+        checks.choice(value, f"{where}: `stamp`", ("header", "log"), error=FileError)
     return value
 
 
