@@ -97,6 +97,14 @@ def test_a_damaged_packet_is_passed_over_and_those_behind_it_are_read(telemetry)
     assert 25 <= np.isfinite(log.columns["roll"]).sum() <= 30 and log.duration == pytest.approx(2.901, abs=2e-6)
 
 
+def test_a_packet_of_a_time_that_no_clock_has_is_passed_over(telemetry):
+    content = bytearray(telemetry.read_bytes())
+    content[5 * (len(content) // 30)] = 255
+    telemetry.write_bytes(content)
+    log = read_log(telemetry)
+    assert "1 of 90 packets are damaged" in log.notes[0] and np.isfinite(log.columns["roll"]).sum() == 29
+
+
 def test_telemetry_that_is_too_large_is_refused_before_it_is_read(telemetry, monkeypatch):
     with telemetry.open("r+b") as opened:
         opened.truncate(tlog_file.LARGEST + 1)  # of holes, which take no room on the disk

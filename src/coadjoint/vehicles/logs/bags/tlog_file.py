@@ -29,6 +29,10 @@ PAUSE = 3 * 86_400_000_000
 """Behind a damaged packet a time that is further from the last one is none, µs."""
 
 
+LATEST = (2**63 - 1) // 1000
+"""The last time whose nanoseconds an integer of 64 bits holds, µs; that of a packet with a later one is damaged."""
+
+
 def read_tlog(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
     """Telemetry with the messages of those kinds for which `wanted(kind, kind)` is true, at the times of logging.
 
@@ -115,7 +119,7 @@ def _messages(
     for time, message in packets:
         kind = message.get_type()
         count += 1
-        if kind == "BAD_DATA":
+        if kind == "BAD_DATA" or time > LATEST:
             strange += 1
             continue
         key = kind, message.get_srcSystem()
