@@ -2,37 +2,48 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import socket
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 import coadjoint as co
-from coadjoint import csv_tables, manifest, sealed, texts
+from coadjoint import csv_tables, manifest, sealed, texts, vehicles
+from coadjoint.cli.main import Command
 from coadjoint.errors import CoadjointError
 from coadjoint.kernels.run import store
-from coadjoint.plotting import meshes
+from coadjoint.plotting import bodies, meshes
 from coadjoint.vehicles.hydrodynamics import wamit
 from coadjoint.vehicles.importing import elements, xacro
 from coadjoint.vehicles.logs import read_log
-from coadjoint.vehicles.logs.bags import decompressing
+from coadjoint.vehicles.logs.bags import dataflash_file, decompressing, tlog_file
 from coadjoint.vehicles.serving import plain
-from coadjoint.vehicles.water import bottom
+from coadjoint.vehicles.water import bottom, geotiff
 
 SOURCES = Path(co.__file__).parent
 PAGE = Path(__file__).parent.parent / "SECURITY.md"
 IMPORTED = re.compile(
-    r"^\s*(?:import|from) (socket|ssl|http|urllib\.request|asyncio|distributed|pickle|cloudpickle|marshal|shelve)\b"
-    r"|\b(eval|exec)\(",
+    r"^\s*(?:import|from) (socket|ssl|http|urllib\.request|asyncio|distributed|pickle|cloudpickle|marshal|shelve|"
+    r"subprocess|multiprocessing|webbrowser|runpy)\b|\b(eval|exec|spec_from_file_location)\(",
     re.M,
 )
+FILES = (co, vehicles, vehicles.water, vehicles.logs, vehicles.hydrodynamics, bodies)
+"""Packages whose functions take names of files or folders."""
+TAKEN = {"path", "folder", "store"}
+WRITES = ("write_log", "write_mcap")
+"""Those that open no file of others."""
 KNOWN = {
     "cli/start.py": {"exec"},  # of an empty text
+    "cli/viewing.py": {"webbrowser"},
+    "runs/factory.py": {"spec_from_file_location"},
+    "sealed.py": {"subprocess"},  # a child that reads netCDF
     "simulation/folder.py": {"socket"},  # the name of this machine
     "sweeps/address.py": {"socket"},
     "sweeps/cluster.py": {"distributed"},
-    "sweeps/local.py": {"pickle"},  # of this library's own processes
+    "sweeps/local.py": {"pickle", "subprocess"},  # of this library's own processes
     "vehicles/serving/loop.py": {"socket"},
 }
 
@@ -56,17 +67,36 @@ def test_the_limits_on_the_page_are_those_of_the_code():
         f"| XML | {megabytes(elements.LARGEST)} a file, {megabytes(xacro.MOST_BYTES)} with all",
         f"| CSV | {megabytes(csv_tables.LARGEST)}, {csv_tables.MOST_LINES // 10**6} million lines, "
         f"{csv_tables.MOST_CELLS // 10**6} million cells",
-        f"| netCDF 4 | {megabytes(sealed.LEAST)} of numbers, or {sealed.MOST_TIMES} times",
+        f"| netCDF 3 and 4 | of each file {megabytes(sealed.LEAST)} of numbers, or {sealed.MOST_TIMES} times",
         f"of a bottom | {bottom.MOST // 10**6} million nodes",
+        f"| logs of ArduPilot | {megabytes(dataflash_file.LARGEST)}, telemetry {megabytes(tlog_file.LARGEST)} |",
         f"a chunk of {megabytes(decompressing.LARGEST_CHUNK)};",
-        f"messages of {megabytes(decompressing.LARGEST_CHUNK)}, or of {decompressing.MOST_KEPT} times",
-        f"| meshes | {megabytes(meshes.LARGEST)}, {meshes.MOST // 1000} 000 triangles",
+        f"names {megabytes(decompressing.LARGEST_CHUNK)}, or {decompressing.MOST_KEPT} times",
+        f"of GeoTIFF {geotiff.MOST_PAGES} pictures",
+        f"ask for {plain.MOST_STEPS:,} steps".replace(",", " "),
+        f"| meshes | {megabytes(meshes.LARGEST)}, as much for all buffers, {meshes.MOST // 1000} 000 triangles",
         f"| {megabytes(wamit.LARGEST)}; {megabytes(texts.LARGEST_SUMMARY)} |",
         f"at most {store.LIMIT >> 20} MB",
     ):
         assert words in text, words
     assert pytest.approx(texts.LARGEST_SUMMARY, rel=0.05) == manifest._LARGEST
     assert (plain.MOST_ERRORS == 10 and "at most ten\nerrors" in text) or "at most ten errors" in text
+
+
+def test_the_page_names_each_command_and_each_function_that_opens_files():
+    text = PAGE.read_text(encoding="utf-8")
+    page = text[text.index("## What each command") : text.index("## What is data")]
+    commands = [word for kind in get_args(Command) for word in (get_args(kind)[1].name,)]
+    assert len(commands) == 17 and all(f"`{name}`" in page for name in commands)
+    for room in FILES:
+        for name in getattr(room, "__all__", vars(room)):
+            found = getattr(room, name)
+            named = {name: found}
+            if inspect.isclass(found):
+                named = {f"{name}.{key}": getattr(found, key) for key in vars(found) if key.startswith("from_")}
+            for word, function in named.items():
+                if inspect.isroutine(function) and TAKEN & {*inspect.signature(function).parameters}:
+                    assert re.search(rf"{re.escape(word)}[`(]", page) or word in WRITES, word
 
 
 def test_a_log_whose_name_is_an_address_opens_no_connection(tmp_path, monkeypatch):

@@ -119,8 +119,9 @@ class Bottom:
 
         origin: northing and easting, m, of north and east 0. positive: "up" of elevations, as most such files have
         them, or "down" of depths. Nodes are the centres of pixels.
-        Raises FileError for a file that cannot be read, is in degrees, turned, or has pixels without a value,
-        ArgumentError for other words and numbers and where tifffile is not installed.
+        Raises FileError for a file that cannot be read, is in degrees, turned, compressed by other than deflate, LZMA
+        and LZW, or has pixels without a value, ArgumentError for other words and numbers and where tifffile is not
+        installed.
         """
         checks.choice(positive, "positive", ("up", "down"))
         try:
