@@ -15,7 +15,6 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.run import native
-from coadjoint.kernels.trace import library as files
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.models import catalogue
 from coadjoint.simulation import setup_cache
@@ -32,7 +31,6 @@ library = types.SimpleNamespace(drag=lambda xi: -0.1 * xi)
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
-    files._first.clear()  # another test may have replaced a part of the library for a while
     folder = tmp_path / "cache"
     monkeypatch.setenv("COADJOINT_CACHE", str(folder))
     return folder
@@ -265,18 +263,6 @@ def test_a_group_of_somebody_else_is_not_kept(cache):
     system = co.System(Own(), lambda xi: 0.5 * xi @ xi)
     co.simulate(system, system.state(xi=[0.3, 1.0, -0.2]), dt=0.05, steps=2)
     assert not found_in(cache)
-
-
-def test_nothing_is_kept_of_a_library_that_is_changed_in_memory(cache, monkeypatch):
-    forget()
-    first, before = spun(), found_in(cache)
-    single = co.System.reduced_lagrangian
-    monkeypatch.setattr(co.System, "reduced_lagrangian", lambda *given, **more: 2.0 * single(*given, **more))
-    forget()
-    second = spun()
-    assert found_in(cache) == before
-    assert same(second, anew(spun, monkeypatch))
-    assert not same(second, first)
 
 
 def test_a_vehicle_with_other_numbers_gets_gains_of_its_own(cache):
