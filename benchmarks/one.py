@@ -15,7 +15,7 @@ from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.problems import NODES, Problem, Ready, heavy_top, ready, vehicle
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import native, xla
-from coadjoint.simulation.problem import prepare
+from coadjoint.simulation.problem import SimulationProblem
 
 YARDSTICK = "by hand, numba: left rule"
 H, STEPS = 0.01, 50_000
@@ -71,7 +71,11 @@ def _left_rule(problem: Problem, times: int) -> dict[str, Row]:
     """The paper's run by hand, natively and by XLA; what saving and watching cost."""
     by_hand, every = hand_written(problem, STEPS, EVERY), hand_written(problem, STEPS, 1)
     method = ready(problem, PAPER, H)
-    watched = prepare(problem.system, problem.start, PAPER, H, STEPS, EVERY, True, None, None, "native").plan
+    watched = (
+        SimulationProblem(problem.system, problem.start, PAPER, H, STEPS, EVERY, monitors=True, backend="native")
+        .set_up()
+        .plan
+    )
     start = ready(problem, PAPER, H).state
     observed = Ready(watched.program, watched.constants, start, H)
 

@@ -11,7 +11,7 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.run import xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.problem import prepare
+from coadjoint.simulation.problem import SimulationProblem
 
 LINKS = Coupled(4, (3,), ((0, 1), (1, 2), (2, 3)))
 
@@ -150,7 +150,7 @@ def test_a_chain_that_native_code_takes_carries_its_factors_by_xla(stiffness):
     system, start = bodies(4, stiffness=stiffness)
 
     def begun(backend):
-        run = prepare(system, start, co.Midpoint(), 0.05, 10, 1, False, None, None, backend)
+        run = SimulationProblem(system, start, co.Midpoint(), 0.05, 10, backend=backend).set_up()
         return run.position.state.memory
 
     assert begun("native") is None

@@ -19,7 +19,7 @@ from coadjoint.mechanics.traced_once import Traced
 from coadjoint.models import catalogue
 from coadjoint.simulation import setup_cache
 from coadjoint.simulation.configuration import fingerprint
-from coadjoint.simulation.problem import prepare
+from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.steppers import engines
 from coadjoint.vehicles.controllers.attitude import Attitude
 from coadjoint.vehicles.files.registry import load_vehicle
@@ -217,7 +217,7 @@ def test_a_fingerprint_that_is_found_is_that_which_is_traced(cache, monkeypatch)
     def marks():
         top = catalogue["heavy_top"].make()
         start = catalogue["heavy_top"].start(top)
-        run = prepare(top, start, co.Midpoint(), 0.01, 10, 1, True, None, None, "auto")
+        run = SimulationProblem(top, start, co.Midpoint(), 0.01, 10, monitors=True).set_up()
         return fingerprint(run.plan, run.position.state)
 
     forget()
@@ -233,7 +233,7 @@ def test_the_fingerprint_does_not_depend_on_what_its_kernel_traced(cache, monkey
     start = craft.start(position=(0, 0, 2), speed=1.5)
     wanted = {"depth": 10.0, "heading": 0.0, "speed": 1.5}
     traces = Traced()
-    run = prepare(craft.system, start, co.Midpoint(), 0.05, 10, 1, True, None, wanted, "auto", traces=traces)
+    run = SimulationProblem(craft.system, start, co.Midpoint(), 0.05, 10, monitors=True, inputs=wanted).set_up(traces)
     assert traces
     assert fingerprint(run.plan, run.position.state, known=traces) == fingerprint(run.plan, run.position.state)
 

@@ -19,13 +19,13 @@ def prepared(file: Runnable, made: Setup) -> Run:
     """
     from coadjoint.runs.methods import method
     from coadjoint.simulation.arguments import grid, require_kinds
-    from coadjoint.simulation.problem import prepare
+    from coadjoint.simulation.problem import SimulationProblem
 
     chosen, section = method(file.method), file.run
     require_kinds(made.system, made.start, chosen)
     h, steps = grid(section.dt, section.duration, section.steps)
     what = (made.system, made.start, chosen, h, steps, section.save_every)
-    run = prepare(*what, True, None, made.inputs, "xla", made.until)
+    run = SimulationProblem(*what, monitors=True, inputs=made.inputs, backend="xla", until=made.until).set_up()
     if file.output.asked:
         _require_drawable(file.output.asked, run)
     return run

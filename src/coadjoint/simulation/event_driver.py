@@ -17,7 +17,7 @@ from coadjoint.methods.program import EVENTS
 from coadjoint.simulation import driver
 from coadjoint.simulation.dense import DenseStep, part_of_step
 from coadjoint.simulation.events import Event
-from coadjoint.simulation.plan import MembersPosition, Plan, Position, Sink
+from coadjoint.simulation.plan import MembersPosition, Plan, Sink
 from coadjoint.simulation.root_finding import AHEAD, candidates, crossings, from_zero
 
 
@@ -45,7 +45,7 @@ class EventDriver(driver.Driver):
         length, began = min(wished, left, self._capacity(position)), time.perf_counter()
         self._advance(position, self.run(position.state, length, 1), length, began)
 
-    def _advance(self, position: Position, chunk: Any, length: int, began: float) -> None:
+    def _advance(self, position: Any, chunk: Any, length: int, began: float) -> None:
         """Take up a chunk, as far as the event that ends the run."""
         ahead = None if chunk.code else self.run(chunk.final, AHEAD, 1).monitors[EVENTS]
         end, crossed = look(self.plan, chunk.records, values(position, chunk.monitors[EVENTS], ahead))
@@ -99,7 +99,7 @@ class MembersEvents(EventDriver):
         self.times = position.event = np.full(len(position.codes), np.nan)
         super().drive(position)
 
-    def _advance(self, position: MembersPosition, chunk: EnsembleChunk, length: int, began: float) -> None:
+    def _advance(self, position: Any, chunk: EnsembleChunk, length: int, began: float) -> None:
         """Take up a chunk, no further than the end of the last member."""
         rows_kept = self._members(position, chunk, self.run(chunk.final, AHEAD, 1))
         chunk = without_events(chunk, self.plan, rows_kept)

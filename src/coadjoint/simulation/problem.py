@@ -1,10 +1,10 @@
-"""A run that is checked and set up but has not begun."""
+"""What is to be simulated, checked once, and the run or ensemble that is set up and has not begun."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import jax
@@ -50,59 +50,177 @@ Watched = tuple[tuple[str, Event], ...]
 """Events by their names."""
 
 
-def prepare(
-    system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
-    kelvin_noether: Any, inputs: Any, backend: Backend, until: Any = None, events: Any = None,
-    traces: Traced | None = None,
-) -> Any:  # fmt: skip
-    """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun.
+@dataclass(frozen=True)
+class SimulationProblem:
+    """What is to be simulated: a system from a start by a method over a grid, and what is observed on the way.
 
-    traces: takes up what is traced for the kernel, for the run's fingerprint.
+    kelvin_noether, inputs, until, events: as `co.simulate` takes them.
     """
-    if (count := count_of(system, start)) is not None:
-        whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events)
-        return _prepare_members(system, start, method, *whole)
-    system, start = with_inputs(system, start, inputs, method.start == "velocity")
-    watched, noether = watched_events(until, events), _quantities(kelvin_noether)
-    functions = _functions(system, noether, monitors, watched)
-    observed = (*observe.BEFORE, *observe.AFTER, *noether) if monitors else tuple(noether)
-    reading = setup_cache.read(system, start, functions, watched, observed, method, h)
-    begun = setup_cache.found(reading)
-    if begun is None:
-        with functions_known(reading is not None and reading.own):
-            begun = _checked(system, start, method, h, monitors, noether, watched, reading)
-        setup_cache.remember(reading, begun)
-    state, warnings, program, watching = begun
-    begin = float(start.t)
-    warnings = internal_warnings(system, h) + driven_warnings(system, begin, begin + h * steps) + warnings
-    constants = _constants(system, watching)
-    with tracing_once(traces), as_read(program.version):
-        chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
-    state = method.begin_by_xla(system, state) if chosen == "xla" else state
-    plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
-    crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
-    return Run(system, method, start, plan, Position(state), Memory(), warnings, crossed=crossed)
 
+    system: System
+    start: State
+    method: Method
+    h: float
+    steps: int
+    save_every: int = 1
+    monitors: bool = False
+    kelvin_noether: Any = None
+    inputs: Any = None
+    backend: Backend = "auto"
+    until: Any = None
+    events: Any = None
 
-def _checked(
-    system: System, start: State, method: Method, h: float, monitors: bool, chosen: list[KelvinNoether],
-    watched: Watched, reading: setup_cache.Reading | None,
-) -> setup_cache.Known:  # fmt: skip
-    """What all checks of a run and its start find; raises what they raise."""
-    before, warnings = setup_cache.verdict(reading, "run"), []
-    if before is None:
-        require_internal(system, start, h)
-        warnings = system.check(start, method.regular) + require_forward(system, method, start, h)
-    state = with_ledger(system, method.begin(system, start, h), monitors)
-    if before is None:
-        require_chart(system, method, state, h)
-        require_events(method, state, watched)
-        before = {"warnings": warnings, "watching": _watching(system, state, chosen, monitors)}
-        setup_cache.remember_verdict(reading, "run", before)
-    digest = None if reading is None else reading.version
-    watching = before["watching"]
-    program, _ = _program(system, method, state, chosen, monitors, watching, watched, digest)
-    return setup_cache.Known(state, before["warnings"], program, watching)
+    def set_up(self, traces: Traced | None = None) -> Any:
+        """A Run, or an Ensemble where co.each is used, that is checked and has not begun; raises what is wrong.
+
+        traces: takes up what is traced for the kernel, for the run's fingerprint.
+        """
+        count = count_of(self.system, self.start)
+        return self._run(traces) if count is None else self._ensemble(count)
+
+    @cached_property
+    def watched(self) -> Watched:
+        """The events to monitor by their names, `until` first."""
+        return watched_events(self.until, self.events)
+
+    @cached_property
+    def noether(self) -> list[KelvinNoether]:
+        """The argument `kelvin_noether`: one, several or None."""
+        given = self.kelvin_noether
+        chosen = given if isinstance(given, (list, tuple)) else [] if given is None else [given]
+        if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
+            raise ArgumentError(
+                f"Argument `kelvin_noether` must be co.KelvinNoether(c0), or a list of several, but is {shown(given)}."
+            )
+        return list(chosen)
+
+    def _driven(self) -> tuple[System, State]:
+        """The system driven by the inputs, and its start."""
+        return with_inputs(self.system, self.start, self.inputs, self.method.start == "velocity")
+
+    def _run(self, traces: Traced | None) -> Run:
+        system, start = self._driven()
+        reading = self._read(system, start)
+        begun = setup_cache.found(reading)
+        if begun is None:
+            with functions_known(reading is not None and reading.own):
+                begun = self._checked(system, start, reading)
+            setup_cache.remember(reading, begun)
+        state, warnings, program, watching = begun
+        begin = float(start.t)
+        warnings = (
+            internal_warnings(system, self.h) + driven_warnings(system, begin, begin + self.h * self.steps) + warnings
+        )
+        constants = _constants(system, watching)
+        with tracing_once(traces), as_read(program.version):
+            chosen = kernels.choose(program, constants, state, self._watches, self.backend)
+        state = self.method.begin_by_xla(system, state) if chosen == "xla" else state
+        plan = self._plan(chosen, program, constants)
+        crossed: dict[str, list[State]] = {name: [] for name, _ in self.watched[plan.until :]}
+        return Run(system, self.method, start, plan, Position(state), Memory(), warnings, crossed=crossed)
+
+    def _ensemble(self, count: int) -> Ensemble:
+        """What is the same for all members is checked on the first."""
+        require_one_time(self.start)
+        method, h = self.method, self.h
+        if method.variable:
+            raise ArgumentError(
+                f"The members of an ensemble share their times, but {method.title} has its own: run each."
+            )
+        system, start = self._driven()
+        one, first = first_member(system, start)
+        reading = self._read(one, first)
+        before, checked = setup_cache.verdict(reading, "members"), []
+        if before is None:
+            checked = require_internal(one, first, h) + one.check(first, method.regular)
+            checked += require_forward(one, method, first, h)
+            method.begin(one, first, h)  # what a method checks of a start, it checks of one that is not traced
+        members = begin_members(system, start, method, h, count, self.monitors)
+        first, state = first_member(system, members.states)
+        if before is None:
+            before = self._verdict(first, state, reading, "members", checked)
+        warnings, watching = before["warnings"], before["watching"]
+        program, constants = self._program(first, state, watching, reading), _constants(first, watching)
+        program, constants, axes = with_own_directions(program, constants, members, warnings)
+        states = members.states
+        with as_read(program.version):
+            chosen = kernels.choose(program, constants, states, self._watches, self.backend, axes=(axes, True))
+        if chosen == "xla":
+            states = evaluate(jax.vmap(lambda state: method.begin_by_xla(first, state)), states)
+        plan, position = self._plan(chosen, program, constants, count, axes), MembersPosition.at_start(states, count)
+        warnings = driven_warnings(first, float(state.t), float(state.t) + h * self.steps) + warnings
+        crossed: dict[str, list[Any]] = {name: [[] for _ in range(count)] for name, _ in self.watched[plan.until :]}
+        return Ensemble(system, method, start, plan, position, Memory(), warnings, crossed=crossed)
+
+    @property
+    def _watches(self) -> bool:
+        return self.monitors or bool(self.watched)
+
+    def _plan(self, backend: Backend, program: StepProgram, constants: Constants, *members: Any) -> Plan:
+        grid = self.h, self.steps, self.save_every
+        return Plan(backend, program, constants, *grid, self.monitors, self.watched, self.until is not None, *members)
+
+    def _read(self, system: System, start: State) -> setup_cache.Reading | None:
+        """Read all functions once, and what observes."""
+        observed = (*observe.BEFORE, *observe.AFTER, *self.noether) if self.monitors else tuple(self.noether)
+        return setup_cache.read(system, start, self._functions(system), self.watched, observed, self.method, self.h)
+
+    def _functions(self, system: System) -> list[Callable[[State], Any]]:
+        """What a run reads in addition to the functions of its system."""
+        functions: list[Callable[[State], Any]] = [partial(quantity.quantity, system) for quantity in self.noether]
+        functions += [partial(value, system, function) for _, function in system.quantities if self.monitors]
+        if system.inputs is not None:
+            functions.append(partial(inputs_held, system))
+        return [*functions, *(event.function for _, event in self.watched)]
+
+    def _checked(self, system: System, start: State, reading: setup_cache.Reading | None) -> setup_cache.Known:
+        """What all checks of a run and its start find; raises what they raise."""
+        before, warnings = setup_cache.verdict(reading, "run"), []
+        if before is None:
+            require_internal(system, start, self.h)
+            warnings = system.check(start, self.method.regular) + require_forward(system, self.method, start, self.h)
+        state = with_ledger(system, self.method.begin(system, start, self.h), self.monitors)
+        if before is None:
+            before = self._verdict(system, state, reading, "run", warnings)
+        program = self._program(system, state, before["watching"], reading)
+        return setup_cache.Known(state, before["warnings"], program, before["watching"])
+
+    def _verdict(
+        self, system: System, state: State, reading: setup_cache.Reading | None, purpose: str, warnings: list[str]
+    ) -> dict[str, Any]:
+        """What the checks of a state that was begun find, which is kept."""
+        require_chart(system, self.method, state, self.h)
+        require_events(self.method, state, self.watched)
+        found = {"warnings": warnings, "watching": self._watching(system, state)}
+        setup_cache.remember_verdict(reading, purpose, found)
+        return found
+
+    def _watching(self, system: System, state: State) -> dict[str, Any]:
+        """What monitors observe with; raises what is wrong with what they observe."""
+        found: dict[str, Any] = {}
+        if not self.monitors:
+            return found
+        if self.noether and state.g is None:
+            raise needs_g("Kelvin–Noether quantities", "need")
+        for quantity in self.noether:
+            quantity.require_equivariant(system, state)
+        if not self.noether:
+            found["c0"] = _directions(system, state)
+        if system.quantities:
+            require_quantities(system, state)
+        return found
+
+    def _program(
+        self, system: System, state: State, watching: dict[str, Any], reading: setup_cache.Reading | None
+    ) -> StepProgram:
+        observed = ()
+        if self.monitors:
+            own = observe.kelvin_noether if len(watching.get("c0", ())) else None
+            own = observe.chosen(self.noether) if self.noether else own
+            observed = observe.watching(system, self.method, state, own)
+        digest = version(system, state, *self._functions(system)) if reading is None else reading.version
+        crossing = tuple(event.function for _, event in self.watched)
+        return StepProgram(replace_parameters(system, None), self.method, observed, digest, crossing)
 
 
 def watched_events(until: Any, events: Any) -> Watched:
@@ -134,21 +252,6 @@ def require_fit(system: System, start: State, method: Method, h: float, inputs: 
     require_events(method, state, watched_events(until, None))
 
 
-def _watching(system: System, state: State, chosen: list[KelvinNoether], monitors: bool) -> dict[str, Any]:
-    """What monitors observe with; raises what is wrong with what they observe."""
-    found: dict[str, Any] = {}
-    if monitors:
-        if chosen and state.g is None:
-            raise needs_g("Kelvin–Noether quantities", "need")
-        for quantity in chosen:
-            quantity.require_equivariant(system, state)
-        if not chosen:
-            found["c0"] = _directions(system, state)
-        if system.quantities:
-            require_quantities(system, state)
-    return found
-
-
 def _directions(system: System, state: State) -> np.ndarray:
     """The directions of conserved momenta that a run observes, a row each: none without g, and of large groups."""
     if state.g is None or system.group.dim > MOST_DIRECTIONS:
@@ -156,82 +259,9 @@ def _directions(system: System, state: State) -> np.ndarray:
     return isotropy_algebra(system, state)
 
 
-def _program(
-    system, method, state, chosen, monitors, watching, events=(), digest: str | None = None
-) -> tuple[StepProgram, Constants]:
-    """The program, and its constants; digest: that of the functions, where they have been read."""
-    observed = ()
-    if monitors:
-        own = observe.kelvin_noether if len(watching.get("c0", ())) else None
-        observed = observe.watching(system, method, state, observe.chosen(chosen) if chosen else own)
-    digest = digest or version(system, state, *_functions(system, chosen, monitors, events))
-    crossing = tuple(event.function for _, event in events)
-    program = StepProgram(replace_parameters(system, None), method, observed, digest, crossing)
-    return program, _constants(system, watching)
-
-
-def _functions(system, chosen, monitors, events) -> list[Callable[[State], Any]]:
-    """What a run reads in addition to the functions of its system."""
-    functions: list[Callable[[State], Any]] = [partial(quantity.quantity, system) for quantity in chosen]
-    functions += [partial(value, system, function) for _, function in system.quantities if monitors]
-    if system.inputs is not None:
-        functions.append(partial(inputs_held, system))
-    return [*functions, *(event.function for _, event in events)]
-
-
 def _constants(system: System, watching: dict[str, Any]) -> Constants:
     holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
     return Constants(system.parameters, watching, RENEWED if holds else None)
-
-
-def _quantities(given: Any) -> list[KelvinNoether]:
-    """The argument `kelvin_noether`: one, several or None; raises ArgumentError."""
-    chosen = given if isinstance(given, (list, tuple)) else [] if given is None else [given]
-    if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
-        raise ArgumentError(
-            f"Argument `kelvin_noether` must be co.KelvinNoether(c0), or a list of several, but is {shown(given)}."
-        )
-    return list(chosen)
-
-
-def _prepare_members(
-    system, start, method, count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events
-) -> Ensemble:
-    """`prepare` for an ensemble: what is the same for all members is checked on the first."""
-    require_one_time(start)
-    if method.variable:
-        raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
-    system, start = with_inputs(system, start, inputs, method.start == "velocity")
-    one, first = first_member(system, start)
-    watched, noether = watched_events(until, events), _quantities(kelvin_noether)
-    observed = (*observe.BEFORE, *observe.AFTER, *noether) if monitors else tuple(noether)
-    reading = setup_cache.read(one, first, _functions(one, noether, monitors, watched), watched, observed, method, h)
-    before, checked = setup_cache.verdict(reading, "members"), []
-    if before is None:
-        checked = require_internal(one, first, h) + one.check(first, method.regular)
-        checked += require_forward(one, method, first, h)
-        method.begin(one, first, h)  # what a method checks of a start, it checks of one that is not traced
-    members = begin_members(system, start, method, h, count, monitors)
-    first, state = first_member(system, members.states)
-    if before is None:
-        require_chart(first, method, state, h)
-        require_events(method, state, watched)
-        before = {"warnings": checked, "watching": _watching(first, state, noether, monitors)}
-        setup_cache.remember_verdict(reading, "members", before)
-    warnings, digest = before["warnings"], None if reading is None else reading.version
-    program, constants = _program(first, method, state, noether, monitors, before["watching"], watched, digest)
-    program, constants, axes = with_own_directions(program, constants, members, warnings)
-    with as_read(program.version):
-        given = program, constants, members.states, monitors or bool(watched), backend
-        chosen = kernels.choose(*given, axes=(axes, True))
-    if chosen == "xla":
-        states = evaluate(jax.vmap(lambda state: method.begin_by_xla(first, state)), members.states)
-        members = replace(members, states=states)
-    plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None, count, axes)
-    position = MembersPosition.at_start(members.states, count)
-    warnings = driven_warnings(first, float(state.t), float(state.t) + h * steps) + warnings
-    crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}
-    return Ensemble(system, method, start, plan, position, Memory(), warnings, crossed=crossed)
 
 
 def require_chart(system: System, method: Method, state: State, h: float) -> None:

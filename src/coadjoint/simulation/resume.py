@@ -31,7 +31,7 @@ from coadjoint.simulation.dataset import attributes, member_coordinates
 from coadjoint.simulation.execution import execute
 from coadjoint.simulation.folder import Lock, _clear, _give_up, _reserved, holds_run, sweep_beside, tidy
 from coadjoint.simulation.plan import Extrema
-from coadjoint.simulation.problem import prepare
+from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
@@ -230,8 +230,8 @@ def resume(
         raise ArgumentError("The folder of this run does not keep its method: give `method` again.")
     start = start_from(header["start"], numbers, system) if start is None else start
     grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
-    traces = Traced()
-    run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until, traces=traces)
+    problem = SimulationProblem(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until)
+    run = problem.set_up(traces := Traced())
     _require_same(place, header, fingerprint(run.plan, run.position.state, run.one, traces))
     return execute(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
 

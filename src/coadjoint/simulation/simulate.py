@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError, Interrupted, shown
@@ -26,7 +27,7 @@ from coadjoint.simulation.arguments import grid, require_kinds, truth, whole
 from coadjoint.simulation.events import Event
 from coadjoint.simulation.execution import execute
 from coadjoint.simulation.members import count_of, require_room
-from coadjoint.simulation.problem import prepare
+from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.run import Run
 
 
@@ -127,10 +128,11 @@ def simulate(
         raise ArgumentError(
             "Argument `events`, and `until` for an ensemble, collect records in memory: leave out `store`."
         )
-    watched, traces = (until, events), Traced()
-    grid_of = (h, steps, save_every, monitors)
+    observed = kelvin_noether, inputs, backend, until, events
+    problem = SimulationProblem(system, start, method, h, steps, save_every, monitors, *observed)
+    traces = Traced()
     with collector_off():
-        run = prepare(system, start, method, *grid_of, kelvin_noether, inputs, backend, *watched, traces)
+        run = problem.set_up(traces)
     run.warnings += [told] if told else []
     if store is not None:
         from coadjoint.simulation.resume import streamed  # loads zarr
@@ -140,9 +142,8 @@ def simulate(
         require_room(run)
     done: Any = execute(run, progress, began, judging)
     if full:
-        twice = (h / 2, 2 * steps, 2 * save_every, False)
-        finer: Any = prepare(system, start, method, *twice, kelvin_noether, inputs, backend)
-        _judge_by(done, finer, progress, began)
+        finer = replace(problem, h=h / 2, steps=2 * steps, save_every=2 * save_every, monitors=False)
+        _judge_by(done, finer.set_up(), progress, began)
     return done
 
 

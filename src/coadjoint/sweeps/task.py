@@ -29,7 +29,7 @@ from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
 from coadjoint.simulation.arguments import grid, require_kinds
 from coadjoint.simulation.execution import execute
-from coadjoint.simulation.problem import prepare
+from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.sweeps.file import QUICK, RUN, Sweep, of_tables
 from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import Observer, Reduction
@@ -222,8 +222,8 @@ def ensemble(
     chosen, section = method(file.method), file.run
     require_kinds(made.system, start, chosen)
     h, steps = grid(section.dt, section.duration, section.steps)
-    what = (made.system, start, chosen, h, steps, save_every, False, None)
-    return prepare(*what, made.inputs, "auto", made.until)
+    what = (made.system, start, chosen, h, steps, save_every)
+    return SimulationProblem(*what, inputs=made.inputs, until=made.until).set_up()
 
 
 def _set_up(sweep: Sweep, file: Runnable, quick: bool) -> tuple[Setup, Hashable]:
