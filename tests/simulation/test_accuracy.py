@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels import packing
 from coadjoint.simulation.accuracy.local_error import relative
 from coadjoint.simulation.accuracy.resolution import trajectory_errors
-from coadjoint.simulation.accuracy.ruler import Doubling, packed
+from coadjoint.simulation.accuracy.ruler import Doubling
 from resolution import RESOLVED, UNRESOLVED, driven, lag, near_collision, spring, top
 
 QUICK = (
@@ -97,7 +98,7 @@ def exact_errors(run):
 
     records = jax.tree.map(lambda leaf: leaf[index], run.records)
     doubling = Doubling(plan, jax.tree.map(lambda leaf: leaf[0], records))
-    rows, h = packed(records), np.full(int(index.sum()), plan.h)
+    rows, h = packing.rows(records), np.full(int(index.sum()), plan.h)
     errors, sizes = doubling.errors(rows, h)
     begun, whole, fine = rows, doubling.over(rows, h, (1.0,))[0], doubling.over(rows, h, (1 / 64,) * 64)[0]
 
@@ -188,17 +189,17 @@ def test_held_inputs_stay_over_a_judged_step_and_lags_do_not():
 
     record = jax.tree.map(lambda leaf: leaf[5:6], run.records)
     doubling = Doubling(run.plan, jax.tree.map(lambda leaf: leaf[0], record))
-    end, _ = doubling.over(packed(record), np.full(1, run.dt), (0.5, 0.5))
+    end, _ = doubling.over(packing.rows(record), np.full(1, run.dt), (0.5, 0.5))
     assert doubling.probe.layout.unpack(end).inputs == record.inputs != run.records.inputs[6]
 
     system, start, arguments = lag(0.5)()
     run = co.simulate(system, start, **arguments)
     record = jax.tree.map(lambda leaf: leaf[5:6], run.records)
     doubling = Doubling(run.plan, jax.tree.map(lambda leaf: leaf[0], record))
-    end, _ = doubling.over(packed(record), np.full(1, run.dt), (0.5,))
+    end, _ = doubling.over(packing.rows(record), np.full(1, run.dt), (0.5,))
     between, thrust = doubling.probe.layout.unpack(end).internal.thrust[0], run.records.internal.thrust
     assert between == pytest.approx(0.5 * (thrust[5] + thrust[6]), rel=1e-2)
-    end, _ = doubling.over(packed(record), np.full(1, run.dt), (0.5, 0.5))
+    end, _ = doubling.over(packing.rows(record), np.full(1, run.dt), (0.5, 0.5))
     # The second half follows the command of its own beginning.
     assert thrust[6] < doubling.probe.layout.unpack(end).internal.thrust[0] < 0.5 * (thrust[6] + thrust[7])
 

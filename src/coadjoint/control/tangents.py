@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import Tables
 from coadjoint.control.transcription import Transcription, functions_of
+from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.trace.tracer import flat
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -113,7 +113,7 @@ def _numbers(system: System, state: State, xi: Any) -> Any:
     parts = [group.compose(state.g, group.exp(xi))]
     if V.dim(group):
         parts.append(V.act(group, group.exp(-xi), state.a))
-    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree_util.tree_leaves(parts)])
+    return flattened(parts)
 
 
 def _slopes(system: System, state: State) -> Any:

@@ -11,10 +11,11 @@ import numpy as np
 from coadjoint.control.library import casadi
 from coadjoint.control.numbers import number
 from coadjoint.control.problem_data import ProblemData
+from coadjoint.kernels import packing
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.accuracy.ruler import Doubling, packed
+from coadjoint.simulation.accuracy.ruler import Doubling
 from coadjoint.simulation.run import Run
 
 POINTS, POINTS_BY_XLA = 9, 3
@@ -81,7 +82,7 @@ def worst_within(problem: ProblemData, run: Run) -> dict[str, WorstWithin]:
     if not problem.path:
         return {}
     doubling, records = Doubling(run.plan, run.one[1]), run.records
-    rows, h = packed(records)[:-1], run.plan.h
+    rows, h = packing.rows(records)[:-1], run.plan.h
     count = POINTS if run.plan.backend == "native" else POINTS_BY_XLA
     steps, parts = np.repeat(np.arange(len(rows)), count), np.tile(points(count), len(rows))
     found = _excess(problem, run, doubling, rows[steps], parts)

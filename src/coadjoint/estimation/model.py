@@ -19,7 +19,7 @@ from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, si
 from coadjoint.estimation.process import Process, spread
 from coadjoint.estimation.stepping import ModelSteps
 from coadjoint.groups.element_statistics import logarithms
-from coadjoint.kernels.packing import layout, pack
+from coadjoint.kernels.packing import flattened, layout, pack, rows
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
@@ -147,9 +147,8 @@ class ModelProcess(Process):
         there = evaluate(jax.vmap(lambda state: at_node(system, state)), found)
         like = self._layout.unpack(np.repeat(self._first[None, : self._layout.size], len(times), axis=0))
         like = like.replace(t=there.t, g=there.g, n=there.n, a=there.a)
-        flat = [np.reshape(leaf, (len(times), -1)) for leaf in jax.tree.leaves(like)]
         theta = self._drifts.true(Constants(system.parameters, None), dict(known or {}), len(times))
-        return self.with_velocities(np.concatenate([*flat, theta], axis=1), there.xi, there.nu)
+        return self.with_velocities(np.concatenate([rows(like), theta], axis=1), there.xi, there.nu)
 
     @cached_property
     def _velocities(self) -> RowFunction:
@@ -193,7 +192,7 @@ class ModelProcess(Process):
         state, theta = self._unpacked(row)
         system = replace_parameters(self._system, self._drifts.replaced(theta).system)
         mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
-        return jnp.concatenate([_flat(state.replace(mu=mu, pi=pi)), theta])
+        return jnp.concatenate([flattened(state.replace(mu=mu, pi=pi)), theta])
 
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., self._t]
@@ -232,7 +231,7 @@ class ModelProcess(Process):
             n = state.n + Q.push(group, group.inverse(g), state.n, dq)
             mu, pi = state.mu + group.Ad_dual(g, dmu), state.pi + Q.pull(group, g, state.n, dpi)
         moved = state.replace(g=g, n=n, a=V.act(group, back, state.a), mu=mu, pi=pi)
-        return jnp.concatenate([_flat(moved), theta + dtheta])
+        return jnp.concatenate([flattened(moved), theta + dtheta])
 
     def differ(self, row: Any, other: Any) -> Any:
         """e with other = retract(row, e), (n,): η to first order, the others exactly."""
@@ -349,7 +348,7 @@ class ModelProcess(Process):
         d = self._system.group.dim
         there = there.replace(mu=there.mu + w[:d], pi=there.pi + w[d:])
         later = self._drifts.moved(theta, h)
-        error = self.differ(after, jnp.concatenate([_flat(there), later]))
+        error = self.differ(after, jnp.concatenate([flattened(there), later]))
         return jnp.concatenate([residual, error, later, self._drifts.variances(h)])
 
     # The first covariance.
@@ -370,7 +369,3 @@ class ModelProcess(Process):
         here = self.observed(row)[0]
         moved = self.retract(row, jnp.concatenate([eta, dq, still, dtheta]))
         return self.differ(row, self._moving(moved, here.xi + dxi, here.nu + dnu))
-
-
-def _flat(state: State) -> Any:
-    return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(state)])

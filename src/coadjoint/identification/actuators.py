@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.identification.sampling import StepsBetween
-from coadjoint.kernels.packing import layout, rows
+from coadjoint.kernels.packing import flattened, layout, rows
 from coadjoint.kernels.run.function import NativeRecursion
 from coadjoint.kernels.trace.jaxprs import used_by_each
 from coadjoint.mechanics.copies import replace_parameters
@@ -115,7 +115,7 @@ class Actuators:
         x, by = carried[:n], carried[n:].reshape(m, n)
         inputs = layout(self.template.inputs).views(row[2:])
         shape = layout(self.template.internal)
-        begun = jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(self.template.internal)])
+        begun = flattened(self.template.internal)
 
         def after(x: Any, moving: Any) -> Any:
             p = numbers
@@ -127,7 +127,7 @@ class Actuators:
             here = replace_parameters(self.system, layout(self.system.parameters).views(p))
             state = self.template.replace(t=row[0], inputs=inputs, internal=shape.views(internal))
             end = jax.tree.leaves(applied(here, state, row[1]).end)
-            return jnp.concatenate([jnp.ravel(end[i]) for i in self.leaves])
+            return flattened([end[i] for i in self.leaves])
 
         moving = jnp.stack([numbers[place] for place in self.moving]) if m else jnp.zeros(0)
         found = [after(x, moving)]

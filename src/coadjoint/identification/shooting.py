@@ -22,7 +22,7 @@ from coadjoint.identification.channels import Channels
 from coadjoint.identification.process_noise import Knots
 from coadjoint.identification.sampling import Interpolation, Samples, StepsBetween
 from coadjoint.identification.unknowns import Unknowns
-from coadjoint.kernels.packing import layout, pack, rows
+from coadjoint.kernels.packing import flattened, layout, pack, rows
 from coadjoint.kernels.run import batch
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -207,10 +207,10 @@ class Shooting:
             for i, place in enumerate(active):
                 numbers = numbers.at[place].set(x[size + i])
             if inner:
-                flat = jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(internal)])
+                numbers_in = flattened(internal)
                 for i, place in enumerate(inner, size + len(active)):
-                    flat = flat.at[place].set(x[i])
-                internal = within.views(flat)
+                    numbers_in = numbers_in.at[place].set(x[i])
+                internal = within.views(numbers_in)
             turn, shift, spin, speed = jnp.split(x[:size], ends)
             g = group.compose(at.g, group.exp(turn))
             back = group.inverse(g)
@@ -220,7 +220,7 @@ class Shooting:
             here = replace_parameters(system, shape.views(numbers))
             mu, pi = legendre(here, xi, n, nu, a, t, template.inputs, internal)
             state = template.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal)
-            return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(state)])
+            return flattened(state)
 
         return start
 

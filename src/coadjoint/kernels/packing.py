@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.kernels.untraceable import Untraceable
@@ -54,7 +55,16 @@ def pack(tree: Any) -> tuple[Layout, np.ndarray]:
     return Layout(structure, shapes), np.concatenate(numbers) if numbers else np.zeros(0)
 
 
-def rows(tree: Any) -> np.ndarray:
-    """The numbers of a tree whose leaves have a common first axis: (rows, numbers)."""
+def flattened(tree: Any) -> jax.Array:
+    """The numbers of a PyTree end to end, (size,), for tracing."""
+    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(tree)])
+
+
+def rows(tree: Any, count: int | None = None) -> np.ndarray:
+    """The numbers of a PyTree whose leaves have a common first axis: (count, numbers).
+
+    count: needed where the PyTree may have no leaves.
+    """
     leaves = [np.asarray(leaf, float) for leaf in jax.tree.leaves(tree)]
-    return np.concatenate([leaf.reshape(len(leaf), -1) for leaf in leaves], axis=1)
+    count = len(leaves[0]) if count is None else count
+    return np.concatenate([np.zeros((count, 0)), *(leaf.reshape(count, -1) for leaf in leaves)], axis=1)

@@ -14,6 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.matrix_functions import exponential_minus_one
+from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.spaces.space import Embedded, checked_vector
 
@@ -52,12 +53,12 @@ class GroupItself(Embedded):
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         moved = group.compose(g, self.view(group, x))
-        return _flat(moved if self.action == "multiplication" else group.compose(moved, group.inverse(g)))
+        return flattened(moved if self.action == "multiplication" else group.compose(moved, group.inverse(g)))
 
     def _spanning(self, group: LieGroup, x: Array) -> Array:
         """The columns xê_i, (ambient, dim): tangent vectors at x."""
         one, at = group.identity(), self.view(group, x)
-        along = jax.vmap(lambda e: jax.jvp(lambda h: _flat(group.compose(at, h)), (one,), (group.tangent(e),))[1])
+        along = jax.vmap(lambda e: jax.jvp(lambda h: flattened(group.compose(at, h)), (one,), (group.tangent(e),))[1])
         return along(jnp.eye(group.dim)).T
 
     def body_velocity(self, group: LieGroup, x: Array, v: Array) -> Array:
@@ -74,7 +75,7 @@ class GroupItself(Embedded):
         """x(exp η − 1) for u = xη̂."""
         less = exponential_minus_one(group.hat(self.body_velocity(group, x, u)))
         at, one = self.view(group, x), group.identity()
-        return jax.jvp(lambda h: _flat(group.compose(at, h)), (one,), (group.from_matrix(less),))[1]
+        return jax.jvp(lambda h: flattened(group.compose(at, h)), (one,), (group.from_matrix(less),))[1]
 
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
         frame = self.frame(group, x)
@@ -97,8 +98,3 @@ class GroupItself(Embedded):
         return checked_vector(
             np.concatenate(leaves) if leaves and not traced(value) else value, self.ambient(group), name
         )
-
-
-def _flat(g: Element) -> Array:
-    """The numbers of an element, end to end."""
-    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(g)])

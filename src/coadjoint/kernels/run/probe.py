@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.packing import Layout, pack
@@ -148,9 +149,4 @@ class Probe:
         states = self.layout.unpack(rows)
         found = xla.run_ensemble(self.program, theirs, states, h, 1, steps, self.monitors, axes=(self.axes, True))
         kept = jax.tree.map(lambda leaf: leaf[:, 0], found.records)
-        return Probed(_rows(found.final, len(rows)), _rows(kept, len(rows)), np.asarray(found.code))
-
-
-def _rows(tree: Any, count: int) -> np.ndarray:
-    """The numbers of a PyTree with a leading axis, a row each."""
-    return np.concatenate([np.asarray(leaf, float).reshape(count, -1) for leaf in jax.tree.leaves(tree)], axis=1)
+        return Probed(packing.rows(found.final), packing.rows(kept), np.asarray(found.code))

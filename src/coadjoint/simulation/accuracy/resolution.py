@@ -9,11 +9,12 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels import packing
 from coadjoint.kernels.packing import layout
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.accuracy import Accuracy
 from coadjoint.simulation.accuracy.local_error import differences, relative, sizes_of
-from coadjoint.simulation.accuracy.ruler import Doubling, packed, ruler_of
+from coadjoint.simulation.accuracy.ruler import Doubling, ruler_of
 from coadjoint.simulation.accuracy.sample import FIRST, Kept, Sampler, with_steps_between
 from coadjoint.simulation.accuracy.time_dependence import unresolved_inputs, unresolved_time, unseen_pulses
 from coadjoint.simulation.accuracy.verdict import sentence, verdict, whose
@@ -54,7 +55,7 @@ def judged_run(run: Result, sampler: Sampler) -> Accuracy | None:
         return None
     records = doubling.probe.layout.unpack(rows)
     paced, h = run.method.over_fixed_steps(records, run.plan.h)
-    rows = rows if paced is records else packed(paced)
+    rows = rows if paced is records else packing.rows(paced)
     errors, sizes = doubling.errors(rows, h, members)
     if not errors.good.any():
         return None
@@ -69,7 +70,7 @@ def unresolved_records(plan: Plan, records: State) -> str | None:
     some = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], records)
     paced, h = plan.program.method.over_fixed_steps(some, plan.h)
     doubling = Doubling(plan, jax.tree.map(lambda leaf: leaf[0], some))
-    rows = packed(paced)
+    rows = packing.rows(paced)
     errors, sizes = doubling.errors(rows, h)
     if not errors.good.any():
         return None
@@ -204,6 +205,6 @@ def trajectory_errors(run: Result, others: State, ratio: float = 2.0) -> np.ndar
     ours, theirs = (jax.tree.map(lambda leaf: leaf[:count], records) for records in (run.records, others))
     begun = jax.tree.map(lambda leaf: np.broadcast_to(leaf[:1], leaf.shape), ours)
     ruler = ruler_of(layout(jax.tree.map(lambda leaf: leaf[0], ours)), ours.places)
-    found = differences(ruler, *(packed(states) for states in (begun, theirs, ours)))
+    found = differences(ruler, *(packing.rows(states) for states in (begun, theirs, ours)))
     first = run.method.start == "velocity" or run.system.takes("internal")
     return relative(found, sizes_of(found))[0] / (1 - ratio ** -(1 if first else run.method.order))

@@ -32,12 +32,6 @@ def numbered(layout: Layout) -> Any:
     return layout.unpack(np.arange(layout.size))
 
 
-def packed(records: State) -> np.ndarray:
-    """Records with a leading axis as rows of numbers."""
-    count = len(records.t)
-    return np.concatenate([np.asarray(x, float).reshape(count, -1) for x in jax.tree.leaves(records)], axis=1)
-
-
 @lru_cache(maxsize=64)
 def ruler_of(layout: Layout, places: Places) -> Ruler:
     """What is measured of states of a layout."""

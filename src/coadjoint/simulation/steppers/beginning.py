@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels import packing
 from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics import inverse_legendre
@@ -30,19 +31,14 @@ def shapes_of(tree: Any) -> Shapes:
     return {jax.tree_util.keystr(path).lstrip("."): np.shape(leaf) for path, leaf in leaves}
 
 
-def rows_of(tree: Any, count: int) -> np.ndarray:
-    """Numbers (count, size) of a tree whose leaves have a leading axis."""
-    return np.concatenate(
-        [np.zeros((count, 0)), *(np.reshape(leaf, (count, -1)) for leaf in jax.tree.leaves(tree))], axis=1
-    )
-
-
 def rows_where(tree: Any, axes: Any) -> np.ndarray:
     """Numbers (members, size) of a tree whose leaves have an axis of members where `axes` is 0; (1, size) of none."""
     flags = [] if tree is None else [axis == 0 for axis in jax.tree.leaves(axes, is_leaf=lambda x: x is None)]
     pairs = list(zip(jax.tree.leaves(tree), flags, strict=True))
     count = next((len(leaf) for leaf, flag in pairs if flag), 1)
-    return rows_of([leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs], count)
+    return packing.rows(
+        [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs], count
+    )
 
 
 def spread(tree: Any, lead: tuple[int, ...]) -> Any:
@@ -87,7 +83,7 @@ class Beginning:
             return self.begun(whole, parameters, held)
         whole = evaluate(jax.vmap(self.carrying), whole.replace(ledger=None))
         self._require_like(whole)
-        return rows_of(whole, count)
+        return packing.rows(whole, count)
 
     def begun(self, starts: State, parameters: np.ndarray, held: Any) -> np.ndarray:
         """The states (members, size) that the method begins at starts with an axis of members, under held inputs."""
@@ -106,7 +102,7 @@ class Beginning:
             self._tabulated[form] = tabulate(jax.vmap(begin), *given)
         states = self._tabulated[form](*given)
         self._require_like(states)
-        return rows_of(states, count)
+        return packing.rows(states, count)
 
     def carrying(self, state: State) -> State:
         """A state with what steps by XLA carry over, or without it: runs and other steppers have it or not."""
@@ -152,7 +148,7 @@ def carried(beginning: Beginning, states: np.ndarray, before: np.ndarray, after:
     found, residuals, masses = evaluate(jax.vmap(carry), *given)
     if not np.all(residuals <= inverse_legendre.SOLVED):
         raise StepError('The velocities of the node could not be found from its momenta: pass keep="momentum".')
-    rows = rows_of(found, len(states))
+    rows = packing.rows(found, len(states))
     if not np.all(np.isfinite(rows)):
         raise ArgumentError("With these parameters the momenta are not finite: look for a mass or an inertia of zero.")
     if masses and np.any(_negative(masses[0]) != _negative(masses[1])):

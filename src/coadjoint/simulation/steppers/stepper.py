@@ -12,6 +12,7 @@ import numpy as np
 
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, warn
+from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
@@ -33,7 +34,7 @@ from coadjoint.simulation.arguments import positive, require_kinds, truth, whole
 from coadjoint.simulation.events import Event, as_event
 from coadjoint.simulation.members import first_member
 from coadjoint.simulation.plan import Plan
-from coadjoint.simulation.steppers.beginning import Beginning, Shapes, carried, rows_of, rows_where, shapes_of, spread
+from coadjoint.simulation.steppers.beginning import Beginning, Shapes, carried, rows_where, shapes_of, spread
 from coadjoint.simulation.steppers.building import (
     Commands,
     checked,
@@ -239,7 +240,7 @@ class Stepper(Stepping):
         constants = self._beginning.constants.unpack(self._parameter_rows()[0])
         run = Plan(backend, self._program, constants, self.face.dt, 1, 1, False)
         state, happens = ending(run, Event(until, direction), self.state, self.steps == 0)
-        put(self._buffers.state, np.zeros(1, int), rows_of(spread(state, (1,)), 1))
+        put(self._buffers.state, np.zeros(1, int), packing.rows(spread(state, (1,)), 1))
         if happens:
             self.event = float(state.t)
             self._look()
@@ -283,7 +284,7 @@ class Stepper(Stepping):
                 "Nothing in this system is random: leave out `seed`, or give its rule a method seeded(internal, seeds)."
             )
         states = self._beginning.state.unpack(rows)
-        return rows_of(states.replace(internal=seeded(states.internal, seeds)), len(rows))
+        return packing.rows(states.replace(internal=seeded(states.internal, seeds)), len(rows))
 
     @property
     def parameters(self) -> Any:
