@@ -68,6 +68,7 @@ ROOMS_OF_KERNELS = (
         "program",
         "chunk",
         "packing",
+        "lanes",
         "expressions",
         "trace",
         "newton",

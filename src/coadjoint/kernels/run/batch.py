@@ -17,6 +17,7 @@ import numpy as np
 from coadjoint.kernels.emit import tangent as tangents
 from coadjoint.kernels.emit.adjoint import tape
 from coadjoint.kernels.emit.plan import plan, specialised
+from coadjoint.kernels.lanes import in_lanes, of_lanes
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
@@ -54,17 +55,17 @@ class Path(NamedTuple):
     @property
     def records(self) -> np.ndarray:
         """The record of every step: (runs, steps, record)."""
-        return _members(self.rows[:, :, self.taped :], self.runs)
+        return of_lanes(self.rows[:, :, self.taped :], self.runs)
 
     @property
     def states(self) -> np.ndarray:
         """The state at every node but the last: (runs, steps, state)."""
-        return _members(self.rows[:, :, : self.state.shape[1]], self.runs)
+        return of_lanes(self.rows[:, :, : self.state.shape[1]], self.runs)
 
     @property
     def codes(self) -> np.ndarray:
         """How each run ended, of `Code`."""
-        return _members(self.status, self.runs)[:, 1]
+        return of_lanes(self.status, self.runs)[:, 1]
 
 
 class PiecewiseParameters(NamedTuple):
@@ -125,7 +126,7 @@ def run(
     Before step j the entries `places` of the state become those of the table, `grouped` (steps, runs, places).
     """
     runs = len(start)
-    state = _groups(start, code.width)
+    state = in_lanes(start, code.width)
     groups, steps, width = len(state), len(table), code.width
     rows = np.empty((groups, steps, code.forward.record.size, width))
     status = np.zeros((groups, 4, width), np.int64)
@@ -158,7 +159,7 @@ def grouped(table: np.ndarray) -> np.ndarray:
     width = lanes()
     if not places:
         return np.zeros((steps, -(-runs // width), 0, width))
-    return np.stack([_groups(row, width) for row in table])
+    return np.stack([in_lanes(row, width) for row in table])
 
 
 def push(
@@ -180,7 +181,7 @@ def push(
     columns = len(p_dot)
     numbers, length = _numbers(p, groups, width), np.full(width, float(h))
     directions = np.repeat(p_dot[:, :, None], width, axis=2)
-    state_dot = _groups(start_dot.reshape(path.runs, -1), width)
+    state_dot = in_lanes(start_dot.reshape(path.runs, -1), width)
     found = np.zeros((groups * width, steps, columns, row - code.taped))
     pieces = [(0, 0, steps)] if wandering is None else wandering.knots(steps)
     for knot, first, count in pieces:
@@ -218,7 +219,7 @@ def _numbers(p: np.ndarray, groups: int, width: int) -> np.ndarray:
 
 def _move(numbers: np.ndarray, p: np.ndarray, wandering: PiecewiseParameters, knot: int) -> None:
     """Give the parameters that wander their values of a knot."""
-    values = _groups(wandering.values[:, knot], numbers.shape[2])
+    values = in_lanes(wandering.values[:, knot], numbers.shape[2])
     numbers[:, wandering.places] = p[wandering.places][:, None] + values
 
 
@@ -231,16 +232,3 @@ def _turn(directions: np.ndarray, wandering: PiecewiseParameters, knot: int) -> 
         directions[new] = directions[old : old + wandering.components]
         directions[old : old + wandering.components] = 0.0
     return each + (knot + 1) * wandering.components
-
-
-def _groups(rows: np.ndarray, width: int) -> np.ndarray:
-    """(runs, n) as (groups, n, lanes); the last group repeats the last run in its idle lanes."""
-    runs = len(rows)
-    chosen = np.minimum(np.arange(-(-runs // width) * width), runs - 1)
-    return np.ascontiguousarray(rows[chosen].reshape(-1, width, rows.shape[1]).swapaxes(1, 2), np.float64)
-
-
-def _members(array: np.ndarray, runs: int) -> np.ndarray:
-    """Groups and lanes as runs."""
-    moved = np.moveaxis(array, -1, 1)
-    return moved.reshape(-1, *moved.shape[2:])[:runs]

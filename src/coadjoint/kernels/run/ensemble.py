@@ -16,6 +16,7 @@ import numpy as np
 
 from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.lanes import in_lanes, of_lanes
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
@@ -77,11 +78,8 @@ def run_ensemble(
     steps = np.asarray(h, np.float64).reshape(-1)
     count = _count(len(p), len(s), len(steps))
     width = lanes()
-    # The last group repeats the last member in its idle lanes.
-    groups = np.minimum(np.arange(-(-count // width) * width), count - 1).reshape(-1, width)
-    p_groups, s_groups = (np.ascontiguousarray(x[np.minimum(groups, len(x) - 1)].swapaxes(1, 2)) for x in (p, s))
-    inputs = (p_groups, np.ascontiguousarray(steps[np.minimum(groups, len(steps) - 1)]), s_groups)
-    result = _empty(kernel, s_groups, records)
+    inputs = tuple(in_lanes(x, width, -(-count // width)) for x in (p, steps[:, None], s))
+    result = _empty(kernel, inputs[2], records)
     _launch(kernel, inputs, result, records, save_every, threads or cores())
     return _gathered(kernel, shape_s, result, count, save_every)
 
@@ -168,20 +166,15 @@ def _count(*lengths: int) -> int:
 
 def _gathered(kernel: Kernel, state: Layout, result: LaneArrays, count: int, save_every: int) -> EnsembleChunk:
     """Lanes of all groups as members."""
-
-    def gather(name: str) -> np.ndarray:
-        lanes = np.moveaxis(getattr(result, name), -1, 1)
-        return lanes.reshape(lanes.shape[0] * lanes.shape[1], *lanes.shape[2:])[:count]
-
-    status, records, monitors = gather("status"), gather("records"), gather("monitors")
+    state_rows, records, monitors, limits, status = (of_lanes(array, count) for array in result)
     steps, code, iterations, iterations_max = status.T.copy()
     rows = np.minimum(-(-steps // save_every), records.shape[1])
     absent = np.arange(records.shape[1]) >= rows[:, None]
     records[absent] = monitors[absent] = np.nan
-    extrema = native.named_extrema(kernel, np.moveaxis(gather("extrema"), 0, -1))
+    extrema = native.named_extrema(kernel, np.moveaxis(limits, 0, -1))
     return EnsembleChunk(
         records=kernel.record.unpack(records),
-        final=state.unpack(gather("state")),
+        final=state.unpack(state_rows),
         steps=steps,
         rows=rows,
         code=code,

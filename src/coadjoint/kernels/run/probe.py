@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.lanes import in_lanes, of_lanes
 from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.program import Program
@@ -93,13 +94,9 @@ class Probe:
         """Where kept·every steps lead (rows, size), each `every`-th record (rows, kept, size), and status (rows, 4)."""
         width = 1 if self.axes is None else ensemble.lanes()
         count = -(-len(rows) // width)
-        index = np.minimum(np.arange(count * width), len(rows) - 1).reshape(count, width)
-
-        def grouped(values: np.ndarray) -> np.ndarray:
-            return np.ascontiguousarray(values[index].swapaxes(1, 2), np.float64)
-
-        s, step = grouped(rows), np.ascontiguousarray(h[index], np.float64)
-        p = np.ascontiguousarray(self._p[:1].T)[None] if len(self._p) == 1 and width == 1 else grouped(self._p[whose])
+        s, step = in_lanes(rows, width), in_lanes(h[:, None], width)
+        alone = len(self._p) == 1 and width == 1
+        p = np.ascontiguousarray(self._p[:1].T)[None] if alone else in_lanes(self._p[whose], width)
         records = np.empty((count, kept, kernel.record.size, width))
         spare = np.zeros((kept, max(kernel.monitor_size, 1), width))
         extrema = np.zeros((kernel.monitor_size + len(kernel.certificates), 2, width))
@@ -109,12 +106,7 @@ class Probe:
         for i in range(count):
             p_i, h_i, s_i, records_i, status_i = (start + i * stride for start, stride in places)
             kernel.function(p_i, h_i, s_i, kept, every, records_i, *beside, status_i)
-
-        def rowed(values: np.ndarray) -> np.ndarray:
-            lanes = np.moveaxis(values, -1, 1)
-            return lanes.reshape(count * width, *lanes.shape[2:])[: len(rows)]
-
-        return rowed(s), rowed(records), rowed(status)
+        return of_lanes(s, len(rows)), of_lanes(records, len(rows)), of_lanes(status, len(rows))
 
     def _xla(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
         """Row by row; of an ensemble many at once."""

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.program import Code, StatusFlag
 from coadjoint.kernels.run.interruptible import PieceLength
 from coadjoint.simulation.steppers.fields import real, seeds
@@ -20,7 +21,6 @@ from coadjoint.simulation.steppers.interface import (
     Prepared,
     StepperInterface,
     StepperLock,
-    by_member,
     failed_step,
     put,
 )
@@ -75,17 +75,17 @@ class StepperBase(StepperWarnings):
     @property
     def t(self) -> Any:
         """The time, s: a number, or one for each member."""
-        return self._of_members(by_member(self._buffers.state[:, [self.face.time]])[:, 0])
+        return self._of_members(of_lanes(self._buffers.state[:, [self.face.time]])[:, 0])
 
     @property
     def steps(self) -> Any:
         """How many good steps were done since the last reset or restore."""
-        return self._of_members(by_member(self._buffers.status[:, [0]])[:, 0])
+        return self._of_members(of_lanes(self._buffers.status[:, [0]])[:, 0])
 
     @property
     def status(self) -> Any:
         """How the last step ended: 0 if well, otherwise a `kernels.program.Code`."""
-        return self._of_members(by_member(self._buffers.status[:, [1]])[:, 0])
+        return self._of_members(of_lanes(self._buffers.status[:, [1]])[:, 0])
 
     @property
     def failed(self) -> Any:
@@ -120,7 +120,7 @@ class StepperBase(StepperWarnings):
         """
         which = self._which(mask)
         with self._turn.alone():
-            rows = by_member(self._origin)[which]
+            rows = of_lanes(self._origin)[which]
             rows = rows if state is None else self._rows(rows, state, which)
             return self._go(which, rows if seed is None else self._seeded(rows, seeds(seed, self.face.members, which)))
 
@@ -153,18 +153,18 @@ class StepperBase(StepperWarnings):
         with self._turn.alone():
             if other is not None:
                 return self._follow(other, which)
-            return self._go(which, self._rows(by_member(self._buffers.state)[which], state, which))
+            return self._go(which, self._rows(of_lanes(self._buffers.state)[which], state, which))
 
     def _follow(self, other: StepperBase, which: np.ndarray) -> dict[str, np.ndarray]:
         """Go on as these members of a clone would."""
         if other._kin != self._kin:
             raise ArgumentError("A stepper can be restored to where a clone of it stands, but this is another one.")
-        status = by_member(other._buffers.status)[which]
+        status = of_lanes(other._buffers.status)[which]
         if other._origin is not self._origin:
             self._origin = self._origin.copy()
-            put(self._origin, which, by_member(other._origin)[which])
+            put(self._origin, which, of_lanes(other._origin)[which])
         self._take_parameters(other, which)
-        found = self._go(which, by_member(other._buffers.state)[which])
+        found = self._go(which, of_lanes(other._buffers.state)[which])
         put(self._buffers.status, which, status)
         self.event = other.event
         return found
@@ -175,7 +175,7 @@ class StepperBase(StepperWarnings):
 
     def _parameter_rows(self) -> np.ndarray:
         """Parameters (members or 1, size)."""
-        rows = by_member(self._buffers.parameters)
+        rows = of_lanes(self._buffers.parameters)
         own = len(self._buffers.parameters) == self._groups and np.any(rows[: self.face.count] != rows[0])
         return rows[: self.face.count] if own else rows[:1]
 
@@ -231,7 +231,7 @@ class StepperBase(StepperWarnings):
     def state(self) -> Any:
         """All numbers of where it stands, copied, by their names: what `restore` takes."""
         with self._turn.reading():
-            return self.face.state.views(self._of_members(by_member(self._buffers.state)))
+            return self.face.state.views(self._of_members(of_lanes(self._buffers.state)))
 
     def clone(self) -> Self:
         """Another stepper that stands where this one does; both go their own ways from there."""

@@ -13,6 +13,7 @@ from weakref import WeakSet
 import numpy as np
 
 from coadjoint.errors import StepError
+from coadjoint.kernels.lanes import in_lanes
 from coadjoint.kernels.program import Code
 from coadjoint.simulation.steppers.fields import Fields
 
@@ -44,9 +45,9 @@ class Buffers(NamedTuple):
         status, idle = np.zeros((groups, 4, lanes), np.int64), np.arange(members, groups * lanes)
         status[idle // lanes, 1, idle % lanes] = Code.ABSENT
         return cls(
-            parameters=_grouped(parameters, 1 if len(parameters) == 1 else groups, lanes),
+            parameters=in_lanes(parameters, lanes, 1 if len(parameters) == 1 else groups),
             h=np.full(lanes, float(h)),
-            state=_grouped(state, groups, lanes),
+            state=in_lanes(state, lanes),
             status=status,
             commands=np.zeros((groups * lanes, sizes[0])),
             observations=np.zeros((groups * lanes, sizes[1])),
@@ -61,7 +62,7 @@ class Buffers(NamedTuple):
         """The same memory with parameters (members, size); shared where all are the same, if not said otherwise."""
         groups, _, lanes = self.state.shape
         shared = bool(np.all(rows == rows[0])) if shared is None else shared
-        return self._replace(parameters=_grouped(rows[:1] if shared else rows, 1 if shared else groups, lanes))
+        return self._replace(parameters=in_lanes(rows[:1] if shared else rows, lanes, 1 if shared else groups))
 
     def copy(self) -> Buffers:
         """The same numbers in memory of their own."""
@@ -80,21 +81,10 @@ def unlimited(commands: int, lanes: int) -> np.ndarray:
     return np.broadcast_to(np.array([-np.inf, np.inf])[:, None, None], (2, commands, lanes)).copy()
 
 
-def by_member(grouped: np.ndarray) -> np.ndarray:
-    """A copy (groups · lanes, size) of an array (groups, size, lanes)."""
-    groups, size, lanes = grouped.shape
-    return grouped.swapaxes(1, 2).reshape(groups * lanes, size).copy()
-
-
 def put(grouped: np.ndarray, members: np.ndarray, rows: np.ndarray) -> None:
     """Write rows (k, size) of these members (k,) into an array (groups, size, lanes)."""
     lanes = grouped.shape[2]
     grouped[members // lanes, :, members % lanes] = rows
-
-
-def _grouped(rows: np.ndarray, groups: int, lanes: int) -> np.ndarray:
-    index = np.minimum(np.arange(groups * lanes), len(rows) - 1).reshape(groups, lanes)
-    return np.ascontiguousarray(rows[index].swapaxes(1, 2))
 
 
 @dataclass(frozen=True)

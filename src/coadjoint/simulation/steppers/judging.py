@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import warn
+from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.program import Code, StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, PartsOfSteps, Ruler, recorded
 from coadjoint.simulation.accuracy.verdict import AHEAD, MEMBERS, SampledSteps
-from coadjoint.simulation.steppers.interface import Buffers, Engine, StepperInterface, by_member
+from coadjoint.simulation.steppers.interface import Buffers, Engine, StepperInterface
 from coadjoint.simulation.steppers.native_engine import NativeEngine
 
 AHEAD_BY_XLA = (4,)
@@ -41,7 +42,7 @@ class EngineSteps:
         memory.commands[:] = rows[np.minimum(np.arange(len(memory.commands)), len(rows) - 1)][:, self._commanded]
         context = memory.context()
         engine.advance(memory, context.ctypes.data, len(memory.state), steps, 1)
-        after, code = by_member(memory.state)[:count], by_member(memory.status[:, [1]])[:count, 0]
+        after, code = of_lanes(memory.state)[:count], of_lanes(memory.status[:, [1]])[:count, 0]
         return after, recorded(rows[:count], after, self._course), code
 
 
@@ -53,10 +54,10 @@ def sample_of(engine: Engine, parts: PartsOfSteps) -> SampledSteps:
 def judged_steps(sample: SampledSteps, face: StepperInterface, memory: Buffers) -> str | None:
     """What is to be warned of the step that comes next, of up to `MEMBERS` members that have not ended."""
     members = np.unique(np.linspace(0, face.count - 1, MEMBERS).astype(int))
-    members = members[by_member(memory.status[:, [1]])[members, 0] == Code.CONVERGED]
+    members = members[of_lanes(memory.status[:, [1]])[members, 0] == Code.CONVERGED]
     if not len(members):
         return None
-    rows = by_member(memory.state)[members]
+    rows = of_lanes(memory.state)[members]
     rows[:, list(face.commanded)] = memory.commands[members]
     return sample.judge(rows, float(memory.h[0]), members)
 
@@ -131,7 +132,7 @@ class StepperWarnings:
         """A sentence for each command that has just gone beyond its limits for the first time; n: steps taken."""
         face, buffers, found = self.face, self._buffers, []
         commands, (low, high) = buffers.commands[: face.count], buffers.limits[..., 0].copy()
-        codes, times = by_member(buffers.status[:, [1]])[:, 0], by_member(buffers.state[:, [face.time]])[:, 0]
+        codes, times = of_lanes(buffers.status[:, [1]])[:, 0], of_lanes(buffers.state[:, [face.time]])[:, 0]
         for name, _, place in face.commands.places():
             beyond = (commands[:, place] < low[place]) | (commands[:, place] > high[place])
             if not beyond.any():

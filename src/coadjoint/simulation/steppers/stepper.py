@@ -14,6 +14,7 @@ from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
@@ -49,7 +50,7 @@ from coadjoint.simulation.steppers.building import (
 )
 from coadjoint.simulation.steppers.engines import Observe, XlaEngine, native_engine, watch
 from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.interface import Buffers, Engine, Prepared, StepperInterface, by_member, put
+from coadjoint.simulation.steppers.interface import Buffers, Engine, Prepared, StepperInterface, put
 from coadjoint.simulation.steppers.native_engine import NativeEngine
 from coadjoint.simulation.steppers.stepping import Stepping
 from coadjoint.simulation.trajectory import Trajectory, computed
@@ -252,7 +253,7 @@ class Stepper(Stepping):
     def state(self) -> State:
         """Where it stands, copied: what `restore` takes, and what `co.simulate` and `co.trajectory` start from."""
         with self._turn.reading():
-            return self._beginning.state.unpack(self._of_members(by_member(self._buffers.state)))
+            return self._beginning.state.unpack(self._of_members(of_lanes(self._buffers.state)))
 
     def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
         if not isinstance(state, State):
@@ -316,7 +317,7 @@ class Stepper(Stepping):
         kept = tuple(pair for pair in self.face.compiled_in if pair[0] not in columns)
         self.face = replace(self.face, compiled_in=kept)
         constants = self._beginning.constants.unpack(parameters[0])
-        begun = self._beginning.state.unpack(by_member(self._origin)[0])
+        begun = self._beginning.state.unpack(of_lanes(self._origin)[0])
         self._engine = self._native(self.face, constants, begun)
 
 

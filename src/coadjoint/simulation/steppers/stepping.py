@@ -16,6 +16,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError, Interrupted, shown, warn
 from coadjoint.interrupts import deferred_interrupts
+from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST, Clock
 from coadjoint.paths import paths
@@ -23,7 +24,7 @@ from coadjoint.simulation.accuracy.verdict import SampledSteps
 from coadjoint.simulation.steppers.base import StepperBase
 from coadjoint.simulation.steppers.fields import MOST, named_file, real, truths, whole, write
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
-from coadjoint.simulation.steppers.interface import Buffers, by_member, put
+from coadjoint.simulation.steppers.interface import Buffers, put
 
 
 class Stepping(StepperBase):
@@ -193,7 +194,7 @@ class Stepping(StepperBase):
             self._fill(rows, given, which, "parameter")
             after = before.copy()
             after[which] = rows
-            here, origin = by_member(self._buffers.state)[which], by_member(self._origin)[which]
+            here, origin = of_lanes(self._buffers.state)[which], of_lanes(self._origin)[which]
             if keep == "velocity":
                 twice = [np.concatenate([part, part]) for part in (before[which], rows)]
                 here, origin = np.split(self._carried(np.concatenate([here, origin]), *twice), 2)
