@@ -22,7 +22,7 @@ from coadjoint import csv_tables, sealed
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.plotting import meshes
 from coadjoint.plotting.meshes import read_mesh
-from coadjoint.simulation import checkpoint
+from coadjoint.simulation import configuration
 from coadjoint.simulation.saved import SavedRun
 from coadjoint.vehicles.hydrodynamics import capytaine_added_mass, wamit_added_mass
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
@@ -240,7 +240,7 @@ def test_arrays_of_a_checkpoint_are_as_large_as_they_declare(tmp_path):
     file = tmp_path / "checkpoint.npz"
     header = npy((2,), b"{}", "|u1")
     file.write_bytes(archive({"header": header, "array/x": npy((2,), bytes(16))}))
-    assert checkpoint.unpacked(file)[1]["x"].shape == (2,)
+    assert configuration.unpacked(file)[1]["x"].shape == (2,)
     for parts, packed in (
         ({"header": header, "array/x": npy((HUGE,), bytes(16))}, zipfile.ZIP_STORED),
         ({"header": header, "array/x": npy((1_000_000,), bytes(8_000_000))}, zipfile.ZIP_DEFLATED),
@@ -250,7 +250,7 @@ def test_arrays_of_a_checkpoint_are_as_large_as_they_declare(tmp_path):
     ):
         file.write_bytes(archive(parts, packed))
         with pytest.raises(FileError, match="is damaged"):
-            checkpoint.unpacked(file)
+            configuration.unpacked(file)
 
 
 def test_tables_of_more_lines_or_cells_than_fit_in_memory_are_refused(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.simulation import energy_budget
 from coadjoint.simulation.accuracy.time_dependence import PARTS, _table_at, _unseen, bent, unseen_pulses
-from coadjoint.simulation.statistics import _angles, _rows, statistics
+from coadjoint.simulation.run import _angles, _rows, statistics
 from coadjoint.simulation.zarr_writer import _filled, _read
 
 H = 1.0

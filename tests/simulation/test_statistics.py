@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.simulation.statistics import statistics
+from coadjoint.simulation.run import statistics
 
 RATES = np.array([-0.2, 0.1, 0.3, 0.7])
 

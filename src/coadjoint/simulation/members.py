@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -19,8 +19,19 @@ from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.monitors import kelvin_noether
-from coadjoint.simulation.plan import Members
 from coadjoint.simulation.result import Result
+
+
+@dataclass(frozen=True)
+class Members:
+    """An ensemble ready to run: parameters, and states with a leading axis of members."""
+
+    parameters: Any
+    axes: Any
+    """Like `parameters`: 0 where a leaf has a member axis, None elsewhere."""
+    states: State
+    count: int
+
 
 MEMORY_LIMIT = 8e9
 """Bytes of records beyond which an ensemble must stream to disk, or save fewer nodes."""

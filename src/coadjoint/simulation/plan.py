@@ -217,17 +217,6 @@ class Memory:
         pass
 
 
-@dataclass(frozen=True)
-class Members:
-    """An ensemble ready to run: parameters, and states with a leading axis of members."""
-
-    parameters: Any
-    axes: Any
-    """Like `parameters`: 0 where a leaf has a member axis, None elsewhere."""
-    states: State
-    count: int
-
-
 @dataclass
 class MembersPosition:
     """Where an ensemble stands: as `Position`, with an axis of members in all but `steps`, the grid's.

@@ -25,8 +25,15 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.accuracy import accuracy_from
-from coadjoint.simulation.checkpoint import packed
-from coadjoint.simulation.configuration import fingerprint, method_form, method_from, start_form, start_from, versions
+from coadjoint.simulation.configuration import (
+    fingerprint,
+    method_form,
+    method_from,
+    packed,
+    start_form,
+    start_from,
+    versions,
+)
 from coadjoint.simulation.dataset import attributes, member_coordinates
 from coadjoint.simulation.execution import execute
 from coadjoint.simulation.folder import Lock, _clear, _give_up, _reserved, holds_run, sweep_beside, tidy

@@ -35,7 +35,7 @@ from coadjoint.manifest import Manifest, entry
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.methods.step import in_records
-from coadjoint.simulation import checkpoint
+from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import Variables, meanings, member_variables, members_of, variables
 from coadjoint.simulation.derived import derivation, times
 from coadjoint.simulation.folder import Lock
@@ -156,13 +156,13 @@ class Store:
 
         `begun` is where the run stood at its start.
         """
-        position = checkpoint.position_at(header, arrays, begun)
+        position = configuration.position_at(header, arrays, begun)
         self._due, self._kept = time.monotonic() + PERIOD, header["records"]
         self._chunks.take_up(self._kept)
         if self.lock is not None:
             self._chunks.sweep()
         self.ends = {name: (arrays[f"first/{name}"], arrays[f"last/{name}"]) for name in header["monitors"]}
-        self.last = checkpoint.state_like("record", arrays, in_records(begun.state)) if self.count else None
+        self.last = configuration.state_like("record", arrays, in_records(begun.state)) if self.count else None
         sampled = ((name.partition("/"), numbers) for name, numbers in arrays.items())
         self.sampled = {name: numbers for (kind, _, name), numbers in sampled if kind == "sample"}
         self._slot = int(self.manifest.facts["checkpoint"] == _checkpoint(0))
@@ -184,12 +184,12 @@ class Store:
             with self._writing():
                 self._absorb()
 
-    def checkpoint(self, position: checkpoint.AnyPosition) -> None:
+    def checkpoint(self, position: configuration.AnyPosition) -> None:
         """Write a checkpoint if one is due, or if the run has ended."""
         if position.ended or time.monotonic() >= self._due:
             self.finish(position, complete=False)
 
-    def finish(self, position: checkpoint.AnyPosition, complete: bool = True) -> None:
+    def finish(self, position: configuration.AnyPosition, complete: bool = True) -> None:
         """Write all records and a checkpoint; `complete`, the last one, with all that is to be said of the run."""
         began = time.monotonic()
         with self._writing():
@@ -233,17 +233,17 @@ class Store:
         found = self._variables(steps, records, monitors)
         self._chunks.place({name: values for name, (_, values) in found.items()}, len(steps))
 
-    def write_checkpoint(self, position: checkpoint.AnyPosition, complete: bool = False) -> None:
+    def write_checkpoint(self, position: configuration.AnyPosition, complete: bool = False) -> None:
         """Write where the run stands, and the manifest that counts it."""
-        header, arrays = checkpoint.position_numbers(position)
+        header, arrays = configuration.position_numbers(position)
         header |= {"records": self.count, "monitors": list(self.ends)}
         header["attributes"] = {name: _plain(value) for name, value in self.attributes().items()}
-        arrays |= {} if self.last is None else checkpoint.state_numbers("record", self.last)
+        arrays |= {} if self.last is None else configuration.state_numbers("record", self.last)
         for name, (first, last) in self.ends.items():
             arrays[f"first/{name}"], arrays[f"last/{name}"] = first, last
         arrays |= {f"sample/{name}": numbers for name, numbers in self.sample().items()}
         before, now = _checkpoint(1 - self._slot), _checkpoint(self._slot)
-        self.put(now, checkpoint.packed(header, arrays))
+        self.put(now, configuration.packed(header, arrays))
         self.manifest.files.pop(before, None)
         self.manifest.facts |= {"checkpoint": now, "records": self.count, "complete": complete}
         self.manifest.write()

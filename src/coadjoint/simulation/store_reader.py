@@ -21,7 +21,7 @@ from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError, told
 from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, sums_up
-from coadjoint.simulation import checkpoint
+from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import coordinates_of, labelled
 
 CODECS = ("bytes", "crc32c")
@@ -316,7 +316,7 @@ def read_configuration(manifest: Manifest) -> tuple[dict[str, Any], dict[str, np
 def _read(manifest: Manifest, name: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     manifest.require(name)
     try:
-        return checkpoint.unpacked(manifest.path(name))
+        return configuration.unpacked(manifest.path(name))
     except OSError as error:
         raise FileError(f"The file {manifest.folder / name} cannot be read: {error.strerror or error}.") from error
 
