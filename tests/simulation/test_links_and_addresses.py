@@ -14,7 +14,7 @@ from coadjoint import disk
 from coadjoint.disk import write_text
 from coadjoint.errors import FileError
 from coadjoint.report.folder import claimed
-from coadjoint.simulation.folder import Lock
+from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.saved import SavedRun
 from coadjoint.vehicles.hydrodynamics import capytaine_added_mass
 from coadjoint.vehicles.water import Bottom

@@ -19,7 +19,7 @@ from coadjoint import disk
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.simulation import configuration
 from coadjoint.simulation import store as streaming
-from coadjoint.simulation.folder import Lock
+from coadjoint.simulation.lock import Lock
 
 RUN = {"dt": 0.01, "steps": 2_000, "save_every": 2, "progress": False}
 

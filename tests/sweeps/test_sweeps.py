@@ -169,7 +169,7 @@ def test_another_sweep_has_no_place_in_a_folder(swept, tmp_path):
 
 
 def test_two_sweeps_into_one_folder_are_refused(swept, tmp_path):
-    from coadjoint.simulation.folder import Lock
+    from coadjoint.simulation.lock import Lock
 
     shutil.copytree(swept.folder, tmp_path / "out")
     lock = Lock(tmp_path / "out", ".lock")

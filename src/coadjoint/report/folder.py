@@ -21,7 +21,7 @@ from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
 from coadjoint.report.companion_files import beside
-from coadjoint.simulation.folder import Lock
+from coadjoint.simulation.lock import Lock
 from coadjoint.texts import read_table, text_of, told_text
 
 RUN_FILE = "run.toml"

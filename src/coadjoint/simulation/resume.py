@@ -36,7 +36,8 @@ from coadjoint.simulation.configuration import (
 )
 from coadjoint.simulation.dataset import attributes, member_coordinates
 from coadjoint.simulation.execution import execute
-from coadjoint.simulation.folder import Lock, _clear, _give_up, _reserved, holds_run, sweep_beside, tidy
+from coadjoint.simulation.folder import _clear, _give_up, _reserved, holds_run, sweep_beside, tidy
+from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.plan import Extrema
 from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.result import Result

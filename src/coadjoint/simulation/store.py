@@ -38,7 +38,7 @@ from coadjoint.methods.step import in_records
 from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import Variables, meanings, member_variables, members_of, variables
 from coadjoint.simulation.derived import derivation, times
-from coadjoint.simulation.folder import Lock
+from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.result import Result
 from coadjoint.simulation.store_reader import RECORDS
 from coadjoint.simulation.zarr_writer import Chunks, unset
