@@ -24,4 +24,4 @@ def of_lanes(grouped: np.ndarray, count: int | None = None) -> np.ndarray:
         groups, size, width = grouped.shape
         return grouped.swapaxes(1, 2).reshape(groups * width, size)[:count].copy()
     moved = np.moveaxis(grouped, -1, 1)
-    return moved.reshape(-1, *moved.shape[2:])[:count]
+    return moved.reshape(moved.shape[0] * moved.shape[1], *moved.shape[2:])[:count]
