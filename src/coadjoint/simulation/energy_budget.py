@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import energy_lines
-from coadjoint.simulation.plan import Memory
 from coadjoint.simulation.result import Result
 
 POORLY = 0.1
@@ -132,9 +131,9 @@ class _Watched(NamedTuple):
 
 def driven(run: Result) -> list[str]:
     """A sentence where passive forces have put energy in, also of a run whose step failed."""
-    rows = _rows(run, _asked(run))
+    rows = run.rows_of(_asked(run))
     extrema = {name: (float(run.extrema[name][0]), float(run.extrema[name][1])) for name in rows}
-    gain = _gain(run.system, run.system.parameters, _Watched(rows, extrema, _times(run))) if rows else None
+    gain = _gain(run.system, run.system.parameters, _Watched(rows, extrema, run.node_times())) if rows else None
     return [f"{_told(run.system, gain)}."] if gain else []
 
 
@@ -143,11 +142,11 @@ def members_driven(ensemble: Result) -> list[str]:
     asked = _asked(ensemble)
     if not asked or ensemble.members is None:
         return []
-    times, parameters, extrema = _times(ensemble), ensemble.system.parameters, ensemble.extrema
+    times, parameters, extrema = ensemble.node_times(), ensemble.system.parameters, ensemble.extrema
     count, gains = ensemble.members, dict[int, _Gain]()
     block = max(BLOCK // len(times), 1)
     for first in range(0, count, block):
-        rows = _rows(ensemble, asked, slice(first, first + block))
+        rows = ensemble.rows_of(asked, slice(first, first + block))
         for member in range(first, min(first + block, count)):
             own = {name: values[member - first] for name, values in rows.items()}
             good = np.all([np.isfinite(values) for values in own.values()], axis=0)
@@ -170,30 +169,6 @@ def _asked(run: Result) -> list[str]:
     if not names or any(name not in run.ends for name in names):
         return []
     return [*names, *(name for name in ("energy", "energy_budget") if name in run.ends)]
-
-
-def _rows(run: Result, names: Sequence[str], members: slice | None = None) -> dict[str, np.ndarray]:
-    """Monitors at the saved nodes, (nodes,) or (members, nodes), from memory or from the disk."""
-    at = slice(None) if members is None else members
-    if isinstance(run.memory, Memory):
-        return {name: run.monitors[name][at] for name in names}
-    found = {name: run.dataset[name][at].values for name in names}
-    run.__dict__.pop("dataset", None)  # It is read again with all warnings.
-    return found
-
-
-def _times(run: Result) -> np.ndarray:
-    """The times of the saved nodes, s, (nodes,), without what failed; of a run with variable steps those it took."""
-    if isinstance(run.memory, Memory) and np.ndim(run.records.t) == 1:
-        return np.asarray(run.records.t)
-    steps = run.steps_saved
-    if isinstance(run.memory, Memory) or not run.method.variable:
-        found = run.plan.h * steps + np.ravel(run.start.t)[0]
-    else:
-        found = run.dataset["time"].values
-    if not isinstance(run.memory, Memory):
-        run.__dict__.pop("dataset", None)
-    return found
 
 
 def _told(system: System, gain: _Gain) -> str:

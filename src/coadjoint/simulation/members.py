@@ -117,8 +117,7 @@ def with_own_directions(
 def require_room(run: Result) -> None:
     """Raise ArgumentError where the records would not fit in memory."""
     plan = run.plan
-    nodes = -(-plan.steps // plan.save_every) + 1
-    size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(run.position.state)) * nodes
+    size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(run.position.state)) * plan.nodes
     if size > MEMORY_LIMIT:
         raise ArgumentError(
             f"The records would take {size / 1e9:.3g} GB of memory: stream them to a new folder with `store=`, "

@@ -158,6 +158,11 @@ class Plan:
             return ""
         return "by XLA, " + "; ".join(dict.fromkeys(stage.structure.words for stage in self.program.stages))
 
+    @property
+    def nodes(self) -> int:
+        """How many records a complete run has: those of every save_every-th node before the last, and of the last."""
+        return -(-self.steps // self.save_every) + 1
+
     def capacity(self, state: State) -> int:
         """The most records of a chunk from such a state."""
         if self.members is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -98,6 +98,16 @@ class Result(Recording):
         """Every monitored scalar, ([members,] nodes, …) each."""
         rows: list[Mapping[str, np.ndarray]] = self.memory.monitors
         return {name: self._joined(*(part[name] for part in rows)) for name in (rows[0] if rows else {})}
+
+    def rows_of(self, names: Sequence[str], members: slice = slice(None)) -> dict[str, np.ndarray]:
+        """Some monitors at the saved nodes, ([members,] nodes, …) each, of some members; none is kept in memory."""
+        return {name: self.monitors[name][members] for name in names}
+
+    def node_times(self) -> np.ndarray:
+        """The times of the saved nodes, s, (nodes,); of a single run those that it took."""
+        if self.members is None:
+            return np.asarray(self.records.t)
+        return self.plan.h * self.steps_saved + np.ravel(self.start.t)[0]
 
     def _joined(self, *parts: np.ndarray) -> np.ndarray:
         """Stretches with axes (node, [member,] …) as one array with axes ([member,] node, …)."""

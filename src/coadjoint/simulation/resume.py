@@ -82,6 +82,17 @@ class _OnDisk(Result):
     def monitors(self) -> dict[str, np.ndarray]:
         return {name: self.dataset[name].values for name in self.ends}
 
+    def rows_of(self, names: Sequence[str], members: slice = slice(None)) -> dict[str, np.ndarray]:
+        found = {name: self.dataset[name][members].values for name in names}
+        self.__dict__.pop("dataset", None)  # It is read again with all warnings.
+        return found
+
+    def node_times(self) -> np.ndarray:
+        grid = self.plan.h * self.steps_saved + np.ravel(self.start.t)[0]
+        found = self.dataset["time"].values if self.method.variable else grid
+        self.__dict__.pop("dataset", None)
+        return found
+
     @property
     def ends(self) -> Extrema:
         return self.store.ends
@@ -256,7 +267,7 @@ def _taken_up(run: Result, folder: Path) -> StreamedRun | StreamedEnsemble:
         manifest, found, arrays = standing(folder)
         store = Store(run, manifest, lock)
         run.position = store.take_up(found, arrays, run.position)
-        _log.info("%s holds %d of %d records.", folder, store.count, store.total)
+        _log.info("%s holds %d of %d records.", folder, store.count, run.plan.nodes)
         run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
         run.accuracy = accuracy_from(found["attributes"]) if run.position.ended else None
         return _with_store(run, store)

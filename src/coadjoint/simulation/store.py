@@ -98,11 +98,6 @@ class Store:
         """Whether the run has ended and all that is to be said of it is written."""
         return bool(self.manifest.facts.get("complete"))
 
-    @property
-    def total(self) -> int:
-        """The number of records of the whole run: every save_every-th node before the last, and the last."""
-        return -(-self.plan.steps // self.plan.save_every) + 1
-
     # A new folder, or one that holds a run.
 
     def lay_out(self, constants: Constants, state: State) -> None:
@@ -120,7 +115,7 @@ class Store:
             lead = () if self.members is None or name in ("time", "step") else (self.members,)
             group.create_array(
                 name,
-                shape=(*lead, self.total, *values.shape[1:]),
+                shape=(*lead, self.plan.nodes, *values.shape[1:]),
                 chunks=(*(across for _ in lead), length, *values.shape[1:]),
                 dtype=values.dtype,
                 compressors=[Crc32cCodec()],
@@ -136,8 +131,8 @@ class Store:
     def _blocks(self, size: int) -> tuple[int, int]:
         """How many nodes and how many members a chunk holds, where a record takes `size` bytes."""
         if self.members is None:
-            return max(1, min(BLOCK_ROWS, BLOCK_BYTES // size, self.total)), 1
-        length = max(1, min(BLOCK_ROWS, FLUSH_BYTES // (size * self.members), self.total))
+            return max(1, min(BLOCK_ROWS, BLOCK_BYTES // size, self.plan.nodes)), 1
+        length = max(1, min(BLOCK_ROWS, FLUSH_BYTES // (size * self.members), self.plan.nodes))
         return length, max(1, min(self.members, BLOCK_BYTES // (size * length)))
 
     def put(self, name: str, data: bytes) -> None:
@@ -201,7 +196,7 @@ class Store:
         self._kept = self.count
         ended = time.monotonic()
         self._due = ended + max(PERIOD, BURDEN * (ended - began))
-        _log.debug("%s: checkpoint at %d of %d records.", self.folder, self.count, self.total)
+        _log.debug("%s: checkpoint at %d of %d records.", self.folder, self.count, self.plan.nodes)
 
     def release(self) -> None:
         """Let other processes use the folder."""

@@ -114,7 +114,6 @@ def probed(sweep: Sweep) -> dict[str, Any]:
     told = meanings(dict.fromkeys(chosen), alone.system)
     dims = {name: list(there[name][0][1:]) for name in chosen}
     shapes = {name: list(np.shape(there[name][1])[1:]) for name in chosen}
-    nodes = -(-alone.plan.steps // alone.plan.save_every) + 1
     return {
         "system": alone.system.name,
         "method": alone.method.title,
@@ -123,7 +122,7 @@ def probed(sweep: Sweep) -> dict[str, Any]:
         "dims": dims,
         "shapes": shapes,
         "meanings": {name: told.get(name, {}) for name in chosen},
-        "nodes": nodes,
+        "nodes": alone.plan.nodes,
         "dt": alone.plan.h,
         "save_every": sweep.save_every,
         "steps": alone.plan.steps,
