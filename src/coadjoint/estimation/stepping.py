@@ -9,7 +9,8 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.emit.plan import specialised
-from coadjoint.kernels.packing import pack
+from coadjoint.kernels.lanes import in_lanes, of_lanes
+from coadjoint.kernels.packing import flattened, pack
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.run.backend import fall_back
@@ -52,13 +53,9 @@ class ModelSteps:
         """The states after the step, (members, size of a state), and what failed, or nothing."""
         if self._by_xla is not None:
             return self._run_by_xla(rows, h)
-        count = len(rows)
-        width = 1 if count == 1 else lanes()
-        groups = -(-count // width)
-        spread = np.zeros((groups * width, rows.shape[1]))
-        spread[:count], spread[count:] = rows, rows[-1]
-        table = spread.reshape(groups, width, -1).transpose(0, 2, 1)
-        state = np.ascontiguousarray(table[:, : self._size])
+        width = 1 if len(rows) == 1 else lanes()
+        table = in_lanes(rows, width)
+        state, groups = np.ascontiguousarray(table[:, : self._size]), len(table)
         p = np.repeat(self.parameters[:, None], width, axis=1)
         length, status = np.full(width, float(h)), np.zeros((groups, 4, width), np.int64)
         kernel, nothing = self._kernel(width), np.zeros(1)
@@ -73,8 +70,7 @@ class ModelSteps:
                 told + i * status.strides[0],
             )  # fmt: skip
         worst = int(np.max(status[:, 1]))
-        after = state.transpose(0, 2, 1).reshape(groups * width, -1)[:count]
-        return after, Code(worst).name.lower().replace("_", " ") if worst else ""
+        return of_lanes(state, len(rows)), Code(worst).name.lower().replace("_", " ") if worst else ""
 
     def _kernel(self, width: int) -> native.Kernel:
         if width not in self._kernels:
@@ -87,7 +83,7 @@ class ModelSteps:
         @jax.vmap
         def step(p, s, h):
             result = xla.step(self._program, self._shape_p.views(p), self._shape_s.views(s), h, False)
-            return jax.numpy.concatenate([jax.numpy.ravel(leaf) for leaf in jax.tree.leaves(result.after)]), result.code
+            return flattened(result.after), result.code
 
         return step
 

@@ -18,7 +18,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.emit import online
 from coadjoint.kernels.emit.online import ALWAYS, SELDOM
 from coadjoint.kernels.emit.plan import plan
-from coadjoint.kernels.packing import Layout, layout
+from coadjoint.kernels.packing import Layout, flattened, layout
 from coadjoint.kernels.program import Code, Program, StatusFlag
 from coadjoint.kernels.run import disk_cache, plans, xla
 from coadjoint.kernels.run.compiled import compiled
@@ -169,8 +169,7 @@ def _advance(
             (layouts[1].unpack(s), status, jnp.asarray(0)),
         )
         seen = [jnp.ravel(value) for value in watch(constants, state)]
-        numbers = [jnp.ravel(leaf) for leaf in jax.tree.leaves(state)]
-        return jnp.concatenate(numbers), status, jnp.concatenate([jnp.zeros(0), *seen])
+        return flattened(state), status, jnp.concatenate([jnp.zeros(0), *seen])
 
     return jax.vmap(one)(parameters, states, statuses, commands)
 
