@@ -131,7 +131,7 @@ def _of_members(run: Result, count: int) -> Lines:
 
 
 def failure(run: Result, member: int) -> str:
-    """What happened to a member that failed."""
+    """How a member failed, and at which step."""
     code = Code(int(run.position.codes[member]))
     return f"{code.name.lower().replace('_', ' ')} at step {run.position.steps_done[member]}"
 

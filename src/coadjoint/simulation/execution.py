@@ -74,7 +74,7 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
 
 
 def driver(run: Result, sink: Sink, progress: bool | None) -> Driver:
-    """What drives a run, its records into a sink."""
+    """The driver of a run, whose records go into a sink."""
     how = run.plan, sink, progress, run.title
     if not run.plan.events:
         return Driver(*how)

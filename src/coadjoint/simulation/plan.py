@@ -134,7 +134,7 @@ class RecordSink(Sink, Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run: a program from a start, over a grid."""
+    """A program over a grid, for one system or the members of an ensemble, with the events that are monitored."""
 
     backend: Backend
     program: StepProgram

@@ -1,4 +1,4 @@
-"""What is to be simulated, checked once, and the run or ensemble that is set up and has not begun."""
+"""The problem of a simulation, checked once, and the run or ensemble that it sets up."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Watched = tuple[tuple[str, Event], ...]
 
 @dataclass(frozen=True)
 class SimulationProblem:
-    """What is to be simulated: a system from a start by a method over a grid, and what is observed on the way.
+    """A system from a start by a method over a grid, with the quantities and events that are observed on the way.
 
     kelvin_noether, inputs, until, events: as `co.simulate` takes them.
     """
@@ -120,7 +120,7 @@ class SimulationProblem:
         return Run(system, self.method, start, plan, Position(state), Memory(), warnings, crossed=crossed)
 
     def _ensemble(self, count: int) -> Ensemble:
-        """What is the same for all members is checked on the first."""
+        """An ensemble; properties that all members share are checked on the first."""
         require_one_time(self.start)
         method, h = self.method, self.h
         if method.variable:
@@ -166,7 +166,7 @@ class SimulationProblem:
         return setup_cache.read(system, start, self._functions(system), self.watched, observed, self.method, self.h)
 
     def _functions(self, system: System) -> list[Callable[[State], Any]]:
-        """What a run reads in addition to the functions of its system."""
+        """The functions that a run reads in addition to those of its system."""
         functions: list[Callable[[State], Any]] = [partial(quantity.quantity, system) for quantity in self.noether]
         functions += [partial(value, system, function) for _, function in system.quantities if self.monitors]
         if system.inputs is not None:
@@ -174,7 +174,7 @@ class SimulationProblem:
         return [*functions, *(event.function for _, event in self.watched)]
 
     def _checked(self, system: System, start: State, reading: setup_cache.Reading | None) -> setup_cache.Known:
-        """What all checks of a run and its start find; raises what they raise."""
+        """The results of all checks of a run and its start; raises what they raise."""
         before, warnings = setup_cache.verdict(reading, "run"), []
         if before is None:
             require_internal(system, start, self.h)
@@ -188,7 +188,7 @@ class SimulationProblem:
     def _verdict(
         self, system: System, state: State, reading: setup_cache.Reading | None, purpose: str, warnings: list[str]
     ) -> dict[str, Any]:
-        """What the checks of a state that was begun find, which is kept."""
+        """The results of the checks of a state that was begun, kept for other runs."""
         require_chart(system, self.method, state, self.h)
         require_events(self.method, state, self.watched)
         found = {"warnings": warnings, "watching": self._watching(system, state)}
@@ -196,7 +196,7 @@ class SimulationProblem:
         return found
 
     def _watching(self, system: System, state: State) -> dict[str, Any]:
-        """What monitors observe with; raises what is wrong with what they observe."""
+        """The constants of monitors; raises where they cannot observe a quantity."""
         found: dict[str, Any] = {}
         if not self.monitors:
             return found

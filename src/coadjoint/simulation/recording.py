@@ -1,4 +1,4 @@
-"""What a run and a file of a run have in common: a dataset, plots, and a place on disk."""
+"""The common base of runs and files of runs: a dataset, plots, and a place on disk."""
 
 from __future__ import annotations
 

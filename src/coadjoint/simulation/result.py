@@ -57,7 +57,7 @@ class Result(Recording):
 
     @property
     def one(self) -> tuple[Constants, State]:
-        """What the equations are traced for: the constants of the first member, and the state at which it stands."""
+        """The constants of the first member and its state, for which the equations are traced."""
         state = self.position.state
         return self.plan.constants_of(), state if self.members is None else jax.tree.map(lambda leaf: leaf[0], state)
 

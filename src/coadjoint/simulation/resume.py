@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 
 class _OnDisk(Result):
-    """What runs and ensembles have in common when a store takes their records."""
+    """A run or an ensemble whose records a store takes."""
 
     @property
     def store(self) -> Store:

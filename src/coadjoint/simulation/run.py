@@ -145,7 +145,7 @@ class Ensemble(_Shown):
 
     @property
     def failures(self) -> dict[int, str]:
-        """What happened to the members that failed, by their index."""
+        """How members failed, and at which step, by their index."""
         return {int(i): failure(self, int(i)) for i in np.flatnonzero(self.codes)}
 
     @property
