@@ -3,13 +3,48 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.manifest import MANIFEST, Manifest
+from coadjoint.simulation.configuration import packed
 from coadjoint.simulation.lock import LOCK, Lock
+from coadjoint.simulation.result import Result
+from coadjoint.simulation.store import Store
 from coadjoint.simulation.store_reader import CHECKPOINTS, CONFIGURATION, require_run
+
+
+def create(path: Path, run: Result, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
+    """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
+
+    Until then it has a hidden name; what a process that was killed left under this name is made anew.
+    """
+    made = disk.partial(path)
+    lock: Lock | None = None
+    try:
+        lock = _reserved(made, path)
+        _clear(made)
+        store = Store(run, Manifest(made, {"kind": "records", **facts}), lock)
+        store.put(CONFIGURATION, packed(*configuration))
+        store.lay_out(*run.one)
+        store.write_checkpoint(run.position)
+        disk.move(made, path)
+        lock.folder = path
+    except OSError as error:
+        if lock is None and isinstance(error, FileError):
+            raise
+        if lock is not None and lock.held:
+            _give_up(made, lock)
+        raise FileError(f"The folder {path} cannot be made: {error.strerror or error}.") from error
+    except BaseException:
+        if lock is not None:
+            _give_up(made, lock)
+        raise
+    store.move_to(path)
+    return store
 
 
 def _reserved(made: Path, path: Path) -> Lock:

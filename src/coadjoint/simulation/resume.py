@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from coadjoint import disk
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import logger
-from coadjoint.manifest import MANIFEST, Manifest
+from coadjoint.manifest import MANIFEST
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
@@ -25,31 +24,17 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.accuracy import accuracy_from
-from coadjoint.simulation.configuration import (
-    fingerprint,
-    method_form,
-    method_from,
-    packed,
-    start_form,
-    start_from,
-    versions,
-)
+from coadjoint.simulation.configuration import fingerprint, method_form, method_from, start_form, start_from, versions
 from coadjoint.simulation.dataset import attributes, member_coordinates
 from coadjoint.simulation.execution import execute
-from coadjoint.simulation.folder import _clear, _give_up, _reserved, holds_run, sweep_beside, tidy
+from coadjoint.simulation.folder import create, holds_run, sweep_beside, tidy
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.plan import Extrema
 from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
-from coadjoint.simulation.store_reader import (
-    CONFIGURATION,
-    read_configuration,
-    run_manifest,
-    standing,
-    stored_dataset,
-)
+from coadjoint.simulation.store_reader import read_configuration, run_manifest, standing, stored_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -119,36 +104,6 @@ class StreamedRun(_OnDisk, Run):
 
 class StreamedEnsemble(_OnDisk, Ensemble):
     """The same for many members: as `Ensemble`, but read from the disk when used."""
-
-
-def create(path: Path, run: Result, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
-    """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
-
-    Until then it has a hidden name; what a process that was killed left under this name is made anew.
-    """
-    made = disk.partial(path)
-    lock: Lock | None = None
-    try:
-        lock = _reserved(made, path)
-        _clear(made)
-        store = Store(run, Manifest(made, {"kind": "records", **facts}), lock)
-        store.put(CONFIGURATION, packed(*configuration))
-        store.lay_out(*run.one)
-        store.write_checkpoint(run.position)
-        disk.move(made, path)
-        lock.folder = path
-    except OSError as error:
-        if lock is None and isinstance(error, FileError):
-            raise
-        if lock is not None and lock.held:
-            _give_up(made, lock)
-        raise FileError(f"The folder {path} cannot be made: {error.strerror or error}.") from error
-    except BaseException:
-        if lock is not None:
-            _give_up(made, lock)
-        raise
-    store.move_to(path)
-    return store
 
 
 _log = logger(__name__)
