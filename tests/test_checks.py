@@ -68,3 +68,45 @@ def test_kinds_truths_texts_and_mappings_are_named():
     refused("Argument `x` must be a list, but is 3.", checks.instance, 3, "x", list, "a list")
     with pytest.raises(FileError):
         checks.text(3, "x", FileError)
+
+
+def test_arrays_have_shapes_with_letters_for_any_length_and_finite_float64_numbers():
+    assert checks.array([[1, 2, 3]], "x", "(n, 3)").dtype == np.float64
+    assert checks.array(3, "x", (), (2,)) == 3 and checks.array(np.ones((4, 2, 3)), "x", "(…, 3)").shape == (4, 2, 3)
+    assert checks.shape(np.ones((2, 2)), "x", "(n, n)") == (2, 2)
+    refused("Argument `x` must have shape (n, n), but has shape (2, 3).", checks.shape, np.ones((2, 3)), "x", "(n, n)")
+    refused("Argument `x` must have shape (n, 3), but has shape (0, 3).", checks.array, np.ones((0, 3)), "x", "(n, 3)")
+    refused(
+        "Argument `x` must be one number or have shape (2,), but has shape (3,).",
+        checks.array,
+        [1, 2, 3],
+        "x",
+        (),
+        (2,),
+    )
+    refused("Argument `x` must be finite, but is [nan].", checks.array, [math.nan], "x", "(n,)")
+    refused(
+        "Argument `x` must be strictly increasing, but is not: sort it, and give each once.",
+        checks.increasing,
+        np.array([1.0, 1.0]),
+        "x",
+    )
+
+
+def test_a_name_that_is_not_known_has_the_nearest_one():
+    assert checks.known("fin", ("fin", "hull"), "part", "It") == "fin"
+    refused(
+        "It has no part `fim`: did you mean `fin`? It knows fin, hull.",
+        checks.known,
+        "fim",
+        ("fin", "hull"),
+        "part",
+        "It",
+    )
+    refused("It has no part `3`: it has none.", checks.known, 3, (), "part", "It")
+
+
+def test_functions_and_rows_of_texts_are_told_from_others():
+    assert checks.function(math.sin, "f") is math.sin and checks.texts(["a"], "x", "names") == ("a",)
+    refused("Argument `f` must be a function, but is 3.", checks.function, 3, "f")
+    refused("Argument `x` must be names, but is 'a'.", checks.texts, "a", "x", "names")

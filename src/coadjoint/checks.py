@@ -143,6 +143,14 @@ def unknown(what: str, where: str, given: str, known: Collection[str]) -> str:
     return f"{where} has no {what}: {hint}"
 
 
+def known(name: object, names: Collection[str], what: str, where: str, error: Error = ArgumentError) -> str:
+    """A name that is known: `what` it is and `where`, as known(name, there, "part", "The vehicle remus")."""
+    if name not in names:
+        shown_name = name if isinstance(name, str) else shown(name)
+        raise error(unknown(f"{what} `{shown_name}`", where, str(name), names))
+    return str(name)
+
+
 def letters(name: str) -> str:
     """The letters and digits of a name in lower case, by which `left-rectangle` is `LeftRectangle`."""
     return "".join(letter for letter in name.lower() if letter.isalnum())
@@ -211,6 +219,12 @@ def array(value: Any, name: str, *shapes: str | tuple[int, ...], error: Error = 
     found = float64(value, subject(name))
     shape(found, name, *shapes, error=error)
     return found
+
+
+def increasing(values: Any, name: str, error: Error = ArgumentError) -> None:
+    """Raise unless numbers (k,) are strictly increasing; those of tracers are not known."""
+    if isinstance(values, np.ndarray) and np.any(np.diff(values) <= 0):
+        raise error(f"{subject(name)} must be strictly increasing, but is not: sort it, and give each once.")
 
 
 def float64(value: Any, name: str) -> Any:

@@ -55,8 +55,8 @@ def test_several_speeds_make_a_table_and_a_figure_and_json_has_it_all(tmp_path, 
         (["remus_100", "--speed", "fast"], "--speed must be a speed in m/s"),
         (["remus_100", "--speed", "0:1:0"], "--speed must be a speed in m/s"),
         (["remus_100", "--hold", "propeller"], "--hold must be NAME=VALUE"),
-        (["remus_100", "--hold", "sail=1"], "`sail` is no actuator"),
-        (["remus_100", "--rudder", "5", "--free", "rudders"], "`rudders` is no actuator"),
+        (["remus_100", "--hold", "sail=1"], "has no actuator `sail`"),
+        (["remus_100", "--rudder", "5", "--free", "rudders"], "has no actuator `rudders`"),
         pytest.param(
             ["remus_100", "--rudder", "5", "--free", "propeller"], "moved propeller, and not ", marks=pytest.mark.long
         ),

@@ -117,7 +117,7 @@ def test_what_is_too_late_is_told():
         one.update({"usbl": [0.0, 0.0]}, t=0.2)
     with pytest.raises(co.ArgumentError, match="cannot be taken: the filter stands at 1 s"):
         one.update({"usbl": [0.0, 0.0]}, t=2.0)
-    with pytest.raises(co.ArgumentError, match="There is no measurement `gps`"):
+    with pytest.raises(co.ArgumentError, match="The filter has no measurement `gps`"):
         one.update({"gps": [0.0, 0.0]}, t=0.8)
     with pytest.raises(co.ArgumentError, match="`memory` must be a finite number from 0, but is"):
         filter(memory=-1.0)

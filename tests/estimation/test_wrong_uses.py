@@ -87,7 +87,7 @@ WRONG = {
     ),
     "deviation": (
         lambda: Filter(process(), start(), measurements={}, deviations={"yaw": 1.0}),
-        "no error `yaw`.*g, q, xi",
+        "no error `yaw`: it knows g, nu, q, xi",
     ),
     "neither": (lambda: Filter(process(), start(), measurements={}), "either `deviations` or `covariance`"),
     "P": (lambda: Filter(process(), start(), measurements={}, covariance=-np.eye(4)), "without negative eigenvalues"),
@@ -123,7 +123,7 @@ WRONG = {
     "times of a clock": (lambda: run(until=1.7e9), "subtract the time at which the log begins"),
     "step": (lambda: filter().predict(0.0), "`time` of .* must be positive"),
     "input": (lambda: filter().predict(0.1, {"pull": 1.0}), "no input `pull`: there are push"),
-    "name": (lambda: filter().update({"depth": 1.0}), "no measurement `depth`: there are place"),
+    "name": (lambda: filter().update({"depth": 1.0}), "no measurement `depth`: it knows place"),
     "value": (lambda: filter().update({"place": [1.0, 2.0]}), "1 numbers at each time"),
     "order of times": (lambda: run(measured={"place": ([1.0, 0.5], [0.5, 0.5])}), "must not go back"),
     "times": (lambda: run(measured={"place": ([1.0, 2.0], [0.5])}), "as many values"),

@@ -69,7 +69,7 @@ WRONG = {
     ),
     "a place of two numbers": (
         lambda: process().row(estimation.InertialState(position=(1, 2))),
-        r"`position` of an InertialState must have the shape \(3,\)",
+        r"`position` of an InertialState must have shape \(3,\)",
     ),
     "a truth that is a table": (
         lambda: whole().nees({"q": 1}),
@@ -77,7 +77,7 @@ WRONG = {
     ),
     "a truth of other nodes": (
         lambda: whole().nees(estimation.InertialState(position=np.zeros((5, 3)))),
-        r"rows of the shape \(76, 28\), not \(5, 28\)",
+        r"must have shape \(76, 28\), but has shape \(5, 28\)",
     ),
     "a truth of unlike nodes": (
         lambda: whole().nees(estimation.InertialState(position=np.zeros((5, 3)), velocity=np.zeros((4, 3)))),

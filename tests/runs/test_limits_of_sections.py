@@ -134,7 +134,7 @@ def test_another_section_is_refused(kind, given, sentence):
 
 
 def test_results_of_a_file_lie_in_the_working_directory(tmp_path):
-    refused("must lie in the working directory", OutputSection, folder=str(tmp_path / "a"))
+    refused("must lie in the working directory", read, OutputSection, "output", {"folder": str(tmp_path / "a")})
 
 
 def test_values_have_the_types_of_their_fields():

@@ -344,7 +344,7 @@ def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: co.Linear([0, 1, 1], [1, 2, 3]), "must grow"),
+        (lambda: co.Linear([0, 1, 1], [1, 2, 3]), "must be strictly increasing"),
         (lambda: co.Linear([0, 1], [1, 2, 3]), "k values"),
         (lambda: co.Held([], []), "one at least"),
         (lambda: co.Held([[0.0]], [1]), "k values"),
@@ -355,7 +355,7 @@ def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
         (lambda: co.Linear([0, 1], [1, 2])(np.inf), "The time of co.Linear must be finite"),
         (lambda: co.Held([0, 1], [1, 2])(10**400), "The time of co.Held must be a number of at most"),
         (lambda: co.Held([0, 1], [1, 2])(np.nan), "The time of co.Held must be finite"),
-        (lambda: co.Signal(3.0), "takes a function of time"),
+        (lambda: co.Signal(3.0), "must be a function of time"),
         (
             lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: None)}),
             "A signal must be a number",

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.checks import unknown
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.runs.toml_text import to_toml
 
 if TYPE_CHECKING:
@@ -43,6 +42,5 @@ def example(name: str) -> str:
 def _entry(name: str) -> CatalogueEntry:
     from coadjoint.models import catalogue
 
-    if name not in catalogue:
-        raise ArgumentError(unknown(f"model `{name}`", "The catalogue", name, list(catalogue)))
+    checks.known(name, catalogue, "model", "The catalogue")
     return catalogue[name]

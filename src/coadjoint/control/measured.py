@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.numbers import number
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +32,7 @@ class Measured:
     times: Any = None
 
     def __post_init__(self):
-        if not callable(self.function):
-            raise ArgumentError(f"co.control.Measured takes a function of the motion, but got {shown(self.function)}.")
+        checks.function(self.function, "Argument `function` of co.control.Measured", "a function of the motion")
         names = [name for name in ("values", "times") if getattr(self, name) is not None]
         for name in (*names, "deviation"):
             object.__setattr__(self, name, number(getattr(self, name), name, nan=name == "values"))

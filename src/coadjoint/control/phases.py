@@ -142,7 +142,7 @@ class Phases:
             free = free or other.free_duration is not None
 
     def _require_shared(self) -> None:
-        checks.instance(self.shared, "shared", (tuple, list), 'names, such as ("mass",)')
+        checks.texts(self.shared, "shared", 'names, such as ("mass",)')
         for name in self.shared:
             if sum(name in one.parameters for one in self.phases.values()) < 2:
                 raise ArgumentError(

@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from coadjoint import checks
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.requirements import steps_of
 from coadjoint.control.solve import solve
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.run import Run
@@ -106,8 +107,7 @@ class Problem(ProblemData):
         steps = self.count if horizon is None else steps_of(horizon, self.dt, "horizon", 1)
         self._require_no_points("An estimator")
         names = (known,) if isinstance(known, str) else known
-        if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-            raise ArgumentError(f'Argument `known` must be names of inputs, such as ("thrust",), not {shown(known)}.')
+        checks.texts(names, "known", 'names of inputs, such as ("thrust",)')
         measured = {name: replace(one, values=None, times=None) for name, one in self.measured.items()}
         problem = replace(self, duration=None, steps=steps, measured=measured)
         return Estimator(problem, steps, tuple(names), whole(iterations, "iterations"))

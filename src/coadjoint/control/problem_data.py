@@ -70,8 +70,7 @@ class Bounds:
     upper: Any = math.inf
 
     def __post_init__(self):
-        if not callable(self.function):
-            raise ArgumentError(f"co.control.Bounds takes a function of the motion, but got {shown(self.function)}.")
+        checks.function(self.function, "Argument `function` of co.control.Bounds", "a function of the motion")
         for name in ("lower", "upper"):
             object.__setattr__(self, name, number(getattr(self, name), name))
         require_between(self.lower, self.upper, "a constraint")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import Profile
 from coadjoint.control.library import casadi
@@ -30,10 +31,7 @@ def steps_of(value: Any, dt: float, name: str, least: int) -> int:
 def changing_names(problem: ProblemData, changing: Any) -> tuple[str, ...]:
     """The names of parameters that may change; raises ArgumentError for what are none."""
     names = (changing,) if isinstance(changing, str) else changing
-    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        raise ArgumentError(
-            f'Argument `changing` must be names of parameters, such as ("mass",), not {shown(changing)}.'
-        )
+    checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
     for name in names:
         if not hasattr(problem.system.parameters, name):
             raise ArgumentError(f"Argument `changing` names `{name}`, which is no parameter of the system.")

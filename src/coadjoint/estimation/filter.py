@@ -329,8 +329,7 @@ class Filter(Remade):
 
     def _value(self, name: str, value: Any) -> np.ndarray:
         """What was measured, (1, m), or (members, m)."""
-        if name not in self._sizes:
-            raise ArgumentError(f"There is no measurement `{name}`: there are {', '.join(self._sizes) or 'none'}.")
+        checks.known(name, self._sizes, "measurement", "The filter")
         try:
             found = float64(value)
         except (TypeError, ValueError):
@@ -342,9 +341,7 @@ class Filter(Remade):
         if inputs is not None:
             checks.instance(inputs, "inputs", Mapping, "name → value")
         for name in inputs or ():
-            if name not in self.process.input_sizes:
-                known = ", ".join(self.process.input_sizes) or "none"
-                raise ArgumentError(f"The process has no input `{name}`: there are {known}.")
+            checks.known(name, self.process.input_sizes, "input", "The process")
 
 
 def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:

@@ -99,8 +99,7 @@ class Filtered:
         truth = self._process.rows_of(truth, self.t, known)
         if self.rows.ndim == 3 and np.shape(truth) == (len(self.t), self.rows.shape[2]):
             truth = np.broadcast_to(truth[:, None], self.rows.shape)
-        if np.shape(truth) != self.rows.shape:
-            raise ArgumentError(f"Argument `truth` must be rows of the shape {self.rows.shape}, not {np.shape(truth)}.")
+        checks.shape(truth, "truth", self.rows.shape)
         if not np.all(np.isfinite(truth)):
             raise ArgumentError("Argument `truth` must be finite at all nodes: end the run where the truth ends.")
         free = np.flatnonzero(np.all(self.deviations > 0, axis=tuple(range(self.deviations.ndim - 1))))

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import finite
 
@@ -58,8 +59,7 @@ def one_by_one(states: InertialState) -> tuple[list[InertialState], tuple[int, .
 def vector(value: Any, name: str, shape: tuple[int, ...], whose: str) -> np.ndarray:
     """Finite numbers of a shape; raises ArgumentError, which names them and whose they are, for others."""
     found = finite(value, name, whose)
-    if found.shape != shape:
-        raise ArgumentError(f"`{name}` of {whose} must have the shape {shape}, but has {found.shape}.")
+    checks.shape(found, f"`{name}` of {whose}", shape)
     return found
 
 

@@ -38,8 +38,7 @@ def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarra
     found = []
     checks.instance(deviations, "`deviations`", Mapping, "name → number")
     for name in deviations:
-        if name not in sizes:
-            raise ArgumentError(f"There is no error `{name}` to give a deviation of: there are {', '.join(sizes)}.")
+        checks.known(name, sizes, "error", "`deviations` is of a process that")
     for name, size in sizes.items():
         value = not_negative(deviations.get(name, 0.0), name, "`deviations`")
         checks.shape(value, f"`{name}` of `deviations`", (), (size,))

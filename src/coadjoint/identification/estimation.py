@@ -158,10 +158,7 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
     known = {name: (name,) for name in channels.names} | GROUPS
     found: dict[str, float] = {}
     for name, value in sorted(given.items(), key=lambda pair: pair[0] not in GROUPS):
-        if name not in known:
-            raise ArgumentError(
-                f"Argument `noise` names `{name}`, which the log does not hold: it knows {', '.join(known)}."
-            )
+        checks.known(name, known, "column", f"Argument `noise` names `{name}`, but the log")
         size = checks.positive(value, f"The noise of `{name}`")
         parts = [part for part in known[name] if part in channels.names]
         if not parts:

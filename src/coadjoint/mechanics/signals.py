@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
@@ -38,8 +39,7 @@ class Signal:
     function: Callable[[Any], Any]
 
     def __post_init__(self):
-        if not callable(self.function):
-            raise ArgumentError(f"co.Signal takes a function of time, such as jnp.sin, but got {shown(self.function)}.")
+        checks.function(self.function, "Argument `function` of co.Signal", "a function of time, such as jnp.sin")
 
     def __call__(self, t: Any) -> Array:
         value = self.function(t)
@@ -64,8 +64,7 @@ class _Table(Signal):
                 f"co.{name} takes times of shape (k,) and k values, one at least, but got times of shape "
                 f"{np.shape(times)} and values of shape {np.shape(values)}."
             )
-        if not traced(times) and np.any(np.diff(times) <= 0):
-            raise ArgumentError(f"The times of co.{name} must grow, but do not: sort them, and give each once.")
+        checks.increasing(times, f"The sequence of times of co.{name}")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from difflib import get_close_matches
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import ArgumentError
 from coadjoint.extensions import import_string
 
 if TYPE_CHECKING:
@@ -61,11 +59,10 @@ class CatalogueEntry:
         return import_string(self.starter)(system, **values)
 
     def _require_known(self, given: Mapping[str, Any], known: Mapping[str, Any], what: str) -> None:
+        from coadjoint import checks  # which imports NumPy, and a listing of models does not
+
         for name in given:
-            if name not in known:
-                nearest = get_close_matches(name, known, n=1, cutoff=0.5)
-                hint = f"did you mean `{nearest[0]}`? It" if nearest else "it"
-                raise ArgumentError(f"Model `{self.name}` has no {what} `{name}`; {hint} has: {', '.join(known)}.")
+            checks.known(name, known, what, f"Model `{self.name}`")
 
 
 _ALTERNATIVES = (("rotation", "euler_zxz", "euler_zyx"), ("angular_velocity", "euler_rates"))

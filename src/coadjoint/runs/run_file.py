@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.extensions import Registry, import_string
 from coadjoint.report.folder import kept_inputs
@@ -178,8 +178,7 @@ def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str
     """Parameters and initial values under the names of a model of the catalogue, in SI units."""
     from coadjoint.models import catalogue
 
-    if model not in catalogue:
-        raise ArgumentError(unknown(f"model `{model}`", "The catalogue", model, list(catalogue)))
+    checks.known(model, catalogue, "model", "The catalogue")
     entry = catalogue[model]
     return {
         "parameters": in_si("parameters", free["parameters"], entry.parameters, MEASURES),

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.checks import unknown
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.plotting import style
 from coadjoint.plotting.decimation import some
 
@@ -241,8 +240,7 @@ def _tie(column: np.ndarray, result: np.ndarray) -> float:
 
 def _chosen(given: Sequence[str], found: dict[str, np.ndarray], usual: Sequence[str]) -> list[str]:
     for name in given:
-        if name not in found:
-            raise ArgumentError(unknown(f"result `{name}`", "The sweep", name, list(found)))
+        checks.known(name, found, "result", "The sweep")
     return list(given) or list(usual)
 
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, shown
 
 SAMPLINGS = ("grid", "list", "random", "latin_hypercube", "sobol")
@@ -137,8 +136,7 @@ def number(given: Mapping[str, Any], name: str) -> Number:
     """A number as [vary] has it; raises ArgumentError."""
     what = f"[vary] {name}"
     for key in given:
-        if key not in _KEYS:
-            raise ArgumentError(unknown(f"key `{key}`", what, key, _KEYS))
+        checks.known(key, _KEYS, "key", what)
     pairs = {frozenset(("from", "to")), frozenset(("values",)), frozenset(("mean", "deviation"))}
     if frozenset(given) - {"count", "scale"} not in pairs:
         raise ArgumentError(f"{what} must be one of {_WAYS}, but is {shown(dict(given))}.")

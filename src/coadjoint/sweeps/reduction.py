@@ -9,8 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.checks import unknown
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.groups.attitude import UNIT
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters, replaced
@@ -94,8 +93,7 @@ def known(system: System, records: State) -> Variables:
 def choose(chosen: Sequence[str], there: Mapping[str, Any]) -> list[str]:
     """The variables of which results are kept; raises ArgumentError for one that a run does not have."""
     for name in chosen:
-        if name not in there:
-            raise ArgumentError(unknown(f"variable `{name}`", "[results] variables: a run", name, list(there)))
+        checks.known(name, there, "variable", "[results] variables: a run")
     return list(chosen) or [name for name in USUAL if name in there] or list(there)[:1]
 
 

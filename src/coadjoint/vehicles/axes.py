@@ -14,7 +14,7 @@ from typing import Any, Literal
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.checks import float64
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
 
@@ -97,8 +97,4 @@ def _known(axes: Any, table: dict[str, Any]) -> Any:
 
 
 def _array(value: Any, name: str, last: tuple[int, ...]) -> Any:
-    found = float64(value, f"Argument `{name}`")
-    if np.shape(found)[-len(last) :] != last:
-        shape = ", ".join(["...", *map(str, last)])
-        raise ArgumentError(f"Argument `{name}` must have shape ({shape}), but has shape {np.shape(found)}.")
-    return found
+    return checks.array(value, name, f"(…, {', '.join(map(str, last))})")

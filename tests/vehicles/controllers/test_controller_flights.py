@@ -99,7 +99,7 @@ def test_thrusters_follow_a_path_with_the_same_guidance():
 @pytest.mark.parametrize(
     ("controller", "sentence"),
     [
-        ({"way_points": [(0, 0, 0)]}, "must have shape"),
+        ({"way_points": [(0, 0, 0)]}, "must hold two points or more"),
         ({"way_points": [(0, 0, 0), (0, 0, 5)]}, "one place over ground"),
         ({"way_points": SQUARE, "look_ahead": -1.0}, "look_ahead"),
         ({"way_points": SQUARE, "gain": -0.2}, "gain"),

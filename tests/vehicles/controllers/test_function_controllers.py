@@ -161,7 +161,7 @@ def test_a_controller_that_divides_by_zero_is_named():
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [
-        (lambda feedback, p: {"tail": 0.0}, "no actuator of"),
+        (lambda feedback, p: {"tail": 0.0}, "has no actuator `tail`"),
         (lambda feedback, p: {"rudder": np.asarray(feedback.omega)}, "takes one number"),
         (lambda feedback, p: {"rudder": float(feedback.heading) / float(feedback.depth)}, "failed for a craft at rest"),
         (lambda feedback, p: 0.3, "must return a dictionary"),

@@ -11,6 +11,7 @@ import pytest
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
+from coadjoint.sections import keys
 from coadjoint.vehicles import Craft, Part
 from coadjoint.vehicles.files import vehicle_to_toml
 from coadjoint.vehicles.files.file import vehicle_from_text
@@ -18,7 +19,7 @@ from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.files.read_derivatives import _without_added_mass
 from coadjoint.vehicles.files.registry import vehicle_text
 from coadjoint.vehicles.hydrodynamics import added_mass_about, ellipsoid_added_mass, slender_body_added_mass
-from coadjoint.vehicles.parts.measured import measured, measures, not_negative, place
+from coadjoint.vehicles.parts.measured import measured, not_negative, place
 from coadjoint.vehicles.parts.part import acting_at
 
 HEAD = """
@@ -91,14 +92,14 @@ def test_units_of_another_kind_are_refused(unit, dimension) -> None:
 
 
 @pytest.mark.parametrize("kind", sorted({"derivatives", "thrusters"} ^ set(kinds("parts"))))
-def test_every_number_of_a_part_says_what_it_measures(kind):
+def test_every_number_of_a_part_says_what_it_keys(kind):
     cls = kinds("parts")[kind]
-    assert {field.name for field in fields(cls)} - {"name"} == set(measures(cls))
+    assert {field.name for field in fields(cls)} - {"name"} == set(keys(cls))
 
 
 @pytest.mark.parametrize("kind", sorted(kinds("controllers")))
 def test_every_controller_of_a_file_has_a_period_and_a_delay_in_seconds(kind):
-    found = measures(kinds("controllers")[kind])
+    found = keys(kinds("controllers")[kind])
     assert found["period"].dimension == found["delay"].dimension == u.TIME
 
 

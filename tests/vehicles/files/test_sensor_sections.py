@@ -74,7 +74,7 @@ def test_sensors_are_read_in_si_units_with_the_source_of_every_number():
     told = vehicle.provenance["sensors.imu.gyroscope.noise_density"]
     assert (told.value, told.unit, told.source, told.note) == (0.005, "deg/s/√Hz", "PVS", "typical of its class")
     assert vehicle.sensor("log") is log
-    with pytest.raises(ArgumentError, match="no sensor `sonar`; its sensors are: imu, log, fix"):
+    with pytest.raises(ArgumentError, match="no sensor `sonar`: it knows fix, imu, log"):
         vehicle.sensor("sonar")
 
 
@@ -124,7 +124,7 @@ MISTAKES = {
     "an error that is none": ("misalignment = {", "missalignment = {", r"\[sensors.imu.accelerometer\] has no key `missalignment`: did you mean `misalignment`"),
     "a channel that is none": ("[sensors.imu.gyroscope]", "[sensors.imu.gyro]", r"\[sensors.imu\] has no key `gyro`: did you mean `gyroscope`"),
     "a channel as a number": ("[sensors.log]", '[sensors.depth]\nkind = "depth"\n' + RATE + '\ndepth = { value = 1, unit = "m" }\n[sensors.log]', r"depth has several errors, each with its name: write depth.noise"),
-    "an error of four": ("[1, 1, 2]", "[1, 1, 2, 2]", r"`accelerometer.scale` of the sensor `imu` must be one number, or 3"),
+    "an error of four": ("[1, 1, 2]", "[1, 1, 2, 2]", r"`accelerometer.scale` of the sensor `imu` must be one number or have shape .3,."),
     "a track that is none": ('track = "water"', 'track = "weather"', r"track must be one of 'bottom', 'water', but is 'weather'. Did you mean 'water'\?"),
     "a share beyond one": ('value = 2, unit = "%"', 'value = 200, unit = "%"', r"`dropout` of the sensor `log` must be at most 1, but is 2"),
     "no beacon": ('beacon = { value = [10, 20, 30], unit = "m", source = "PVS" }', "", r"\[sensors.fix\] needs beacon = "),

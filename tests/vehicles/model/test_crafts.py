@@ -312,7 +312,7 @@ def drifting(**inputs: Any):
         (lambda: remus(parts=(Damping("controller"),)), "The name `controller` is taken"),
         (lambda: remus(parts=(Damping("water_brake"),)), "`water_brake` begins like the records"),
         (lambda: remus(parts=({"kind": "fin"},)), "`parts` must hold parts such as Fin"),
-        (lambda: remus().part("ruder"), "has no part `ruder`; its parts are: damping, hull"),
+        (lambda: remus().part("ruder"), "has no part `ruder`: did you mean `rudder`. It knows damping, hull"),
         (lambda: Craft(remus(), water=CURRENT), r"`water` must be a Water such as UniformWater"),
         (lambda: Craft(remus()).replace(ruder_area=1.0), "There is no `ruder_area` to replace"),
         (lambda: Craft(remus()).replace(rudder_area=1.0), "it is `rudder.area`, replaced by rudder={'area': …}"),
@@ -330,7 +330,10 @@ def drifting(**inputs: Any):
             lambda: Craft(remus(), controller=Helmsman()).replace(water={"velocity": 1.0}),
             r"`velocity` must have shape \(3,\)",
         ),
-        (lambda: Craft(remus()).start(actuators={"ruder": 0.1}), "`ruder` in `actuators` is no actuator .* are: stern"),
+        (
+            lambda: Craft(remus()).start(actuators={"ruder": 0.1}),
+            "`actuators` names `ruder`, but .* did you mean `rudder`",
+        ),
         (lambda: Craft(remus()).start(actuators={"rudder": [0.1, 0.2]}), r"`rudder` .* must be one number, .* \(2,\)"),
         (lambda: Craft(remus()).start(actuators={"rudder": 10.0}), "`rudder` cannot start at 10 rad: it goes"),
         (lambda: Craft(remus()).start(actuators={"rudder": co.each([0.1, -0.3])}), "cannot start at -0.3 rad"),
@@ -348,7 +351,7 @@ def drifting(**inputs: Any):
         (lambda: steered(None, rudder=co.Held([0.0], [[0.0, 1.0]])), r"`rudder` with shape \(2,\), but it takes one"),
         (
             lambda: steered(lambda feedback, p: {"sail": 0.0}),
-            "The controller commands `sail`, which is no actuator of `REMUS",
+            "The controller commands `sail`, but REMUS",
         ),
         (
             lambda: steered(lambda feedback, p: {"rudder": feedback.omega}),

@@ -113,7 +113,10 @@ def test_effectiveness_is_read_and_written_and_refused_outside_0_to_1():
     text = vehicle_to_toml(four(effectiveness=[0.0, 0.5, 1.0, 1.0]))
     assert vehicle_from_text(text).part("jets").effectiveness == pytest.approx([0.0, 0.5, 1.0, 1.0])
     assert "effectiveness" not in vehicle_to_toml(four())
-    for wrong, words in (([0.0, 1.2, 1.0, 1.0], "from 0, dead, to 1"), ([1.0, 1.0], "one for each of 4")):
+    for wrong, words in (
+        ([0.0, 1.2, 1.0, 1.0], "from 0, dead, to 1"),
+        ([1.0, 1.0], r"have shape \(4,\)"),
+    ):
         with pytest.raises(ArgumentError, match=words):
             four(effectiveness=wrong)
 

@@ -214,10 +214,10 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
     [
         (lambda: readings(run().dataset), "`run` must be a run of co.simulate"),  # pyright: ignore[reportArgumentType]
         (lambda: readings(run(), sensors="imu"), "must be a row of names or sensors"),
-        (lambda: readings(run(), sensors=["sonar"]), "has no sensor `sonar`; its sensors are: imu, dvl"),
+        (lambda: readings(run(), sensors=["sonar"]), "has no sensor `sonar`: it knows depth, dvl"),
         (lambda: readings(run(), sensors=["imu", "imu"]), "Two sensors are named `imu`"),
         (lambda: readings(run(), seed=-1), "`seed` must be a whole number"),
-        (lambda: readings(run(), sensors=["imu"])["dvl"], "No sensor `dvl` was read; there are: imu"),
+        (lambda: readings(run(), sensors=["imu"])["dvl"], "The run has no sensor `dvl`: it knows imu"),
         (
             lambda: readings(run(), sensors=["imu"])["imu"].of("heading"),
             "reads no `heading`: it reads angular_velocity_x",

@@ -121,7 +121,7 @@ def test_a_neutral_ellipsoid_of_parts_rises_nose_first():
 
 @pytest.mark.long
 def test_what_cannot_be_flown_is_told_in_a_sentence():
-    with pytest.raises(ArgumentError, match="`flaps` is no actuator of `REMUS 100`"):
+    with pytest.raises(ArgumentError, match="REMUS 100 has no actuator `flaps`"):
         SteadyFlight(REMUS, hold={"flaps": 0.1})
     with pytest.raises(ArgumentError, match="the speed is off by"):
         SteadyFlight(REMUS, hold={"propeller": 15.0}).at(1.5)

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
@@ -93,12 +93,9 @@ class LineOfSight(Controller):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        points = float64(self.way_points, "Argument `way_points`")
-        if np.ndim(points) != 2 or np.shape(points)[0] < 2 or np.shape(points)[1] != 3:
-            raise ArgumentError(
-                "Argument `way_points` must have shape (n, 3), north, east, depth, with n ≥ 2, but has shape "
-                f"{np.shape(points)}."
-            )
+        points = checks.array(self.way_points, "way_points", "(n, 3)")
+        if len(points) < 2:
+            raise ArgumentError("Argument `way_points` must hold two points or more, north, east, depth.")
         if not traced(points) and np.any(np.all(np.diff(points[:, :2], axis=0) == 0, axis=1)):
             raise ArgumentError("Two way points in turn are at one place over ground: a leg needs a course.")
         object.__setattr__(self, "way_points", points)

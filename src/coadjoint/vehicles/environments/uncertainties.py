@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.paths import paths
 from coadjoint.vehicles.environments.nested import nested
@@ -28,10 +29,7 @@ class Uncertain:
     def __init__(self, craft: Craft, given: Mapping[str, Any]):
         known = paths(craft.parameters)
         for path in given:
-            if path not in known:
-                raise ArgumentError(
-                    f"There is no parameter `{path}` of {craft.vehicle.name}: it has {', '.join(known)}."
-                )
+            checks.known(path, known, "parameter", craft.vehicle.name)
         self.nominal = {path: np.asarray(known[path], dtype=float) for path in given}
         self.deviations = {path: deviation(path, given[path], self.nominal[path]) for path in given}
         self.reaches = {path: self._reach(craft, path) for path in given}

@@ -10,12 +10,12 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
+from coadjoint.sections import keys
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.files.read_derivatives import read_derivatives
 from coadjoint.vehicles.files.table import Section, axes_of
 from coadjoint.vehicles.model.vehicle import Quantity
-from coadjoint.vehicles.parts.measured import measures
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.parts.thrusters import COMMANDED, Thrusters
 
@@ -52,7 +52,7 @@ def read_fields(
     """
     values: dict[str, Any] = {}
     needed = {field.name for field in fields(cls) if field.default is MISSING}
-    for name, found in measures(cls).items():
+    for name, found in keys(cls).items():
         if name not in section and name not in needed:
             continue
         if found.words:
@@ -82,7 +82,7 @@ def read_controller(section: Section, parts: set[str]) -> Any:
     section.text("note", "")
     values: dict[str, Any] = {}
     for field in fields(cls):
-        known = measures(cls).get(field.name)
+        known = keys(cls).get(field.name)
         if field.name not in section:
             if field.default is MISSING:
                 section.quantity(field.name, known and known.dimension)  # says what is missing

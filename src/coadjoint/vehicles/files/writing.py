@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.sections import keys
 from coadjoint.units import Dimension
 from coadjoint.vehicles.files.kinds import kind_of
 from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint.vehicles.parts.derivatives import Derivatives
 from coadjoint.vehicles.parts.force_curves import Linear, Polynomial, Quadratic
-from coadjoint.vehicles.parts.measured import measures
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.parts.published_curves import PUBLISHED
 from coadjoint.vehicles.parts.thrusters import Thrusters
@@ -45,7 +45,7 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
     yield "\n[body]"
     held_mass, _, held_volume, _ = held(vehicle.parts)
     neutral = (vehicle.mass + held_mass) / vehicle.fluid_density - held_volume
-    for key, (dimension, *_) in measures(Vehicle).items():
+    for key, dimension in dimensions_of(Vehicle):
         if key == "added_mass":
             continue
         given = told.get(f"body.{key}", told.get("body.buoyancy") if key == "volume" else None)
@@ -66,6 +66,11 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
         yield from _controller(vehicle)
 
 
+def dimensions_of(of: Any) -> list[tuple[str, Dimension | None]]:
+    """The declared fields of a class, or of one of it, with what they measure."""
+    return [(name, declared.dimension) for name, declared in keys(of).items()]
+
+
 def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
     if isinstance(part, Derivatives):
         yield from _derivatives(part, vehicle)
@@ -78,7 +83,7 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
 def _fields(of: Any, owner: str, vehicle: Vehicle) -> Iterator[str]:
     """The measured fields of a part or a sensor that are not what they are when they are left out."""
     defaults: dict[str, Any] = {field.name: field.default for field in fields(of)}
-    for key, found in measures(of).items():
+    for key, found in keys(of).items():
         value, told = getattr(of, key), vehicle.provenance.get(f"{owner}.{key}")
         if told is None and (value is None or np.array_equal(value, defaults[key])):
             continue
@@ -101,7 +106,7 @@ def _sensor(sensor: Sensor, vehicle: Vehicle) -> Iterator[str]:
 
 def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:
     told = vehicle.provenance
-    for key, (dimension, *_) in measures(part).items():
+    for key, dimension in dimensions_of(part):
         value, given = getattr(part, key), told.get(f"{part.name}.{key}")
         if value is not None and (given is not None or key != "length" or value != vehicle.length):
             yield _line(key, value, dimension, given)
@@ -119,7 +124,7 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
     if published is not None:
         yield f"curve = {_text(published)}"
     yield f"command_unit = {_text(part.unit)}"
-    for key, (dimension, *_) in measures(part).items():
+    for key, dimension in dimensions_of(part):
         value, given = getattr(part, key), told.get(f"{part.name}.{key}")
         ends = key == "limit" and given is None and np.array_equal(value, part.curve.reach or ())
         whole = key == "effectiveness" and given is None and bool(np.all(np.asarray(value) == 1))
@@ -152,7 +157,7 @@ def _controller(vehicle: Vehicle) -> Iterator[str]:
             yield f"{field.name} = {_text(value)}"
         elif isinstance(value, (int, float, list, tuple, np.ndarray)):
             told = vehicle.provenance.get(f"controller.{field.name}")
-            yield _line(field.name, value, measures(controller)[field.name].dimension, told)
+            yield _line(field.name, value, keys(controller)[field.name].dimension, told)
 
 
 def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | None) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive
@@ -93,12 +94,7 @@ def _stations(stations: Any) -> np.ndarray:
 
 
 def _sizes(sizes: Any, name: str, x: np.ndarray) -> np.ndarray:
-    found = float64(sizes, f"Argument `{name}`")
-    if np.shape(found) not in ((), x.shape):
-        raise ArgumentError(
-            f"Argument `{name}` must be one number or have shape {x.shape} as `stations`, but has shape "
-            f"{np.shape(found)}."
-        )
+    found = checks.array(sizes, name, (), x.shape)
     if np.any(found < 0):
         raise ArgumentError(f"Argument `{name}` must not be negative, but has {np.min(found):g} m.")
     return np.broadcast_to(found, x.shape).astype(float)

@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.internal import sampled, sampling, starting_values
@@ -218,11 +219,7 @@ class Rule(InternalRule):
 
     def _require_command(self, name: str, value: Any, who: str) -> None:
         shapes = self._shapes
-        if name not in shapes:
-            raise ArgumentError(
-                f"{who} `{name}`, which is no actuator of `{self.vehicle.name}`; its actuators are: "
-                f"{', '.join(shapes) or 'none'}."
-            )
+        checks.known(name, shapes, "actuator", f"{who} `{name}`, but {self.vehicle.name}")
         if jnp.shape(value) not in (shapes[name], () if shapes[name] == (1,) else shapes[name]):
             raise ArgumentError(
                 f"{who} `{name}` with {_shape(jnp.shape(value))}, but it takes {_shape(shapes[name])}"
@@ -303,16 +300,12 @@ def _columns(name: str, shape: tuple[int, ...]) -> str:
 
 def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
     """Where each actuator starts; raises ArgumentError for a name that is none, wrong shapes, and out of its range."""
-    if not isinstance(given, Mapping) and given is not None:
-        raise ArgumentError(f"Argument `actuators` must map names to where they start, but is {shown(given)}.")
+    if given is not None:
+        checks.instance(given, "actuators", Mapping, "name → where it starts")
     values = dict(given or {})
     known = {part.name: part.command for part in vehicle.commanded if part.command is not None}
     for name, value in values.items():
-        if name not in known:
-            raise ArgumentError(
-                f"`{name}` in `actuators` is no actuator of `{vehicle.name}`; its actuators are: "
-                f"{', '.join(known) or 'none'}."
-            )
+        checks.known(name, known, "actuator", f"`actuators` names `{name}`, but {vehicle.name}")
         each = isinstance(value, Each)
         shape = np.shape(value.values)[1:] if each else np.shape(float64(value, f"`{name}` in `actuators`"))
         if shape != known[name].shape:

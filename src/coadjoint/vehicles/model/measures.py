@@ -7,11 +7,11 @@ from dataclasses import is_dataclass
 from typing import Any
 
 from coadjoint.paths import paths
+from coadjoint.sections import keys
 from coadjoint.spaces.named import Named
 from coadjoint.units import Dimension
 from coadjoint.vehicles.model.changed import part_of
 from coadjoint.vehicles.model.vehicle import Vehicle
-from coadjoint.vehicles.parts import measured
 from coadjoint.vehicles.water.density import Density
 from coadjoint.vehicles.water.dimensions import DIMENSIONS as OF_WATER
 from coadjoint.vehicles.water.profiles import Profile
@@ -41,7 +41,7 @@ def _measures(parameters: Named, owner: Any) -> dict[str, Any]:
 
 def dimensions(of: Any) -> dict[str, Dimension | None]:
     """What the fields of a class, or of one of it, measure; None for what no unit does."""
-    return {name: found.dimension for name, found in measured.measures(of).items()}
+    return {name: found.dimension for name, found in keys(of).items()}
 
 
 def parameter_units(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
@@ -85,19 +86,13 @@ class Vehicle:
 
     def part(self, name: str) -> Part:
         """The part of this name; raises ArgumentError."""
-        for part in self.parts:
-            if part.name == name:
-                return part
-        known = ", ".join(part.name for part in self.parts) or "none"
-        raise ArgumentError(f"The vehicle `{self.name}` has no part `{name}`; its parts are: {known}.")
+        parts = {part.name: part for part in self.parts}
+        return parts[checks.known(name, parts, "part", f"The vehicle `{self.name}`")]
 
     def sensor(self, name: str) -> Sensor:
         """The sensor of this name; raises ArgumentError."""
-        for one in self.sensors:
-            if one.name == name:
-                return one
-        known = ", ".join(one.name for one in self.sensors) or "none"
-        raise ArgumentError(f"The vehicle `{self.name}` has no sensor `{name}`; its sensors are: {known}.")
+        sensors = {one.name: one for one in self.sensors}
+        return sensors[checks.known(name, sensors, "sensor", f"The vehicle `{self.name}`")]
 
     @property
     def commanded(self) -> tuple[Part, ...]:

@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.checks import float64
-from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
 from coadjoint.vehicles.parts.measured import measured, not_negative
@@ -22,12 +21,7 @@ TURNING = 1e-30
 
 
 def _one_or_two(value: Any, name: str) -> Any:
-    found = float64(value, f"Argument `{name}`")
-    if np.shape(found) not in ((), (2,)):
-        raise ArgumentError(
-            f"Argument `{name}` must be one number, or two for sway and heave, but has shape {np.shape(found)}."
-        )
-    return found
+    return checks.array(value, name, (), (2,))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
@@ -80,43 +81,23 @@ class Thrusters(Part):
                 f"The thrusters `{self.name}` need either `positions` and `directions`, or `allocation`."
             )
         if self.allocation is not None:
-            matrix = float64(self.allocation, f"Argument `allocation{of}`")
-            if np.ndim(matrix) != 2 or np.shape(matrix)[0] != 6 or np.shape(matrix)[1] == 0:
-                raise ArgumentError(
-                    f"Argument `allocation{of}` must have shape (6, n), rows X, Y, Z, K, M, N and a column for each "
-                    f"thruster, but has shape {np.shape(matrix)}."
-                )
+            matrix = checks.array(self.allocation, f"allocation{of}", "(6, n)")
             if self.positions is not None or self.directions is not None or self.torque is not None:
                 raise ArgumentError(
                     f"Argument `allocation{of}` holds positions, directions and torque: leave them out."
                 )
             return {"allocation": matrix}
-        given = {key: float64(getattr(self, key), f"Argument `{key}{of}`") for key in ("positions", "directions")}
-        for key, value in given.items():
-            if np.ndim(value) != 2 or np.shape(value)[1] != 3 or np.shape(value) != np.shape(given["positions"]):
-                raise ArgumentError(
-                    f"Argument `{key}{of}` must have shape (n, 3), a row for each thruster, but positions have shape "
-                    f"{np.shape(given['positions'])} and directions {np.shape(given['directions'])}."
-                )
+        given = {"positions": checks.array(self.positions, f"positions{of}", "(n, 3)")}
+        given["directions"] = checks.array(self.directions, f"directions{of}", np.shape(given["positions"]))
         for i, row in enumerate(given["directions"]):
             given["directions"][i] = direction(row, f"directions[{i}]{of}")
         if self.torque is not None:
-            given["torque"] = float64(self.torque, f"Argument `torque{of}`")
-            if np.shape(given["torque"]) not in ((), (len(given["positions"]),)):
-                raise ArgumentError(
-                    f"Argument `torque{of}` must be one number or one for each thruster, but has shape "
-                    f"{np.shape(given['torque'])}."
-                )
+            given["torque"] = checks.array(self.torque, f"torque{of}", (), (len(given["positions"]),))
         return given
 
     def _effectiveness(self, of: str) -> Any:
         """e, (n,)."""
-        found = float64(self.effectiveness, f"Argument `effectiveness{of}`")
-        if np.shape(found) not in ((), (self.count,)):
-            raise ArgumentError(
-                f"Argument `effectiveness{of}` must be one number or one for each of {self.count} thrusters, but has "
-                f"shape {np.shape(found)}."
-            )
+        found = checks.array(self.effectiveness, f"effectiveness{of}", (), (self.count,))
         if not traced(found) and np.any((found < 0) | (found > 1)):
             raise ArgumentError(
                 f"Argument `effectiveness{of}` must be from 0, dead, to 1, but is {np.asarray(found).tolist()}."

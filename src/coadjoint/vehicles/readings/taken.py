@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.units import ending
@@ -70,9 +71,7 @@ class Readings(Mapping[str, SensorReading]):
     warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> SensorReading:
-        if name not in self.taken:
-            raise ArgumentError(f"No sensor `{name}` was read; there are: {', '.join(self.taken) or 'none'}.")
-        return self.taken[name]
+        return self.taken[checks.known(name, self.taken, "sensor", "The run")]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.taken)

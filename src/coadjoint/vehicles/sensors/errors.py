@@ -115,8 +115,5 @@ def _checked(value: Any, title: str, name: str, channel: Channel) -> Any:
     if np.ndim(value) == 0 or name == "bias_time":
         return check(value, title.removesuffix("`"))
     size = 3 if name == "misalignment" else len(channel.components)
-    if np.shape(value) != (size,):
-        raise ArgumentError(
-            f"Argument `{title} must be one number, or {size}, one for each component, but has shape {np.shape(value)}."
-        )
+    checks.shape(value, f"Argument `{title}", (), (size,))
     return np.array([check(one, title.removesuffix("`")) for one in np.asarray(value)], dtype=float)

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.measurements import Measurement
 from coadjoint.spaces.named import Named
@@ -42,9 +43,7 @@ def measurement(
             f"The {sensor.title}` has no white noise in {sensor.names}: give it a `noise`, or `covariance` here."
         )
     for name in biased:
-        if name not in [channel.name for channel in sensor.channels]:
-            known = ", ".join(channel.name for channel in sensor.channels)
-            raise ArgumentError(f"The {sensor.title}` has no channel `{name}` with a bias: it has {known}.")
+        checks.known(name, [channel.name for channel in sensor.channels], "channel", f"The {sensor.title}`")
     own = Named(**sensor.parameters())
 
     def exact(motion: Any, p: Any) -> Any:

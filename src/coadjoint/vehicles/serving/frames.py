@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.thrusters import Thrusters
@@ -73,8 +74,7 @@ def motors(frame: str, thrusters: Thrusters) -> list[Motor]:
     A motor is the thruster whose forces and torques have the signs of all that the motor is meant to do, or all the
     other signs, of a propeller that turns the other way. Raises ArgumentError where no thruster, or several, have.
     """
-    if frame not in FRAMES:
-        raise ArgumentError(f"There is no frame `{frame}` of ArduSub here: there are {', '.join(FRAMES)}.")
+    checks.known(frame, FRAMES, "frame", "ArduSub")
     meant = np.array(FRAMES[frame])
     if len(meant) != thrusters.count:
         raise ArgumentError(

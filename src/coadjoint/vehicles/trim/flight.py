@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
@@ -60,9 +61,7 @@ class SteadyFlight:
         self.hold = dict(hold or {})
         self.free = tuple(self._movable() if free is None else free)
         for name in (*self.hold, *(path.partition(".")[0] for path in self.free)):
-            if name not in {part.name for part in vehicle.commanded}:
-                known = ", ".join(part.name for part in vehicle.commanded) or "none"
-                raise ArgumentError(f"`{name}` is no actuator of `{vehicle.name}`; its actuators are: {known}.")
+            checks.known(name, [part.name for part in vehicle.commanded], "actuator", vehicle.name)
         self._searches: dict[str, Search] = {}
         self._last = "path"
 

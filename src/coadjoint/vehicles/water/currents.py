@@ -113,13 +113,8 @@ class TidalCurrent(Water):
             raise ArgumentError(f"Argument `constituents` must be a list such as ['M2'], but is {self.constituents!r}.")
         periods = float64([self._period(one) for one in self.constituents], "Argument `constituents`")
         shape = (len(periods), 3)
-        amplitudes = float64(self.amplitudes, "Argument `amplitudes`")
-        phases = np.zeros(shape) if self.phases is None else float64(self.phases, "Argument `phases`")
-        for name, value in (("amplitudes", amplitudes), ("phases", phases)):
-            if np.shape(value) != shape:
-                raise ArgumentError(
-                    f"Argument `{name}` must have shape {shape}, a row for each constituent, but has {np.shape(value)}."
-                )
+        amplitudes = checks.array(self.amplitudes, "amplitudes", shape)
+        phases = np.zeros(shape) if self.phases is None else checks.array(self.phases, "phases", shape)
         for name, value in (("amplitudes", amplitudes), ("phases", phases), ("periods", periods)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "mean", vector(self.mean, "mean"))

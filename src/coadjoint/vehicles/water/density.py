@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
@@ -102,8 +103,7 @@ class DensityTable(Density):
         if not traced(depths, densities):
             if np.any(depths < 0):
                 raise ArgumentError(f"Argument `depths` must be 0 m or more, but has {np.min(depths):g} m: {DOWN}.")
-            if np.any(np.diff(depths) <= 0):
-                raise ArgumentError("Argument `depths` must grow from 0 m on: sort it, and give each once.")
+            checks.increasing(depths, "depths")
             if np.any(densities <= 0):
                 raise ArgumentError(f"Argument `densities` must be positive, but has {np.min(densities):g} kg/m³.")
         object.__setattr__(self, "depths", depths)

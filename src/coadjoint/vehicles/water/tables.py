@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
@@ -40,20 +39,15 @@ class CurrentTable(Water):
             values = getattr(self, name)
             if values is None:
                 continue
-            values = float64(values, f"Argument `{name}`")
-            if np.ndim(values) != 1 or np.size(values) == 0:
-                raise ArgumentError(f"Argument `{name}` must have shape (k,), but has shape {np.shape(values)}.")
+            values = checks.array(values, name, "(k,)")
             if name == "depths" and not traced(values) and np.any(values < 0):
                 raise ArgumentError(f"Argument `depths` must be 0 m or more, but has {np.min(values):g} m: {DOWN}.")
-            if not traced(values) and np.any(np.diff(values) <= 0):
-                raise ArgumentError(f"Argument `{name}` must grow, but does not: sort it, and give each once.")
+            checks.increasing(values, name)
             object.__setattr__(self, name, values)
             shape.append(len(values))
         if not shape:
             raise ArgumentError("A table of currents needs `times`, `depths` or both.")
-        velocities = float64(self.velocities, "Argument `velocities`")
-        checks.shape(velocities, "velocities", (*shape, 3))
-        object.__setattr__(self, "velocities", velocities)
+        object.__setattr__(self, "velocities", checks.array(self.velocities, "velocities", (*shape, 3)))
 
     @property
     def uniform(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
