@@ -45,7 +45,7 @@ def main() -> int:
     if arguments.section:
         return _section(arguments.section, arguments.quick, arguments.out)
     if importlib.util.find_spec("numba") is None:
-        raise SystemExit('The loop by hand, beside which all else is set, needs numba: pip install ".[benchmarks]".')
+        raise SystemExit('The hand-written loop, the yardstick, needs numba: pip install ".[benchmarks]".')
     out = Path(arguments.out).resolve()
     _refuse_the_repository(out)
     out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The rigid body of all problems here by itself: its equations for library integrators, RK4 by hand, its energy.
+"""The rigid body of all problems here by itself: its equations for library integrators, hand-written RK4, its energy.
 
 ℓ = ½ ν·Mν + ½ ω·Jω + w n·a + b·a with diagonal M, J and a = R⁻¹e_z holds the paper's vehicle, a body in an ideal fluid
 and, with ν = 0, the heavy top. y = (R by rows, q, ω, ν), 18 numbers:

@@ -1,4 +1,4 @@
-"""Chains by `co.Power`: set-up and time of a step of each size, and beside dense Newton iterations by hand.
+"""Chains by `co.Power`: set-up and time of a step of each size, and beside hand-written dense Newton iterations.
 
 Run as: python -m benchmarks.chains [FAMILY …]; it prints the tables of docs/how_large.md. Seconds are processor time
 of one thread, each size in a process of its own with an empty folder for machine code.
@@ -156,7 +156,7 @@ def main() -> None:
         print(json.dumps(measure(sys.argv[2], int(sys.argv[3]))))
         return
     for family in sys.argv[1:] or FAMILIES:
-        print(f"\n{family}\n\n| N | unknowns | by | set-up, s | µs/step | by hand, dense |\n|--:|--:|---|--:|--:|--:|")
+        print(f"\n{family}\n\n| N | unknowns | by | set-up, s | µs/step | dense |\n|--:|--:|---|--:|--:|--:|")
         for count in FAMILIES[family][1]:
             row, dense = (
                 fresh("chains", family, count, LIMIT),

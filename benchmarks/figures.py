@@ -35,7 +35,7 @@ def work_precision(found: dict[str, Any], path: Path) -> Path:
                 if column == 0:
                     axes.set_ylabel(label)
         for axes in panels[-1]:
-            axes.set_xlabel("time, in steps of the loop by hand")
+            axes.set_xlabel("time, in steps of the hand-written loop")
         names = [*found["ours"], *others]
         legend(figure, [handles[name] for name in names], names)
         return save(figure, path)
@@ -57,7 +57,7 @@ def _look(name: str, ours: list[str], others: list[str]) -> dict[str, Any]:
 
 
 def speed(found: dict[str, Any], path: Path) -> Path:
-    """Time per step relative to the loop by hand, a bar a row, on a logarithmic scale."""
+    """Time per step relative to the hand-written loop, a bar a row, on a logarithmic scale."""
     rows = {name: row["ratio"] for name, row in found["rows"].items() if "a call" not in name}
     with style():
         figure = canvas(PAGE, 0.6 + 0.17 * len(rows))
@@ -71,7 +71,7 @@ def speed(found: dict[str, Any], path: Path) -> Path:
         axes.set_xlim(0.5, 6 * max(rows.values()))
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
-        axes.set_xlabel("time per step, relative to the left rule by hand")
+        axes.set_xlabel("time per step, relative to the hand-written left rule")
         return save(figure, path)
 
 

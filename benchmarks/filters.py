@@ -21,7 +21,7 @@ from coadjoint.estimation import (
 )
 
 H, G = 0.01, 9.81
-HAND = "by hand, numba"
+HAND = "hand-written, numba"
 EVERY = (20, 10, 50, 200)
 """Steps between measurements of velocity, depth, heading and place: 5, 10, 2 and 0.5 Hz."""
 VARIANCES = np.array([0.01**2, 0.03**2, 0.02**2, 0.5**2])

@@ -51,8 +51,8 @@ def _verdict(bound: float, value: float, least: bool) -> str:
 def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
     native = rows["native: left rule"]["ratio"]
     return [
-        ("one trajectory: native / by hand", 1.2, native, False),
-        ("one trajectory: native / by hand, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
+        ("one trajectory: native / hand-written", 1.2, native, False),
+        ("one trajectory: native / hand-written, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
         ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
     ]
 
@@ -118,10 +118,10 @@ def _many(found: Found, cores: str) -> list[tuple[str, float, float, bool]]:
     for steps, part in found["lengths"].items():
         where = f"ensemble of {found['members']}, {steps} steps, {cores}"
         if found["cores"] == 1:
-            rows.append((f"{where}: native / by hand", 0.35, part["rows"]["native, 1 thread"]["ratio"], False))
+            rows.append((f"{where}: native / hand-written", 0.35, part["rows"]["native, 1 thread"]["ratio"], False))
         elif "speed_up" in part:
             rows.append((f"{where}: one thread / two", 1.6, part["speed_up"], True))
-            rows.append((f"{where}: one thread / two, by hand", 1.6, part["speed_up_by_hand"], True))
+            rows.append((f"{where}: one thread / two, hand-written", 1.6, part["speed_up_by_hand"], True))
         rows.append((f"{where}: XLA vmap / native", 20.0, part["xla_over_native"], True))
     return rows
 

@@ -40,7 +40,7 @@ def measure(quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(2) as pool:
         tasks = dict(_tasks(Path(folder), quick))
         counts = dict(zip(tasks, pool.map(lambda task: _count(*task), tasks.values()), strict=True))
-    by_hand = counts["by hand, numba: left rule"]
+    by_hand = counts["hand-written, numba: left rule"]
     return {"rows": {name: {"instructions": n, "ratio": n / by_hand} for name, n in counts.items()}}
 
 
@@ -50,7 +50,7 @@ def _tasks(folder: Path, quick: bool) -> Iterator[tuple[str, tuple[Path, int]]]:
     from benchmarks.one import PAPER, H
     from benchmarks.problems import heavy_top, ready, vehicle
 
-    yield "by hand, numba: left rule", (_by_hand(folder), 1)
+    yield "hand-written, numba: left rule", (_by_hand(folder), 1)
     top = heavy_top()
     cases = [
         ("native: left rule", vehicle(), PAPER, H, 1),
@@ -97,7 +97,7 @@ def _pretending() -> Iterator[None]:
 
 
 def _by_hand(folder: Path) -> Path:
-    """The task of the loop by hand, from numba's own machine code."""
+    """The task of the hand-written loop, from numba's own machine code."""
     from importlib import import_module
 
     from benchmarks import kernels_yardstick

@@ -120,7 +120,7 @@ def set_up() -> None:
 def main() -> None:
     print(f"{'a step, nanoseconds':<58} {'time':>10} {'ratio':>9}")
     yard = by_hand(program(co.LeftRectangle(co.Cayley()))[2])
-    row("LeftRectangle(Cayley), by hand in numba", yard, 1.0)
+    row("LeftRectangle(Cayley), hand-written in numba", yard, 1.0)
     for method in (co.LeftRectangle(co.Cayley()), co.Midpoint(co.Cayley()), co.Midpoint(co.Exponential())):
         compare(method, yard)
     set_up()

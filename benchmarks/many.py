@@ -23,7 +23,7 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.members import begin_members
 
 SEED = 20
-YARDSTICK = "by hand, numba"
+YARDSTICK = "hand-written, numba"
 
 
 class Fleet:
@@ -51,7 +51,7 @@ class Fleet:
         return xla.run_ensemble(self.program, self.constants, self.states, H, 1, steps, False, axes=self.axes)
 
     def by_hand(self, steps: int, threads: int = 1) -> Callable[[], np.ndarray]:
-        """The loop by hand over members, an equal part a thread; the final states, (members, 28)."""
+        """The hand-written loop over members, an equal part a thread; the final states, (members, 28)."""
         s, p, body = self.states, self.constants.system, vehicle().body
         rows = [x.reshape(self.count, -1) for x in (s.t, s.g, s.n, s.a, s.mu, s.pi, s.xi, s.nu)]
         begin = np.concatenate(rows, axis=1)

@@ -1,4 +1,4 @@
-"""One trajectory on one core: time per step and energy error of each path, beside the loop by hand."""
+"""One trajectory on one core: time per step and energy error of each path, beside the hand-written loop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import native, xla
 from coadjoint.simulation.problem import SimulationProblem
 
-YARDSTICK = "by hand, numba: left rule"
+YARDSTICK = "hand-written, numba: left rule"
 H, STEPS = 0.01, 50_000
 """The paper's step, s, and number of steps."""
 EVERY = 1000
@@ -33,7 +33,7 @@ class Row:
 
 
 def hand_written(problem: Problem, steps: int, save_every: int) -> Callable[[], tuple[np.ndarray, int]]:
-    """The loop by hand from the paper's start: rows of 28 numbers (records, then the final state), iterations."""
+    """The hand-written loop from the paper's start: rows of 28 numbers (records, then the final state), iterations."""
     s = PAPER.begin(problem.system, problem.start, H)
     first = np.concatenate([np.ravel(x) for x in (s.t, s.g, s.n, s.a, s.mu, s.pi, s.xi, s.nu)])
     numbers, records = problem.body.numbers, steps // save_every
@@ -47,14 +47,14 @@ def hand_written(problem: Problem, steps: int, save_every: int) -> Callable[[], 
 
 
 def rows_of_hand(problem: Problem, found: np.ndarray) -> np.ndarray:
-    """Rows y from those of the loop by hand."""
+    """Rows y from those of the hand-written loop."""
     R, n = found[:, 1:10].reshape(-1, 3, 3), found[:, 10:13]
     omega, nu = found[:, 16:19] / np.array(problem.body.inertia), found[:, 19:22] / np.array(problem.body.mass)
     return np.concatenate([found[:, 1:10], np.einsum("tij,tj->ti", R, n), omega, nu], axis=1)
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Rows by name: seconds per step, ratio to the loop by hand, energy error over the run, iterations a step."""
+    """Rows by name: seconds per step, ratio to the hand-written loop, energy error over the run, iterations a step."""
     times = 2 if quick else 6
     rows = {**_left_rule(vehicle(), times), **_methods(times), **_libraries(quick), **_others(quick)}
     timings = interleaved({name: row.contender for name, row in rows.items()}, 5 if quick else 21)
@@ -91,7 +91,7 @@ def _left_rule(problem: Problem, times: int) -> dict[str, Row]:
     ours = {"energy": _energy(problem, problem.path(chunk)), "iterations": chunk.iterations / STEPS}
     return {
         YARDSTICK: Row(_repeated(by_hand, times), hand),
-        "by hand, numba: left rule, every step saved": Row(_repeated(every, times), hand),
+        "hand-written, numba: left rule, every step saved": Row(_repeated(every, times), hand),
         "native: one step, a call": Row(_repeated(lambda: method.run(1, 1), 100, 1)),
         "native: left rule": Row(_repeated(lambda: method.run(STEPS // EVERY, EVERY), times), ours),
         "native: left rule, every step saved": Row(_repeated(lambda: method.run(STEPS, 1), times), ours),
@@ -164,7 +164,7 @@ def _libraries(quick: bool) -> dict[str, Row]:
         bodies.rk4(problem.body.numbers, H, y, NODES, steps // NODES, out)
         return np.concatenate([out, y[None]])
 
-    found["by hand, numba: RK4"] = Row(Contender(rk4, 20_000), {"energy": _energy(problem, rk4(STEPS))})
+    found["hand-written, numba: RK4"] = Row(Contender(rk4, 20_000), {"energy": _energy(problem, rk4(STEPS))})
     return found
 
 

@@ -20,8 +20,8 @@ import coadjoint as co
 from benchmarks.clock import Contender, interleaved, table_of
 
 J, T, TURN = np.array([1.0, 2.0, 3.0]), 5.0, 2.5 * np.array([1.0, 1.0, 1.0]) / np.sqrt(3)
-HAND = "CasADi by hand, the same steps"
-SHOOTING = "CasADi by hand, RK4 and quaternions"
+HAND = "hand-written CasADi, the same steps"
+SHOOTING = "hand-written CasADi, RK4 and quaternions"
 FDDP = "crocoddyl's FDDP, Euler, the end by a penalty"
 PENALTY = 1e7
 TOLERANCE = 1e-9

@@ -132,7 +132,7 @@ def _case(name: str, method: co.Method, solves: int, nodes: int) -> Case:
 
 
 def _others(nodes: int) -> dict[str, np.ndarray]:
-    """RK4 by hand with the paper's step, DOP853 at two tolerances."""
+    """Hand-written RK4 with the paper's step, DOP853 at two tolerances."""
     problem = vehicle()
     y, out, times = problem.y0.copy(), np.empty((nodes, 18)), np.linspace(0.0, DURATION, nodes + 1)
     bodies.rk4(problem.body.numbers, 0.01, y, nodes, round(DURATION / 0.01) // nodes, out)

@@ -26,7 +26,7 @@ METHODS = {
 }
 OURS = tuple(METHODS)
 UNIT = 100_000
-"""Steps of the loop by hand that make the unit of time."""
+"""Steps of the hand-written loop that make the unit of time."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Point:
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """For each problem, each program's settings with their errors and times in steps of the loop by hand."""
+    """For each problem, each program's settings with their errors and times in steps of the hand-written loop."""
     found = {}
     for problem in (vehicle(), heavy_top(), ellipsoid()):
         exact = bodies.reference(problem.body, problem.y0, problem.times)
@@ -72,7 +72,7 @@ def _errors(problem: Problem, point: Point, exact: np.ndarray) -> dict[str, floa
 
 
 def _times(points: list[Point], repetitions: int) -> list[float]:
-    """Times in steps of the loop by hand, measured in turns."""
+    """Times in steps of the hand-written loop, measured in turns."""
     contenders = {str(i): repeated(point.timed) for i, point in enumerate(points)}
     contenders[YARDSTICK] = Contender(hand_written(vehicle(), UNIT, UNIT), UNIT)
     timings = interleaved(contenders, repetitions)
@@ -125,7 +125,7 @@ def _ours(name: str, problem: Problem, method: co.Method, h: float) -> Point:
 
 
 def by_rk4(problem: Problem, h: float) -> Point:
-    """RK4 by hand with steps of h."""
+    """Hand-written RK4 with steps of h."""
 
     def solve() -> np.ndarray:
         y, out = problem.y0.copy(), np.empty((NODES, 18))

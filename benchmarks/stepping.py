@@ -1,4 +1,4 @@
-"""One control period at a time: co.Stepper, the paper's vehicle by hand, MuJoCo, PythonVehicleSimulator."""
+"""One control period at a time: co.Stepper, the hand-written vehicle of the paper, MuJoCo, PythonVehicleSimulator."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _singles(calls: int, missing: list[str]) -> dict[str, Contender]:
 
 
 def _papers_vehicle(calls: int) -> dict[str, Contender]:
-    """The paper's vehicle without commands, by the stepper and by the loop by hand called from Python."""
+    """The paper's vehicle without commands, by the stepper and by the hand-written loop called from Python."""
     from benchmarks import kernels_yardstick
     from benchmarks.one import PAPER, H
     from benchmarks.problems import vehicle
@@ -108,7 +108,7 @@ def _papers_vehicle(calls: int) -> dict[str, Contender]:
 
     return {
         "co.Stepper, the paper's vehicle": _called(lambda _: ours.step(None, PERIOD), calls),
-        "by hand, numba, the paper's vehicle": _called(by_hand, calls),
+        "hand-written, numba, the paper's vehicle": _called(by_hand, calls),
     }
 
 

@@ -58,7 +58,7 @@ def _one(found: dict[str, Any]) -> list[Table]:
     ]
     rows += [(f"{name}: not installed", "", "", "", "", "") for name in found["missing"]]
     heads = ("One trajectory, one core", "ratio", "a step", "energy error", "Newton", "mean step, s")
-    return [Table("One trajectory: time per step relative to the left rule by hand", heads, rows)]
+    return [Table("One trajectory: time per step relative to the hand-written left rule", heads, rows)]
 
 
 def _many(found: dict[str, Any]) -> list[Table]:
