@@ -138,6 +138,6 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 EXTENSIONS = ["coadjoint.vehicles.extension"]
-"""Modules that add to the rooms below them, see `coadjoint.extensions`."""
+"""Modules that add to the packages below them, see `coadjoint.extensions`."""
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

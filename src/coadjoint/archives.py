@@ -28,7 +28,7 @@ def stored_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
 
 
 def stored_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """All arrays of an archive by their names; raises ValueError for what declares more than it has, or is damaged."""
+    """All arrays of an archive by their names; raises ValueError if it declares more than it has, or is damaged."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             if sum(part.file_size for part in archive.infolist()) > len(content):

@@ -10,21 +10,21 @@ import numpy as np
 from coadjoint.errors import ArgumentError, FileError
 
 Jumps = Literal["refuse", "split"]
-"""What happens where a clock jumps: an error, or a new stretch of the log."""
+"""The treatment of jumps of a clock: an error, or a new stretch of the log."""
 
 Unsorted = Literal["refuse", "sort"]
-"""What happens to rows that are out of order."""
+"""The treatment of rows that are out of order."""
 
 HOUR, LONGER = 3600.0, 100.0
 """An interval longer than an hour, s, and than so many usual ones is a jump of the clock."""
 
 EARLIEST, LATEST = 5e8, 1e11
-"""s, the years 1985 and 5138: times beyond the second are no seconds since 1970, and which unit they have shows in
-where between the two they are."""
+"""s, the years 1985 and 5138: times beyond the second are not in seconds since 1970, and their position between the two
+shows their unit."""
 
 
 class Choices(NamedTuple):
-    """What happens where a clock jumps, and to rows that are out of order."""
+    """The treatment of jumps of a clock and of rows that are out of order."""
 
     jumps: Jumps = "refuse"
     unsorted: Unsorted = "refuse"
@@ -34,8 +34,8 @@ REFUSED = Choices()
 
 
 class Counted(NamedTuple):
-    """`order`: which rows there are, in order, (n,). `time`: their times, (n,) s. `breaks`: rows at which a new stretch
-    begins. `notes`: what was done, a sentence each."""
+    """`order`: the rows in order, (n,). `time`: their times, (n,) s. `breaks`: rows at which a new stretch begins.
+    `notes`: the changes, a sentence each."""
 
     order: np.ndarray
     time: np.ndarray
@@ -48,10 +48,10 @@ def clock(
 ) -> Counted:
     """Times that increase, with the stretches between jumps.
 
-    time: (rows,) s, finite. place: says where a row is, at the beginning of a sentence. jumps: whether a new stretch
+    time: (rows,) s, finite. place: the place of a row, at the beginning of a sentence. jumps: whether a new stretch
     begins where the clock is set back, and where it leaves out an hour or more and 100 usual intervals; None lets it
-    leave out any time. unsorted: whether rows are sorted. Raises FileError for what is not to be mended so, and for
-    times in other units.
+    leave out any time. unsorted: whether rows are sorted. Raises FileError for other faults, and for times in other
+    units.
     """
     require_choices(jumps, unsorted)
     if doubt := other_unit(time):
@@ -85,7 +85,7 @@ def clock(
 
 
 def require_choices(jumps: str | None, unsorted: str) -> None:
-    """Raise ArgumentError for choices that there are not."""
+    """Raise ArgumentError for unknown choices."""
     if jumps not in ("refuse", "split", None):
         raise ArgumentError(f'Argument `jumps` must be "refuse" or "split", but is {jumps!r}.')
     if unsorted not in ("refuse", "sort"):
@@ -104,7 +104,7 @@ def jumps_ahead(time: np.ndarray) -> np.ndarray:
 
 
 def other_unit(time: np.ndarray) -> str:
-    """A sentence on times that cannot be seconds; "" where they can."""
+    """A sentence on times that cannot be in seconds; "" if they can."""
     largest = float(np.max(np.abs(time), initial=0.0))
     if largest < LATEST:
         return ""

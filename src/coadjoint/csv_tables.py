@@ -32,13 +32,13 @@ class Sheet(NamedTuple):
     comments: list[str]
 
     def refuse(self, row: int, column: int, why: str) -> FileError:
-        """What to raise for a cell."""
+        """The error for a cell."""
         return FileError(f"{self.path}, line {self.lines[row]}, column `{self.names[column]}`: {why}")
 
     def numbers(self, column: int, missing: Collection[str] = ()) -> np.ndarray:
         """The numbers of a column, (rows,); NaN where the cell is one of `missing`, in lower case.
 
-        Raises FileError for what is no finite number.
+        Raises FileError unless each is a finite number.
         """
         found = np.full(len(self.rows), np.nan)
         for row, cells in enumerate(self.rows):

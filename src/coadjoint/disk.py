@@ -18,7 +18,7 @@ from typing import Any
 from coadjoint.errors import FileError
 
 PARTIAL = ".partial"
-"""How the hidden name of something ends that is being written or removed; whoever holds the folder may remove it."""
+"""The ending of the hidden name of a file that is being written or removed; the holder of the folder may remove it."""
 
 
 NO_LINK = getattr(os, "O_NOFOLLOW", 0)
@@ -30,12 +30,12 @@ def before(operation: str, path: Path) -> None:
 
 
 def partial(path: Path) -> Path:
-    """The hidden name beside `path` under which it is written, or removed."""
+    """The hidden name next to `path` under which it is written, or removed."""
     return path.with_name(f".{path.name}{PARTIAL}")
 
 
 def make(folder: Path) -> None:
-    """Make a folder and those above it, unless they are there; their names are forced to the disk."""
+    """Make a folder and its parents unless they exist; their names are synced to disk."""
     if not folder.is_dir():
         before("make", folder)
         new = [path for path in (folder, *folder.parents) if not path.exists()]
@@ -45,9 +45,9 @@ def make(folder: Path) -> None:
 
 
 def write(path: Path, parts: Iterable[Any], forced: bool = True, named: bool = True) -> None:
-    """Put bytes into `path`: under its hidden name, forced to the disk if `forced`, then moved into its place.
+    """Put bytes into `path`: under its hidden name, synced to disk if `forced`, then moved into its place.
 
-    The name is forced to the disk, too, if `named`.
+    The name is synced as well if `named`.
     """
     hidden = partial(path)
     try:
@@ -71,7 +71,7 @@ def _own(path: str, flags: int) -> int:
 
 
 def move(source: Path, target: Path, named: bool = True) -> None:
-    """Give a file or folder another name in one move; the name is forced to the disk if `named`."""
+    """Give a file or folder another name in one move; the name is synced to disk if `named`."""
     before("move", target)
     os.replace(source, target)
     if named:
@@ -79,7 +79,7 @@ def move(source: Path, target: Path, named: bool = True) -> None:
 
 
 def settle(path: Path) -> None:
-    """Force a file, or the names in a folder, to the disk."""
+    """Sync a file, or the names in a folder, to disk."""
     before("settle", path)
     try:
         handle = os.open(path, os.O_RDONLY)
@@ -92,11 +92,11 @@ def settle(path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a folder in one move to its hidden name and then with all that is in it."""
+    """Remove a file, or a folder with its contents, which first moves to its hidden name."""
     if path.is_dir() and not path.is_symlink():
         hidden = partial(path)
         _remove_all(hidden)
-        move(path, hidden)  # Its name goes first, on the disk, too: it is there whole or not at all.
+        move(path, hidden)  # Its name goes first, also on disk: it is complete or absent.
         _remove_all(hidden)
     elif path.exists() or path.is_symlink():
         before("remove", path)
@@ -104,7 +104,7 @@ def remove(path: Path) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what a process that was killed left under hidden names in a folder."""
+    """Remove files that a killed process left under hidden names in a folder."""
     for path in folder.glob(f".*{PARTIAL}"):
         _remove_all(path)
 
@@ -140,7 +140,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
-    """Write `text` as UTF-8, whole or not at all; raises FileError."""
+    """Write `text` as UTF-8, atomically; raises FileError."""
     with atomic_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return Path(path)

@@ -1,4 +1,4 @@
-"""One way to fail: a typed error whose sentence says what was given, what is expected and how to mend it."""
+"""The errors of the library: each is typed and states in one sentence the value, the expectation and the remedy."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import warnings
 from typing import Any
 
 _ENDLESS = re.compile(r"[^\s/\\]{300,}")
-"""A word that no file and no name can be; a sentence shows where it begins."""
+"""A word that cannot be a file or a name; a sentence shows its beginning."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and newline, marks of direction, separators of lines, and halves of surrogate pairs."""
 
 LONGEST = 80
-"""Characters of a value that a sentence shows."""
+"""The length of a value in a sentence."""
 
 
 def shown(value: Any) -> str:
-    """A value in one short line, as a sentence shows what was given; its kind where it has no such words."""
+    """A value in one short line, for a sentence; its kind if it has no short form."""
     try:
         words = " ".join(repr(value).split())
     except Exception:
@@ -26,7 +26,7 @@ def shown(value: Any) -> str:
 
 
 def told(error: BaseException) -> str:
-    """An error of another library in one short line: its kind and the first line of what it says."""
+    """An error of another library in one short line: its kind and the first line of its message."""
     try:
         first = next(iter(str(error).strip().splitlines()), "").rstrip(".")
     except Exception:
@@ -55,7 +55,7 @@ class CoadjointError(Exception):
 
 
 class ArgumentError(CoadjointError, ValueError):
-    """An argument is not what the call needs."""
+    """An argument does not fit the call."""
 
 
 class LagrangianError(CoadjointError, ValueError):
@@ -67,14 +67,14 @@ class GroupError(CoadjointError, ValueError):
 
 
 class FileError(CoadjointError, OSError):
-    """A file or folder cannot be read or written as asked."""
+    """A file or folder cannot be read or written."""
 
 
 class StepError(CoadjointError, ArithmeticError):
-    """A step failed: `sentence` says where and why; what had been computed until then is kept in `run`."""
+    """A step failed: `sentence` says where and why; `run` holds the results until then."""
 
     def __init__(self, sentence: str, run: Any = None):
-        kept = "" if run is None else " What was computed until then is kept in `.run`."
+        kept = "" if run is None else " The results until then are kept in `.run`."
         super().__init__(sentence + kept)
         self.sentence = sentence
         self.run = run
@@ -85,9 +85,9 @@ class OptimumError(CoadjointError, ArithmeticError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, or another interrupt, came during a computation: what had been computed until then is in `run`.
+    """Ctrl-C, or another interrupt, came during a computation: `run` holds the results until then.
 
-    sentence: what happened, and how to go on. run: a `Run`, an `Ensemble` or a `Trajectory` of the steps that were
+    sentence: the event, and how to continue. run: a `Run`, an `Ensemble` or a `Trajectory` of the steps that were
     done.
     A KeyboardInterrupt, so that `except Exception` does not catch it.
     """

@@ -1,7 +1,7 @@
-"""What storeys above add to a room: models of the catalogue, figures, formats of files, kinds of run files.
+"""Additions of packages above to one below: models of the catalogue, figures, formats of files, kinds of run files.
 
-A room declares a `Registry` of one kind. A module named in `coadjoint.EXTENSIONS` adds to it by a table of that kind,
-such as `MODELS = {"remus_100": CatalogueEntry(…)}`; the room never names who adds to it.
+A package declares a `Registry` of one kind. A module named in `coadjoint.EXTENSIONS` adds to it by a table of that
+kind, such as `MODELS = {"remus_100": CatalogueEntry(…)}`; the package does not know the modules that add to it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class Registry(Mapping[str, T]):
-    """Entries by name: a room's own, and after them those of extensions, which are loaded when it is first read.
+    """Entries by name: the package's own, then those of extensions, which are loaded when it is first read.
 
     kind: the name of the tables in extensions. Raises ArgumentError where a name is given twice.
     """
@@ -33,7 +33,7 @@ class Registry(Mapping[str, T]):
         for module in coadjoint.EXTENSIONS:
             for name, entry in getattr(import_module(module), self.kind, {}).items():
                 if name in found:
-                    raise ArgumentError(f"{module} adds `{name}` to {self.kind}, which is there already.")
+                    raise ArgumentError(f"{module} adds `{name}` to {self.kind}, which exists already.")
                 found[name] = entry
         return found
 
@@ -48,6 +48,6 @@ class Registry(Mapping[str, T]):
 
 
 def import_string(place: str) -> Any:
-    """What stands at "module:name", imported now."""
+    """The object at "module:name", imported now."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

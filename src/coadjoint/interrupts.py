@@ -1,9 +1,9 @@
-"""Interrupts that are lost where they come, such as Ctrl-C in the garbage collector's callbacks.
+"""Interrupts that Python would lose, such as Ctrl-C in the garbage collector's callbacks.
 
 KeyboardInterrupt has nowhere to go in a callback of the collector (JAX has one), in `__del__`, or in a function that C
-calls: Python writes "Exception ignored in …" and goes on, and other libraries may drop it without a word. A call of the
-library that lasts remembers that an interrupt came, and raises it where it next looks. For this it replaces Python's
-own handler of SIGINT, and `sys.unraisablehook`, for as long as it lasts.
+calls: Python writes "Exception ignored in …" and continues, and other libraries may drop it silently. A long call of
+the library remembers that an interrupt came, and raises it at its next check. To do so it replaces Python's own handler
+of SIGINT, and `sys.unraisablehook`, until it returns.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _came: list[int] = []
 
 
 class _Hook:
-    """What Python calls with an exception that it ignores."""
+    """The hook that Python calls with an exception that it ignores."""
 
     def __init__(self, before: Any) -> None:
         self.before = before
@@ -34,7 +34,7 @@ class _Hook:
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """While this lasts, `look` raises an interrupt that was lost; so does its end. It decorates functions, too.
+    """Inside this context, `look` raises an interrupt that was lost; so does its end. It also decorates functions.
 
     In other threads than the main one, which are not interrupted, and inside of another such call it does nothing. A
     handler of SIGINT that is not Python's own stays.
@@ -59,19 +59,19 @@ def deferred_interrupts() -> Iterator[None]:
 
 
 def note() -> None:
-    """An interrupt has come, whatever becomes of it."""
+    """Note that an interrupt has come, even if it gets lost."""
     _came.append(1)
 
 
 def look() -> None:
-    """Raise KeyboardInterrupt if one came since the last look: the call goes on, so it was lost."""
+    """Raise KeyboardInterrupt if one came since the last look: the call is still running, so it was lost."""
     if _came and _in_main_thread():
         forget()
         raise KeyboardInterrupt
 
 
 def forget() -> None:
-    """An interrupt has arrived where it ends what was done: nothing is to be raised again."""
+    """Note that an interrupt has ended the call: it is not raised again."""
     _came.clear()
 
 

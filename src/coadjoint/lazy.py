@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 
 class Lazy(NamedTuple):
-    """What a package takes as its `__getattr__`, `__dir__` and `__all__`."""
+    """The `__getattr__`, `__dir__` and `__all__` of a package."""
 
     getattr: Callable[[str], Any]
     dir: Callable[[], list[str]]

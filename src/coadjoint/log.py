@@ -1,9 +1,9 @@
-"""Where the library speaks outside its results: loggers of the standard library, by the names of its modules.
+"""Log messages of the library: loggers of the standard library, by the names of its modules.
 
     logging.basicConfig(level=logging.INFO)
 
-A log message is about what the library does; what the user should change is a warning, and what cannot be done an
-error. Nothing is shown unless the user's program says so.
+A log message reports an action of the library; a warning asks the user for a change, and an error ends a request that
+cannot be carried out. Nothing is shown unless the user's program configures logging.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@
     "sha256": "of all bytes before this one's opening quotation mark"
     }
 
-A file to which rows are still added has two numbers more, [size, SHA-256, blocks, used]: without its last four bytes,
-which are its CRC-32C, it falls into that many blocks, and the SHA-256 is that of the first `used` bytes of each.
+A file to which rows are still added has two more numbers, [size, SHA-256, blocks, used]: without its last four bytes,
+which are its CRC-32C, it consists of that many blocks, and the SHA-256 is that of the first `used` bytes of each.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FORMAT = 2
 DAMAGED = "put back a copy of it; nothing has been changed"
 
 BEGINNING = b'{\n"facts"'
-"""How every manifest begins; files of other programs may have its name."""
+"""The beginning of every manifest; files of other programs may have its name."""
 
 _LARGEST = 1 << 26
 _CHECKSUM = 4
@@ -40,7 +40,8 @@ _END = '"\n}\n'
 
 @dataclass
 class Manifest:
-    """`facts` say what the folder holds, `files` name → entry of each file, its name relative to the folder."""
+    """`facts` describe the contents of the folder; `files`: name → entry of each file, its name relative to the
+    folder."""
 
     folder: Path
     facts: dict[str, Any] = field(default_factory=dict)
@@ -55,7 +56,8 @@ class Manifest:
 
     @classmethod
     def read(cls, folder: Path) -> Manifest:
-        """That of a folder; raises FileNotFoundError where it has none, FileError where it is damaged or too new."""
+        """The manifest of a folder; raises FileNotFoundError where it has none, FileError where it is damaged or too
+        new."""
         path = folder / MANIFEST
         try:
             if path.stat().st_size > _LARGEST:
@@ -84,19 +86,19 @@ class Manifest:
         return cls(folder, found["facts"], found["files"])
 
     def enter(self, name: str) -> None:
-        """Take in a file of the folder as it is on the disk."""
+        """Add a file of the folder, as it is on disk now."""
         path = self.folder / name
         with path.open("rb") as file:
             self.files[name] = [path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest()]
 
     def path(self, name: str) -> Path:
-        """Where a file is; raises FileError for a name that leads out of the folder."""
+        """The path of a file; raises FileError for a name that leads out of the folder."""
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
             raise FileError(f"The manifest of {self.folder} names {name}, which is outside of the folder: {DAMAGED}.")
         return self.folder / name
 
     def require(self, name: str, data: bytes | None = None) -> None:
-        """Raise FileError unless a file, or what was read of it, is what was written."""
+        """Raise FileError unless a file, or the data read from it, is unchanged."""
         entry = self.files[name]
         self.require_size(name, None if data is None else len(data))
         if data is None and len(entry) == 2:
@@ -112,7 +114,7 @@ class Manifest:
             raise FileError(f"The file {self.folder / name} of the run is damaged: {DAMAGED}.")
 
     def require_size(self, name: str, found: int | None = None) -> None:
-        """Raise FileError unless a file is there in full length."""
+        """Raise FileError unless a file exists in full length."""
         size, path = self.files[name][0], self.path(name)
         if found is None:
             found = path.stat().st_size if path.is_file() else None
@@ -123,7 +125,7 @@ class Manifest:
             raise FileError(f"The file {path} of the run is {state}; {DAMAGED}.")
 
     def problems(self) -> Iterator[str]:
-        """What is wrong with the files of the folder, a sentence each."""
+        """The problems of the files of the folder, a sentence each."""
         for name in self.files:
             try:
                 self.require(name)
@@ -165,5 +167,5 @@ def sums_up(data: bytes) -> bool:
 
 
 def entry(data: bytes, blocks: int = 0, used: int = 0) -> list[Any]:
-    """What a manifest says of a file with these bytes."""
+    """The entry of a manifest for a file with these bytes."""
     return [len(data), digest(data, blocks, used), *([blocks, used] if blocks else [])]

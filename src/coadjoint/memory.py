@@ -1,4 +1,4 @@
-"""What does not fit in memory is refused before it is tried, with its size."""
+"""Checks of memory before large computations; their errors give the size."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from coadjoint.errors import ArgumentError
 
 
 def installed() -> float:
-    """The memory of this machine, bytes; infinite where the system does not say."""
+    """The memory of this machine, bytes; infinite if the system does not report it."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, ValueError, OSError):

@@ -1,4 +1,4 @@
-"""Objects that hold functions leave the process by the names of these; one without a name is told by a sentence."""
+"""Pickling of objects that hold functions, by the names of these; a function without a name raises an error."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Any, ClassVar, Self
 from coadjoint.errors import ArgumentError
 
 BY_VALUE = ("cloudpickle", "dill", "copy")
-"""Modules that take functions as they are."""
+"""Modules that pickle functions by value."""
 
 
 class Portable:
-    """An object whose functions are looked up by name where it is unpickled; what follows from it is computed anew.
+    """An object whose functions are looked up by name where it is unpickled; derived data are computed again.
 
     Raises ArgumentError for a lambda and for a function within another one, unless the pickler takes these by value.
     """
@@ -31,9 +31,9 @@ class Portable:
 
 
 class Remade:
-    """An object that holds machine code: it leaves the process as what it was made from, and is made anew from it.
+    """An object that holds machine code: it is pickled as the arguments that it was made from, and rebuilt from them.
 
-    STANDING: the attributes that say where it stands, which go with it.
+    STANDING: the attributes of its current state, which are pickled with it.
     """
 
     STANDING: ClassVar[tuple[str, ...]] = ()
@@ -84,7 +84,7 @@ def _unnamed(function: FunctionType) -> bool:
 
 
 def _by_value() -> bool:
-    """Whether what is being pickled goes to a pickler that takes functions by value, or to copy.deepcopy."""
+    """Whether the current pickler takes functions by value, or belongs to copy.deepcopy."""
     frame = sys._getframe(1)
     while (frame := frame.f_back) is not None:
         name = str(frame.f_globals.get("__name__", ""))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 MOST = 2000
-"""How many points are tried; Brent's bound is the square of the 50 to 60 that bisection takes."""
+"""The largest number of evaluations; Brent's bound is the square of the 50 to 60 that bisection takes."""
 
 
 def brent(f: Callable[[float], float], a: float, b: float, xtol: float = 1e-15, rtol: float = 4 * 2.0**-52) -> float:

@@ -1,10 +1,10 @@
-"""netCDF files that can be trusted to be what was written, and others that are tried in a process of their own.
+"""netCDF files that are verified to be unchanged, and others that are first read in a separate process.
 
-Behind the HDF5 of a file that `run.save` wrote stand a mark and the SHA-256 of all before it, which HDF5 does not read.
-A file whose digest is another one is damaged. One without a mark, of somebody else or cut off, is first read in a child
-process with limits of processor time and memory: the HDF5 library is in C, and files exist at which it loops without
-end or crashes. The mark shows that a file is undamaged, not who wrote it: the sizes that a file declares are compared
-with what it can hold in any case, and only contiguous numbers and short texts are read without a child.
+The HDF5 data of a file that `run.save` wrote are followed by a mark and the SHA-256 of all bytes before it, which HDF5
+does not read. A file with another digest is damaged. A file without a mark, foreign or truncated, is first read in a
+child process with limits of processor time and memory: the HDF5 library is in C, and files exist at which it loops
+without end or crashes. The mark shows that a file is undamaged, not who wrote it: the sizes that a file declares are
+compared with what it can hold in any case, and only contiguous numbers and short texts are read without a child.
 
 As a script, this module is that child; it then imports nothing of the library.
 """
@@ -24,26 +24,27 @@ MARK = b"\ncoadjoint sealed"
 SIZE = len(MARK) + hashlib.sha256().digest_size
 
 SECONDS, SPEED = 8.0, 20e6
-"""How much processor time a child may take to read, s: so much, and one second more for so many bytes."""
+"""The processor time that a child may take to read, s, and the number of bytes for which it gets one more second."""
 PATIENCE = 600.0
-"""How long a child may take by the clock, s, beyond its processor time."""
+"""The wall-clock time that a child may take, s, beyond its processor time."""
 LEAST, MOST_TIMES = 128_000_000, 50
-"""How many bytes any file may declare, and how many times its own size."""
+"""The largest size that a file may declare, in bytes, and as a multiple of its own size."""
 FEW = 64
 """Texts of more elements than these are read in a child."""
 
 
 ENGINES = {b"\x89HDF": "h5netcdf", b"CDF\x01": "scipy", b"CDF\x02": "scipy"}
-"""What reads a file that begins so: netCDF 4 is HDF5, netCDF 3 is what xarray writes where it finds only scipy."""
+"""The engines by the beginning of a file: netCDF 4 is HDF5, netCDF 3 is written by xarray if only scipy is
+installed."""
 
 
 def engine_of(path: Path, by_child: bool = True) -> str:
-    """What reads a netCDF file of others with xarray, after it was seen that it can be read without harm.
+    """The engine with which xarray reads a foreign netCDF file, after a check that it can be read safely.
 
     Give xarray the absolute path: it takes relative ones such as zip::x.nc for addresses.
 
-    by_child: read it in a child first, even if it is plain. Raises ValueError for what is damaged or is no netCDF,
-    FileError for one that declares more than it can hold.
+    by_child: read it in a child first, even if it is plain. Raises ValueError if it is damaged or not netCDF, FileError
+    if it declares more than it can hold.
     """
     with path.open("rb") as opened:
         engine = ENGINES.get(opened.read(4))
@@ -57,7 +58,7 @@ def engine_of(path: Path, by_child: bool = True) -> str:
 
 
 def seal(path: Path) -> None:
-    """Append mark and digest to a file, and force it to the disk."""
+    """Append mark and digest to a file, and sync it to disk."""
     digest = _digest(path, path.stat().st_size)
     with path.open("ab") as file:
         file.write(MARK + digest)
@@ -66,7 +67,7 @@ def seal(path: Path) -> None:
 
 
 def sealed(path: Path) -> bool | None:
-    """Whether a file is as it was sealed; None of one that bears no mark."""
+    """Whether a sealed file is unchanged; None for a file without a mark."""
     size = path.stat().st_size - SIZE
     if size < 0:
         return None
@@ -77,16 +78,17 @@ def sealed(path: Path) -> bool | None:
 
 
 def readable(path: Path) -> bool:
-    """Whether a netCDF file can be read without harm: it is plain and as it was sealed, or a child has read it.
+    """Whether a netCDF file can be read safely: it is plain and unchanged, or a child has read it.
 
-    Raises FileError for one that declares more than it can hold, and where a child could not be waited for.
+    Raises FileError for one that declares more than it can hold, and if a child exceeds its time.
     """
     found = sealed(path)
     return bool(found is not False and ((found and plain(path)) or tried(path)))
 
 
 def plain(path: Path) -> bool:
-    """Whether a netCDF 4 file holds numbers without filters and few texts only, so that reading takes what it declares.
+    """Whether a netCDF 4 file holds numbers without filters and few texts only, so that reading takes the declared
+    memory.
 
     Raises FileError for one that declares more than it can hold.
     """
@@ -124,12 +126,13 @@ def _require_small(path: Path, declared: int) -> None:
 
 
 def most(size: int) -> int:
-    """How many bytes a file of this size may declare."""
+    """The number of bytes that a file of this size may declare."""
     return max(LEAST, MOST_TIMES * size)
 
 
 def examined(path: Path) -> tuple[str, int]:
-    """What makes a file more than plain numbers, or "", and how many bytes it declares, without reading them."""
+    """The first content other than plain numbers, or "", and the number of bytes that the file declares, without
+    reading them."""
     import h5py
 
     limit = most(path.stat().st_size)
@@ -157,7 +160,7 @@ def _of_netcdf3(path: Path) -> int:
 
 
 def _held(group: Any) -> Iterator[Any]:
-    """A group with all groups and datasets within, each once; a text instead of what a link leads to."""
+    """A group with all groups and datasets within, each once; a text instead of the target of a link."""
     import h5py
 
     pending, seen = [group], {group}
@@ -175,7 +178,7 @@ def _held(group: Any) -> Iterator[Any]:
 
 
 def _numbers(dataset: Any) -> tuple[str, int]:
-    """What is special in a dataset, and the bytes that it declares; numbers may become float64."""
+    """The special features of a dataset, and the bytes that it declares; numbers may become float64."""
     import h5py
 
     if dataset.shape is None:
@@ -197,7 +200,7 @@ def _places(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
 
 
 def _texts(held: Any, limit: int) -> tuple[str, int]:
-    """What is special in the attributes of a group or dataset, and their bytes."""
+    """The special features of the attributes of a group or dataset, and their bytes."""
     size = 0
     for name in held.attrs:
         attribute = held.attrs.get_id(name)
@@ -225,7 +228,7 @@ def _limited(seconds: float, memory: int) -> None:
     """End this process after so much more processor time, and give it no more than so many bytes more."""
     try:
         import resource
-    except ImportError:  # where there are no such limits, the patience of the parent is left
+    except ImportError:  # without such limits, the parent's time limit remains
         return
     used = resource.getrusage(resource.RUSAGE_SELF)
     spent = math.ceil(used.ru_utime + used.ru_stime + seconds)

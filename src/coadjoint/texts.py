@@ -1,4 +1,4 @@
-"""Texts of files, read within bounds, and the tables of those in TOML, with a sentence for what is none."""
+"""Texts of files, read within limits, and their TOML tables, with an error for anything else."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ LARGEST_SUMMARY = 64_000_000
 """The most bytes of the summary of a run or of a sweep."""
 
 _KEYS = re.compile(r"[\w.\-\"' \t]+")
-"""What may be a dotted key. Each of its prefixes is looked up when it is read, so that long ones take forever."""
+"""A possible dotted key. Python looks up each of its prefixes, so that long ones take forever."""
 
 
 def text_of(source: Path, most: int = LARGEST) -> str:
-    """The text in a file; raises FileError for one of more bytes, UnicodeDecodeError and OSError as reading does."""
+    """The text in a file; raises FileError for a larger one, UnicodeDecodeError and OSError as reading does."""
     with source.open("rb") as opened:
         content = opened.read(most + 1)
     if len(content) > most:
@@ -40,11 +40,11 @@ def told_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
     except OSError as error:
         raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
     except ValueError as error:
-        raise FileError(f"There is no {what} {path}: no file can have this name, for it holds a NUL.") from error
+        raise FileError(f"There is no {what} {path}: no file can have this name, which holds a NUL.") from error
 
 
 def too_large(name: object, most: int) -> FileError:
-    """What to raise for a text of more than `most` bytes."""
+    """The error for a text of more than `most` bytes."""
     return FileError(
         f"The file {name} is larger than the {most / 1e6:.0f} MB up to which such files are read: put long rows of "
         "numbers of a TOML file into a CSV file, and thin out long logs."
@@ -54,7 +54,7 @@ def too_large(name: object, most: int) -> FileError:
 def read_table(text: str, name: object) -> dict[str, Any]:
     """The table in a text; `name` is that of the file in sentences.
 
-    Raises FileError for what is no TOML, and for what is too large, is nested too deeply or has too long a number.
+    Raises FileError unless it is TOML, and if it is too large, is nested too deeply or has too long a number.
     """
     if len(text) > LARGEST:
         raise too_large(name, LARGEST)
@@ -65,7 +65,7 @@ def read_table(text: str, name: object) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         said = str(error)
         raise FileError(f"The file {name} is not valid TOML: {said[:1].lower()}{said[1:]}.") from error
-    except ValueError as error:  # of Python, for whole numbers of thousands of digits
+    except ValueError as error:  # raised by Python for integers of thousands of digits
         raise too_long(name) from error
     except RecursionError as error:
         raise _too_deep(name) from error
@@ -74,7 +74,7 @@ def read_table(text: str, name: object) -> dict[str, Any]:
 
 
 def _require_shallow(table: dict[str, Any], name: object) -> None:
-    """Raise FileError for tables within tables without end."""
+    """Raise FileError for tables nested too deeply."""
     level: list[Any] = [table]
     for _ in range(DEEPEST):
         inner: list[Any] = []
@@ -91,5 +91,5 @@ def _too_deep(name: object) -> FileError:
 
 
 def too_long(name: object) -> FileError:
-    """What to raise for a number of hundreds of digits."""
+    """The error for a number of hundreds of digits."""
     return FileError(f"The file {name} holds a number that is too long to be read.")

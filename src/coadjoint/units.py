@@ -1,7 +1,7 @@
 """The units of all files: a word such as "kg m^2", or the end of a name as in `speed_m_s`, as a number of SI units.
 
-Revolutions and radians are dimensions of their own: rpm is 1/60 rev/s, which is 2π/60 rad/s where an angular velocity
-is asked for.
+Revolutions and radians are separate dimensions: rpm is 1/60 rev/s, which is 2π/60 rad/s where an angular velocity is
+expected.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Powers = tuple[float, float, float, float, float, float]
 
 
 class Dimension(NamedTuple):
-    """What a number measures: its powers, its SI unit as files write it, and a word for it."""
+    """The dimension of a number: its powers, its SI unit as files write it, and a word for it."""
 
     powers: Powers
     si: str
@@ -70,7 +70,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "rad": (1.0, ANGLE), "deg": (pi / 180, ANGLE), "°": (pi / 180, ANGLE),
     "rev": (1.0, Dimension((0, 0, 0, 0, 1, 0), "rev", "revolutions")), "rpm": (1 / 60, REVOLUTIONS),
 }  # fmt: skip
-"""The SI value of each symbol, and what it measures."""
+"""The SI value of each symbol, and its dimension."""
 
 ENDINGS: dict[str, str] = {
     **{unit: unit for unit in ("s", "ms", "us", "ns", "min", "h", "days", "m", "mm", "cm", "km", "ft", "nmi")},
@@ -78,7 +78,7 @@ ENDINGS: dict[str, str] = {
     **{unit: unit for unit in ("rad", "deg", "rpm", "kg", "g", "t", "N", "kN", "W", "V", "A", "kn", "knots")},
     "km_per_h": "km/h", "per_s": "1/s", "1_s": "1/s", "m3": "m^3", "l": "L", "Nm": "N m", "J": "J", "percent": "%",
 }  # fmt: skip
-"""The ends of the names of keys and columns, and the units that they are."""
+"""The ends of the names of keys and columns, and their units."""
 
 _LONGEST_FIRST = sorted(ENDINGS, key=len, reverse=True)
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ", "0123456789-µ")  # and the Greek letter as the sign of micro
@@ -121,7 +121,7 @@ def unit_of(unit: str, what: str = "This") -> tuple[float, Powers]:
 
 
 def dimension_of(unit: str) -> Dimension:
-    """What a unit measures, under its name where it has one."""
+    """The dimension of a unit, by name where it has one."""
     powers = unit_of(unit)[1]
     named = next((dimension for dimension in _DIMENSIONS if dimension.powers == powers), None)
     return named or Dimension(powers, unit, unit)
@@ -175,7 +175,7 @@ def jumps_by_degrees(angles: np.ndarray) -> bool:
 def split_name(name: str, known: Collection[str] | None = None) -> tuple[str, str]:
     """A name without the unit at its end, and that unit: ("speed", "m/s") of `speed_m_s`; "" where it has none.
 
-    known: the names that there are, where that is known; one of them has no unit at its end.
+    known: the existing names, if known; a name among them has no unit at its end.
     """
     if known is not None and name in known:
         return name, ""

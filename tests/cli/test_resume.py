@@ -38,7 +38,7 @@ def killed(tmp_path, monkeypatch):
 def test_a_killed_run_goes_on_to_the_same_trajectory(killed, capsys):
     for command in ("info", "plot"):
         assert main([command, "cut"]) == 2
-        assert "a run that has not finished, with which `coadjoint resume cut` goes on" in capsys.readouterr().err
+        assert "a run that has not finished: `coadjoint resume cut` continues it" in capsys.readouterr().err
     assert main(["resume", "cut"]) == 0
     assert "Kelvin–Noether" in capsys.readouterr().out
     whole, resumed = (co.load(f"{name}/trajectory.nc").dataset for name in ("whole", "cut"))

@@ -75,7 +75,7 @@ def test_of_a_sweep_it_is_told_what_shows_it(command, tmp_path, capsys):
     held.write()
     assert main([*command, str(folder)]) == 2
     told = capsys.readouterr().err
-    assert f"holds a sweep of 24 members, and no single run: what it found is drawn in {folder}/parallel.png" in told
+    assert f"holds a sweep of 24 members, not a single run: its results are drawn in {folder}/parallel.png" in told
     assert "co.load_sweep(" in told
     facts["complete"] = False
     held.write()

@@ -168,7 +168,7 @@ def test_an_argument_of_a_model_is_a_name_and_a_value():
 @pytest.mark.parametrize("name", ["there.toml", "vehicle.txt"])
 def test_an_import_writes_a_new_toml_file_only(tmp_path, name):
     (tmp_path / "there.toml").touch()
-    with pytest.raises(ArgumentError, match=r"--out must be a file \.toml that is not there yet"):
+    with pytest.raises(ArgumentError, match=r"--out must be a new file \.toml"):
         importing.Import(tmp_path / "model.sdf", out=tmp_path / name)()
 
 
@@ -176,7 +176,7 @@ def test_the_body_of_a_view_is_a_box_an_ellipsoid_or_a_mesh(tmp_path):
     assert viewing.View((tmp_path,))._hull() is None
     box, round_one = (viewing.View((tmp_path,), size=(2.0, 1.0, 0.5), round=r)._hull() for r in (False, True))
     assert box["size"] == [2.0, 1.0, 0.5] and round_one["axes"] == [1.0, 0.5, 0.25]
-    with pytest.raises(ArgumentError, match="either a mesh or of a `--size`"):
+    with pytest.raises(ArgumentError, match="either by a mesh or by `--size`"):
         viewing.View((tmp_path,), size=(1.0, 1.0, 1.0), mesh=tmp_path / "a.stl")._hull()
     with pytest.raises(ArgumentError, match="Which run"):
         viewing.View(())()
@@ -216,7 +216,7 @@ def test_what_does_not_go_together_raises_what_to_leave_out(asked, says):
     [
         ((), "holds no results of coadjoint"),
         ((RUN_FILE,), "holds a run that did not finish"),
-        ((RUN_FILE, UNFINISHED), "holds a run that has not finished, with which `coadjoint resume"),
+        ((RUN_FILE, UNFINISHED), "holds a run that has not finished: `coadjoint resume"),
     ],
 )
 def test_a_folder_without_trajectories_says_what_it_holds(tmp_path, files, says):

@@ -285,7 +285,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
 @pytest.mark.parametrize(
     ("ask", "words"),
     [
-        (lambda: of_cart(measured={}).estimator(), "something that is measured"),
+        (lambda: of_cart(measured={}).estimator(), "needs measurements"),
         (lambda: of_cart(parameters={"mass": (1.0, 3.0)}).estimator(), "leave out `parameters`"),
         (lambda: of_cart(end=End(g=[1.0])).estimator(), "no end to reach"),
         (lambda: of_cart(final_cost=lambda motion, p: motion.g[0]).estimator(), "no end to reach"),
@@ -302,8 +302,8 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
         (lambda: of_cart().estimator(known="thrust")({"place": [1.0, 2.0]}), "must be 1 finite numbers"),
         (lambda: of_cart().estimator(known="thrust")({"place": np.inf}), "must be 1 finite numbers"),
         (lambda: of_cart().estimator(known="thrust")([1.0]), "dictionary"),
-        (lambda: of_cart().estimator(known="thrust")(np.array([3.0, 1.0])), "dictionary of what was measured"),
-        (lambda: of_cart().estimator(known="thrust")(np.zeros(1)), "dictionary of what was measured"),
+        (lambda: of_cart().estimator(known="thrust")(np.array([3.0, 1.0])), "dictionary of measurements"),
+        (lambda: of_cart().estimator(known="thrust")(np.zeros(1)), "dictionary of measurements"),
         (lambda: of_cart().estimator(known="thrust")({}, np.zeros(2)), "dictionary of known inputs"),
         (lambda: of_cart().estimator(), "input `thrust`.*`known`"),
         (lambda: of_cart(cost=lambda m, p: -0.5 * m.inputs.push[0] ** 2).estimator(known="thrust"), "input `push`"),

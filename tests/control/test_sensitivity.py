@@ -131,7 +131,7 @@ def test_what_has_no_derivative_is_told():
         ((), 3, "must be names"),
         ((), ("q",), "no numbers"),
         ((), ("pi",), "no numbers"),
-        ((), (), "Nothing is named"),
+        ((), (), "Name the data"),
         (("J",), ("mu",), "one after the other"),
     ]:
         with pytest.raises(co.ArgumentError, match=words):

@@ -115,7 +115,7 @@ def test_what_is_too_late_is_told():
         one.predict(H)
     with pytest.raises(co.ArgumentError, match=r"remembers its steps from 0.5 s on; `memory`"):
         one.update({"usbl": [0.0, 0.0]}, t=0.2)
-    with pytest.raises(co.ArgumentError, match="cannot be taken: the filter stands at 1 s"):
+    with pytest.raises(co.ArgumentError, match="cannot be processed: the filter is at 1 s"):
         one.update({"usbl": [0.0, 0.0]}, t=2.0)
     with pytest.raises(co.ArgumentError, match="The filter has no measurement `gps`"):
         one.update({"gps": [0.0, 0.0]}, t=0.8)

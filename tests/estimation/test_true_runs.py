@@ -105,16 +105,16 @@ WRONG = {
     "a run of another system": (lambda: found().nees(other()), "21 states of the system of the filter"),
     "a run, of a filter with biases": (
         lambda: found(estimated="gauge").nees(simulated()),
-        "does not tell `gauge`.*known=",
+        "lacks `gauge`.*known=",
     ),
-    "a bias that there is not": (lambda: found().nees(simulated(), known={"gauge": 0.1}), "what drifts is none"),
+    "a bias that there is not": (lambda: found().nees(simulated(), known={"gauge": 0.1}), "drifting are none"),
     "a bias of two numbers": (lambda: gauge([0.1, 0.2]), r"`gauge` of `known` must be 1 numbers, or \(21, 1\)"),
     "what is known as a list": (
         lambda: found(estimated="gauge").nees(simulated(), known=[0.1]),  # pyright: ignore[reportArgumentType]
         "`known` must be a dict of names and numbers",
     ),
     "a bias that is NaN": (lambda: gauge(np.nan), "`gauge` of `known` must be finite numbers"),
-    "what is known beside rows": (lambda: found().nees(found().rows, known={"gauge": 0.1}), "rows hold all of it"),
+    "what is known beside rows": (lambda: found().nees(found().rows, known={"gauge": 0.1}), "rows are complete"),
     "rows that are NaN": (lambda: found().nees(np.nan * found().rows), "must be finite at all nodes"),
 }
 

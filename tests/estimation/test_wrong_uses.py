@@ -190,7 +190,7 @@ def test_arrays_that_do_not_fit_are_told():
         one.with_velocities(rows, np.zeros((1, 2)), np.zeros((1, 1)))
     with pytest.raises(co.ArgumentError, match="`dt` must be positive"):
         filter.predict(True)
-    with pytest.raises(co.ArgumentError, match=r"Smoothing takes what `Filter\.run` returns"):
+    with pytest.raises(co.ArgumentError, match=r"Smoothing takes the result of `Filter\.run`"):
         co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]
 
 

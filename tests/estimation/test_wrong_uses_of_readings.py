@@ -91,7 +91,7 @@ WRONG = {
         lambda: filter().predict(0.1),
         "no step without a reading of `imu`: give inputs={'imu'",
     ),
-    "readings that begin late": (lambda: run((TIMES + 0.7, REST)), "begin at 0.7 s, and the filter stands at t = 0 s"),
+    "readings that begin late": (lambda: run((TIMES + 0.7, REST)), "begin at 0.7 s, and the filter is at t = 0 s"),
     "a reading that is NaN": (lambda: run(with_hole()), "must be finite numbers, but not all are at t = 0.1 s: leave"),
     "far too many steps": (lambda: run((TIMES, REST), dt=1e-9), "1.5e.09 steps of 1e-09 s would take 450 GB"),
     "an end that is no time": (lambda: run((TIMES, REST), until="x"), "`until` must be a number of seconds, but is"),
@@ -147,10 +147,11 @@ def test_a_pause_of_an_hour_between_readings_is_refused():
 
 def test_what_is_printed_tells_of_readings_in_other_units():
     right = run((TIMES, REST))
-    with pytest.warns(UserWarning, match="see to its unit"):
+    with pytest.warns(UserWarning, match="check its unit"):
         wrong = run((TIMES, REST / 9.81))
     assert "place  4 of 4 used, their mean NIS" in str(right) and "of a consistent filter 3" in str(right)
-    assert "not what the model expects" not in str(right) and "not what the model expects; see to units" in str(wrong)
+    assert "those of the model; check" not in str(right)
+    assert "its values differ from those of the model; check units" in str(wrong)
     assert repr(right) == "<Filtered: 76 nodes to 1.5 s; print it for the NIS of its measurements>"
 
 
@@ -165,9 +166,9 @@ def test_what_a_gate_left_out_counts_in_no_mean_and_raises_an_alarm_where_it_is_
     small = replace(found, nis={"place": Consistency(np.arange(5.0), 0.05 * nis, np.array([True] * 3 + [False] * 2))})
     assert "far less; its covariance" in str(small) and "far less" not in printed([True, True, True, False, False])
     assert "3 of 5 used, their mean NIS 3, of" in printed([True, True, True, False, False])
-    assert "not what the model expects" not in printed([True, True, True, False, False])
-    assert "not what the model expects" in printed([True, False, False, False, False])
-    assert "not what the model expects" in printed([True, True, True, True, False])
+    assert "those of the model; check" not in printed([True, True, True, False, False])
+    assert "those of the model; check" in printed([True, False, False, False, False])
+    assert "those of the model; check" in printed([True, True, True, True, False])
 
 
 def test_whole_numbers_of_numpy_are_whole_numbers():
@@ -177,7 +178,7 @@ def test_whole_numbers_of_numpy_are_whole_numbers():
 
 @pytest.mark.parametrize(("scale", "told"), [(1 / 9.81, "-1.0]"), (-1.0, "9.81]")])
 def test_specific_forces_in_g_or_with_z_up_are_told(scale: float, told: str):
-    with pytest.warns(UserWarning, match="begins with .* see to its unit, its axes") as caught:
+    with pytest.warns(UserWarning, match="begins with .* check its unit, its axes") as caught:
         run((TIMES, scale * REST))
     assert told in str(caught[0].message) and "it is [0.0, 0.0, -9.81]" in str(caught[0].message).replace("-0.0", "0.0")
 

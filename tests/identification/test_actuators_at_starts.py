@@ -177,7 +177,7 @@ def test_the_lag_of_thrusters_is_found_in_logs_of_a_vehicle():
 
 @pytest.mark.parametrize(
     ("factor", "says"),
-    [(3.0, r"still misses spin \(0\.\d+\) by far more than"), (1.0, "does not tell the parameters apart")],
+    [(3.0, r"still misses spin \(0\.\d+\) by far more than"), (1.0, "does not separate the parameters")],
 )
 def test_a_search_that_fails_names_the_columns_that_the_simulation_misses_if_there_are_any(factor, says):
     system = rotor(lagging)

@@ -90,11 +90,11 @@ def test_intervals_hold_the_truth_with_coloured_noise(exact, seeds):
             assert found.noise[name] == pytest.approx(NOISE[name], rel=0.4)
             assert found.correlation_times[name] == pytest.approx(0.6, rel=0.6), name
         assert max(abs(value) for value in found.whiteness.values()) < 0.2
-        assert not any("follow one another" in warning for warning in found.warnings)
+        assert not any("are correlated" in warning for warning in found.warnings)
     assert np.sum(np.abs(scores) > 1.96) <= stats.binom.ppf(1 - 1 / 2000, np.size(scores), 0.05)
     assert log is not None and found is not None
     white = identify(NEAR, log, start=STATE, parameters=SOUGHT)
-    assert any("follow one another" in warning for warning in white.warnings)
+    assert any("are correlated" in warning for warning in white.warnings)
     for name in SOUGHT:
         assert white[name].standard_error < 0.85 * found[name].standard_error
     assert "over 0." in str(found)

@@ -196,7 +196,7 @@ def test_parameters_on_which_nothing_depends_are_told(fine):
         parameters=co.Parameters(**SYSTEM.parameters.asdict(), spare=1.0), forces={"damping": damping, "fins": fins},
     )  # fmt: skip
     found = identify(system, log, start=STATE, parameters=["spare", "linear[0]"])
-    assert found.warnings == ("The log says nothing on spare: its motion does not depend on it.",)
+    assert found.warnings == ("The log contains no information on spare: its motion does not depend on it.",)
     assert found["spare"].high == np.inf
     assert abs(found["linear[0]"].value - 3.0) < 4 * found["linear[0]"].standard_error
 
@@ -328,7 +328,7 @@ def test_a_wrong_log_is_told_in_a_sentence(fine):
         identify(SYSTEM, replace(log, time=1e-3 * log.time), start=STATE, parameters=["linear"], dt=0.05)
     with pytest.raises(ArgumentError, match="too few"):
         identify(SYSTEM, log.between(0.0, 0.3), start=STATE, parameters=["linear"])
-    with pytest.raises(ArgumentError, match="no quantity of a vehicle, the nearest is"):
+    with pytest.raises(ArgumentError, match="not a quantity of a vehicle, the nearest is"):
         identify(
             SYSTEM,
             replace(log, columns={**log.columns, "headin": log.columns["u"]}),

@@ -48,5 +48,5 @@ def test_a_log_in_which_commands_never_change_does_not_tell_eight_thrusters_apar
     assert abs(one[SOUGHT[2]].value) < 4 * one[SOUGHT[2]].standard_error < 0.02
     for each in (found, one):
         assert each.misfits == ()
-        (told,) = [warning for warning in each.warnings if "too short to tell" in warning]
-        assert "what thrusters do" in told and "and 30 are needed" in told
+        (told,) = [warning for warning in each.warnings if "too short to show" in warning]
+        assert "effects of thrusters" in told and "and 30 are needed" in told

@@ -292,8 +292,8 @@ def test_what_wanders_has_the_unit_of_what_it_is():
     [
         ("force", "must be a list of names, such as"),
         (["forces"], "no `forces` that process noise could move; the nearest is `force`"),
-        (["added_mass"], "moves numbers and entries of lists, but `added_mass` has shape"),
-        (["linear[9]"], "`linear\\[9\\]` is no entry of `linear`"),
+        (["added_mass"], "acts on numbers and lists, but `added_mass` has shape"),
+        (["linear[9]"], "`linear\\[9\\]` is not an entry of `linear`"),
     ],
 )
 def test_what_cannot_wander_is_refused_in_a_sentence(exact, given, sentence):
@@ -303,5 +303,5 @@ def test_what_cannot_wander_is_refused_in_a_sentence(exact, given, sentence):
 
 def test_a_force_on_what_is_no_vehicle_is_refused():
     top: Any = co.System(co.SO3(), lambda xi, p: 0.5 * p.J * xi @ xi, parameters={"J": 2.0}, name="ball")
-    with pytest.raises(ArgumentError, match="names a force, but the system is no vehicle"):
+    with pytest.raises(ArgumentError, match="names a force, but the system is not a vehicle"):
         wandering(top, ["force"])

@@ -89,5 +89,5 @@ def test_a_force_that_misses_its_inputs_is_named():
     system = body({"drag": lambda motion: GOOD, "jet": lambda motion: co.Force(torque=motion.inputs.jet)})
     start = system.state(q=[0, 0, 0])
     for integrate in (co.simulate, co.trajectory):
-        with pytest.raises(co.LagrangianError, match="The force `jet` reads `jet` of None, and there are no inputs"):
+        with pytest.raises(co.LagrangianError, match="The force `jet` reads `jet` of None, and the run has no inputs"):
             integrate(system, start, dt=0.1, steps=1)

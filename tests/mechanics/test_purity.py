@@ -154,7 +154,7 @@ def test_a_table_that_is_made_once_inside_the_lagrangian_must_be_one_of_numpy(nu
     if numbers is np:
         turning(lagrangian)
         return
-    with pytest.raises(LagrangianError, match=r"which is over: .* or make tables with NumPy"):
+    with pytest.raises(LagrangianError, match=r"which has ended: .* or make tables with NumPy"):
         turning(lagrangian)
 
 

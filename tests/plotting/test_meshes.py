@@ -127,8 +127,8 @@ def test_a_damaged_file_is_a_sentence(name, tmp_path):
         ("a.obj", "v 0 0 0\nf 1 2 3\n", {}, "is damaged"),
         ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", {}, "not finite"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * (MOST + 1), {}, "make it coarser"),
-        ("a.gltf", json.dumps({"buffers": [{"uri": "../a.bin"}]}), {}, "not beside it"),
-        ("a.gltf", json.dumps({"buffers": [{"uri": "a.bin"}]}), {}, "has beside it: a.bin"),
+        ("a.gltf", json.dumps({"buffers": [{"uri": "../a.bin"}]}), {}, "not in its folder"),
+        ("a.gltf", json.dumps({"buffers": [{"uri": "a.bin"}]}), {}, "a.bin, which a.gltf needs"),
         ("a.gltf", json.dumps({"extensionsRequired": ["KHR_draco_mesh_compression"]}), {}, "export it plain"),
     ],
 )

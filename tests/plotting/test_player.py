@@ -127,7 +127,7 @@ def test_bodies_are_where_they_are_said_to_be():
         (lambda: bodies.ellipsoid((1, 0, 1)), "`semi_axes` of a shape must be positive"),
         (lambda: bodies.rod((0, 0, 0), (0, 0, 0), 1), "must differ"),
         (lambda: Plots(of(R=rotating())).scene(bodies=[bodies.Solid([], place=np.zeros((3, 3)))]), r"shape \(50, 3\)"),
-        (lambda: Plots(of()).scene(), "say where its bodies are by `bodies`"),
+        (lambda: Plots(of()).scene(), "give the places of its bodies by `bodies`"),
         (lambda: Plots(of(R=rotating())).scene(path="a.gif"), "must end in .html"),
     ],
 )

@@ -64,7 +64,7 @@ def test_it_says_how_to_run_it_again_and_lists_what_was_written(folder: Path):
     assert "coadjoint run run.toml --out again" in text
     files = Manifest.read(folder).files
     assert {row[0]: row[2] for row in cells(text) if row[0] in files} == {n: check for n, (_, check) in files.items()}
-    assert f"All {len(files)} files are what was written." in text
+    assert f"All {len(files)} files are unchanged since they were written." in text
 
 
 def test_a_damaged_file_is_told(folder: Path, tmp_path: Path):
@@ -75,7 +75,7 @@ def test_a_damaged_file_is_told(folder: Path, tmp_path: Path):
     (other / "energy.png").write_bytes(b"no picture")
     assert main(["report", str(other), "--figures", "energy", "--json"]) == 0
     text = (other / "report.html").read_text()
-    assert "files are what was written" not in text and "energy.png" in text.split("How to run it again")[1]
+    assert "files are unchanged since" not in text and "energy.png" in text.split("How to run it again")[1]
     assert text.count("<svg") == 1
 
 

@@ -106,7 +106,7 @@ def test_the_explanation_is_given_up_where_the_runs_do_not_show_it(short):
     found = short
     equal = Reproduction({**found.runs, "cayley_half_step": found.runs["cayley"]})
     text = report(equal)
-    assert "do not settle the cause: the error does not halve with h" in text
+    assert "do not determine the cause: the error does not halve with h" in text
     assert "NOT the paper's run" in text
     unsolved = replace(found.runs["cayley"].position, extrema={**found.runs["cayley"].extrema})
     unsolved.extrema["newton_residual"] = (np.zeros(()), np.asarray(1e-3))

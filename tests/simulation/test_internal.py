@@ -202,10 +202,10 @@ def _run(rule, internal):
         (lambda: _run(lambda motion, h: {}, {"rudder": 0.0}), "must take (motion, h, p)"),
         (
             lambda: _run(lambda motion, h, p: {"fin": h}, {"rudder": 0.0}),
-            "must return what it advances, `rudder` a num",
+            "must return the state that it advances, `rudder` a num",
         ),
         (lambda: _run(lambda motion, h, p: {"rudder": h * np.ones(2)}, {"rudder": 0.0}), "of shape (2,)"),
-        (lambda: _run(lambda motion, h, p: h, {"rudder": 0.0}), "must return what it advances"),
+        (lambda: _run(lambda motion, h, p: h, {"rudder": 0.0}), "must return the state that it advances"),
         (lambda: _run(lambda motion, h, p: {"rudder": motion.t / motion.t}, {"rudder": 0.0}), "not finite after"),
         (lambda: _run(lambda motion, h, p: {"rudder": jnp.float32(0.1) * h}, {"rudder": 0.0}), "holds float32"),
         (lambda: _run(lambda motion, h, p: {"rudder": "port"}, {"rudder": 0.0}), "could not convert"),

@@ -111,7 +111,8 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
 
 
 def long_step(order: int) -> float:
-    """The step of long runs, in s: so short that what backward error analysis leaves over, e^(−c/h), is no drift."""
+    """The step of long runs, in s: so short that the remainder of backward error analysis, e^(−c/h), causes no
+    drift."""
     return 0.05 if order == 1 else 0.1
 
 

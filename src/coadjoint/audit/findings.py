@@ -1,4 +1,4 @@
-"""What an audit finds: a claim, what was measured, and whether the one shows the other."""
+"""A finding of the audit: a claim, the measurement, and whether the measurement confirms the claim."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Claim = Literal["order", "symmetric", "symplectic", "momentum", "energy"]
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim with what was measured: shown if `measured` is within `allowed` (of the claimed order, or of zero).
+    """A claim with its measurement: shown if `measured` is within `allowed` (of the claimed order, or of zero).
 
     `failure`: why nothing could be measured; a claim that cannot be measured is not shown.
     """

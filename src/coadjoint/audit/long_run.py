@@ -1,9 +1,9 @@
-"""What a long run keeps: the energy within a band without drift, or exactly, and the momenta to round-off.
+"""Conservation in long runs: the energy within a band without drift, or exactly, and the momenta to round-off.
 
 The run is cut into intervals, with the means m_i of |E − E₀| relative to the size of the energy's terms. The *band* is
 the largest error, the *drift* what the straight line through m_i gains over the run, less three standard errors,
 relative to the mean of m_i: 2 for an error in proportion to time, 1 and more for one that grows as its square root,
-near 0 for one that stays. A slow exchange of energy within the motion scatters m_i, and is no drift.
+near 0 for one that stays. A slow exchange of energy within the motion scatters m_i, but is not drift.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What one step keeps: the two-form, and the way back.
+"""Properties of one step: the two-form that it conserves, and reversibility.
 
 Two curves ε ↦ (g, q, μ, π) with tangents δ₁, δ₂ go through a step as they are, by the kernel that runs it; the tangents
 before and after are central differences of order 8 in ε. Kept is (mathematics: section 5)

@@ -2,7 +2,7 @@
 
     e(h) = C hᵖ (1 + O(h)) + round-off,      p = slope of log e over log h.
 
-Steps are halved, for order 6 divided by √2 and from 7 on by its root, because halving would meet round-off at once.
+Steps are halved, for order 6 divided by √2 and from 7 on by its root, because halving would meet round-off immediately.
 Left out are the fine end, where round-off has a share in e, and the coarse end, where O(h) is not small: of the errors
 that are clear of round-off, the finest few are fitted. Nothing in that choice knows the order that is claimed.
 """

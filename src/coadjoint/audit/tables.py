@@ -24,7 +24,7 @@ COLUMNS = (
 
 
 def rows(audit: Audit) -> list[tuple[str, ...]]:
-    """A row a method and map that the method takes: what was measured on all systems, the worst of it."""
+    """A row for each method and map that the method takes: the worst measurement over all systems."""
     found: dict[tuple[str, str], list[Cell]] = {}
     for cell in audit.cells:
         if not cell.refusal:

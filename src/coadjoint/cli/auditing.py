@@ -1,4 +1,4 @@
-"""Choose what to audit by name, run it, and show it."""
+"""Choose audits by name, run them, and show their results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from coadjoint.errors import ArgumentError
 
 
 def chosen_methods(names: Sequence[str]) -> tuple[Shipped, ...]:
-    """The methods of these names, all without any; `Suzuki4` stands for it over every base. Raises ArgumentError."""
+    """The methods of these names, all without names; `Suzuki4` stands for it over every base. Raises ArgumentError."""
     families: dict[str, list[Shipped]] = {}
     for shipped in SHIPPED:
         for name in {shipped.name, shipped.name.partition("(")[0]}:
@@ -30,7 +30,7 @@ def chosen_methods(names: Sequence[str]) -> tuple[Shipped, ...]:
 
 
 def chosen_systems(names: Sequence[str], quick: bool) -> tuple[AuditSystem, ...]:
-    """The systems of these names; all without any, four with `quick`. Raises ArgumentError."""
+    """The systems of these names; all without names, four with `quick`. Raises ArgumentError."""
     plain = {letters(name): problem for name, problem in PROBLEMS.items()}
     for name in names:
         if letters(name) not in plain:
@@ -47,7 +47,7 @@ def execute(methods: Sequence[str], systems: Sequence[str], quick: bool, progres
 
 
 def show(found: Audit, out: Path | None, command: str) -> list[Path]:
-    """The table on the terminal, what was not shown on stderr, and the files where there is a folder for them."""
+    """Print the table on the terminal and failed claims on stderr; write the files if a folder is given."""
     terminal.table(COLUMNS, rows(found))
     for failure in found.failures:
         terminal.complain(failure)

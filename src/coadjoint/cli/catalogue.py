@@ -19,13 +19,13 @@ def descriptions() -> dict[str, str]:
 
 
 def defaults(name: str) -> dict[str, Any]:
-    """Description, parameters and initial values of a model; raises ArgumentError for a name that is none."""
+    """Description, parameters and initial values of a model; raises ArgumentError for an unknown name."""
     entry = _entry(name)
     return {"description": entry.description, "parameters": dict(entry.parameters), "initial": dict(entry.initial)}
 
 
 def example(name: str) -> str:
-    """A run file for a model, with its defaults written out; values that default to nothing stand as comments."""
+    """A run file for a model, with its defaults written out; values without a default are comments."""
     entry = _entry(name)
     table = {
         "system": {"model": name},

@@ -23,7 +23,7 @@ class Reproduce:
     """Run section 5 of Ono, Fiori and Peng (2025) again: figures 1-3, trajectories, a report."""
 
     out: Path = Path("reproduction")
-    """Output folder; one that holds another run is refused."""
+    """Output folder; one that holds another run is an error."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
     overwrite: bool = False
@@ -54,13 +54,13 @@ class Run:
     file: tyro.conf.Positional[Path]
     """The run file, with sections system, parameters, initial, method, run and output, or the mission file."""
     out: Path | None = None
-    """Output folder, instead of the run file's; one that holds this run is finished, or told as it is."""
+    """Output folder, instead of the run file's; one that holds this run is finished, or shown if it is complete."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
     """A change to the run file, as in `--set run.dt=0.02`; repeatable, and `--set run.steps=` leaves a key out."""
     log: Literal["mcap"] | None = None
-    """A log of a mission beside its results: mcap, messages of ROS 2, as `--set output.mcap=true`."""
+    """A log of a mission next to its results: mcap, messages of ROS 2, as `--set output.mcap=true`."""
     check: bool = False
-    """Tell what `run` would refuse, without a step; nothing is written."""
+    """Report the errors of `run` without a step; nothing is written."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
     overwrite: bool = False
@@ -93,7 +93,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Resume:
-    """Go on with a run that was interrupted, in the folder that `run` made: `coadjoint resume dive`."""
+    """Continue an interrupted run, in the folder that `run` made: `coadjoint resume dive`."""
 
     folder: tyro.conf.Positional[Path]
     """The output folder of the run."""
@@ -117,7 +117,7 @@ class Plot:
     figures: tyro.conf.Positional[tuple[str, ...]] = ()
     """The figures to draw, by default those that the run file lists, or all; `animation` shows vehicles move."""
     out: Path | None = None
-    """Where to write them, by default beside the runs."""
+    """Where to write them, by default next to the runs."""
     format: Literal["png", "pdf", "svg", "gif", "html"] = "png"
     """The format of the figures; gif, or html for a page with the track in space, of an animation."""
     json: bool = False
@@ -141,7 +141,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Info:
-    """Tell what a folder of results, or a netCDF file of a run, holds."""
+    """Show the contents of a folder of results, or of a netCDF file of a run."""
 
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run."""
@@ -195,7 +195,7 @@ class Vehicles:
     name: tyro.conf.Positional[str] = ""
     """A vehicle: the name of a shipped one, or the path of a TOML file."""
     toml: bool = False
-    """Print its file, to start one's own from, and nothing else."""
+    """Print its file, as a start for your own, and nothing else."""
     json: bool = False
     """Print JSON, and nothing else."""
 
@@ -211,12 +211,12 @@ class Vehicles:
             else:
                 vehicles.show_shelf(rows)
         elif not self.name:
-            raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; a path of one's own file works too.")
+            raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; the path of your own file works too.")
         elif self.toml and self.json:
-            raise ArgumentError("The file is TOML, and no JSON: leave --toml or --json out.")
+            raise ArgumentError("The file is TOML, not JSON: leave --toml or --json out.")
         elif self.action == "mission":
             if self.json:
-                raise ArgumentError("A mission is TOML, and no JSON: leave --json out.")
+                raise ArgumentError("A mission is TOML, not JSON: leave --json out.")
             from coadjoint.vehicles.missions.example import example
 
             terminal.text(example(self.name))
@@ -231,7 +231,8 @@ class Vehicles:
 
 @dataclass(frozen=True)
 class Audit:
-    """Measure what every method claims: order, symmetry, symplecticity, momentum, energy; status 0 if all is shown."""
+    """Measure the claims of every method: order, symmetry, symplecticity, momentum, energy; status 0 if all is
+    shown."""
 
     out: Path | None = None
     """A folder for audit.md, audit.json and figures."""
@@ -263,7 +264,7 @@ class Audit:
         return OK if found.passed else FAILED
 
     def _written(self) -> str:
-        """The command that this is."""
+        """The command line of this audit."""
         parts = ["coadjoint audit", "--quick" if self.quick else ""]
         for flag, names in (("--method", self.method), ("--system", self.system)):
             parts += [flag, *(f'"{name}"' if " " in name else name for name in names)] if names else []

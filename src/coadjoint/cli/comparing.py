@@ -1,4 +1,4 @@
-"""`coadjoint compare DIR DIR`: two results folders side by side."""
+"""`coadjoint compare DIR DIR`: a comparison of two folders of results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare two runs: their settings, what they conserve, how far apart they are; figures of both with --out."""
+    """Compare two runs: their settings, their conserved quantities, the distance between them; figures of both with
+    --out."""
 
     first: tyro.conf.Positional[Path]
     """A folder that `run` wrote, or a file of a run."""
@@ -60,7 +61,7 @@ def _one(found: dict[str, Any], source: Path) -> Any:
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:
-    """What tells the two apart: the names of the folders or files, or their whole paths."""
+    """Labels that distinguish the two: the names of the folders or files, or their full paths."""
     names = first.stem or str(first), second.stem or str(second)
     return names if names[0] != names[1] else (str(first), str(second))
 
@@ -87,7 +88,7 @@ def _text(value: Any) -> str:
 
 
 _DETAILS = ("inputs_", "internal_controller", "a_", "work_")
-"""Variables that only the JSON tells of."""
+"""Variables that only the JSON contains."""
 _FIRST = ("q", "euler_angles", "xi", "nu", "mu", "pi")
 
 

@@ -21,7 +21,7 @@ class Identify:
     """Find parameters of a vehicle from a log: `coadjoint identify remus_100 log.csv --parameters hull added_mass`."""
 
     vehicle: tyro.conf.Positional[str]
-    """A vehicle that is shipped, or the TOML file of one's own."""
+    """A vehicle that is shipped, or a TOML file of your own."""
     log: tyro.conf.Positional[Path]
     """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or a bag of ROS or of ArduPilot."""
     parameters: tuple[str, ...]
@@ -29,15 +29,15 @@ class Identify:
     axes: Literal["NED/FRD", "ENU/FLU"] | None = None
     """Axes of the log; by default NED/FRD of CSV files, and ENU/FLU of bags."""
     topics: tuple[str, ...] = ()
-    """Of a bag take these topics alone."""
+    """Take only these topics of a bag."""
     sensors: Path | None = None
-    """A TOML file that declares which field of which topic of a bag is what."""
+    """A TOML file that declares the meaning of fields of topics of a bag."""
     jumps: Literal["refuse", "split"] = "refuse"
     """Where the clock jumps: an error, or a new stretch of the log."""
     unsorted: Literal["refuse", "sort"] = "refuse"
     """Rows that are out of order: an error, or sorted."""
     partial: bool = False
-    """Of a bag that was not closed take what is whole."""
+    """Take the complete messages of a bag that was not closed."""
     noise: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """A standard deviation that is known, SI units and rad; repeatable. The others are estimated."""
     segment: float | None = None
@@ -48,7 +48,7 @@ class Identify:
     between: Literal["held", "linear"] = "held"
     """How inputs run between samples."""
     settle: float | None = None
-    """For how long the log is not fitted, s; by default 2 unless it tells where actuators start."""
+    """The initial time that is not fitted, s; by default 2 unless the log holds the states of actuators."""
     ignore: tuple[str, ...] = ()
     """Columns to leave out, by name with or without the unit."""
     still: tuple[str, ...] = ()
@@ -56,15 +56,15 @@ class Identify:
     positive: tuple[str, ...] = ()
     """Parameters that must stay positive."""
     coloured: tuple[str, ...] = ()
-    """Columns whose noise follows itself, with a correlation time that is estimated."""
+    """Columns with coloured noise, whose correlation time is estimated."""
     biases: tuple[str, ...] = ()
-    """Columns with a bias that is sought too; position, attitude, velocity and rates stand for three."""
+    """Columns whose bias is estimated as well; position, attitude, velocity and rates stand for three."""
     delays: tuple[str, ...] = ()
-    """Columns, or such groups of three, of which it is sought by how many seconds they are late."""
+    """Columns, or such groups of three, whose delay is estimated."""
     process_noise: tuple[str, ...] = ()
-    """What wanders beside what is found: force, torque, X, Y, Z, K, M, N, or parameters such as water.velocity."""
+    """Process noise: force, torque, X, Y, Z, K, M, N, or parameters such as water.velocity."""
     out: Path | None = None
-    """A figure of what was measured and simulated."""
+    """A figure of measured and simulated columns."""
     json: bool = False
     """Print JSON, and nothing else."""
 
@@ -124,7 +124,7 @@ def _given(text: str | tuple[str, ...]) -> tuple[str, float]:
 
 
 def _number(value: float) -> float | None:
-    """The number; None where an interval has no end, which JSON has no number for."""
+    """The number; None for an infinite end of an interval, which JSON cannot express."""
     return float(value) if math.isfinite(value) else None
 
 

@@ -14,7 +14,7 @@ from coadjoint.errors import ArgumentError
 
 @dataclass(frozen=True)
 class Import:
-    """Read a vehicle of another simulator into a vehicle file, and tell what was lost.
+    """Read a vehicle of another simulator into a vehicle file, and report the losses.
 
     `coadjoint import rexrov_default.xacro --folder uuv_descriptions --out rexrov.toml`.
     """
@@ -28,7 +28,7 @@ class Import:
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """Arguments of xacro, as in `--set namespace=rexrov`."""
     gravity: float | None = None
-    """m/s²; by default what the file says, or 9.8."""
+    """m/s²; by default that of the file, or 9.8."""
     forward: Literal["x", "-x"] = "x"
     """The axis of the model that its bow points along; some models of Gazebo face -x."""
     json: bool = False
@@ -40,7 +40,7 @@ class Import:
         from coadjoint.vehicles.importing import import_vehicle
 
         if self.out is not None and (self.out.suffix != ".toml" or self.out.exists()):
-            raise ArgumentError(f"Argument --out must be a file .toml that is not there yet, but is {self.out}.")
+            raise ArgumentError(f"Argument --out must be a new file .toml, but is {self.out}.")
         found = import_vehicle(
             self.file,
             folder=self.folder,

@@ -53,8 +53,8 @@ Command = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return the exit status.
 
-    0: done. 1: a step failed; what was computed is kept. 2: what was asked for cannot be done, in one sentence on
-    stderr. 130: interrupted by Ctrl-C; 143: by SIGTERM. With COADJOINT_TRACEBACK set, unexpected errors show where
+    0: done. 1: a step failed; what was computed is kept. 2: the request cannot be carried out; one sentence on stderr
+    says why. 130: interrupted by Ctrl-C; 143: by SIGTERM. With COADJOINT_TRACEBACK set, unexpected errors show where
     they arose.
     """
     with stoppable() as came:
@@ -62,11 +62,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with deferred_interrupts(), terminal.warned():
                 return _run(sys.argv[1:] if arguments is None else list(arguments))
         except KeyboardInterrupt as stop:
-            folder = [f"; `coadjoint resume {part}` goes on with the run" for part in stop.args if _is_folder(part)]
+            folder = [f"; `coadjoint resume {part}` continues the run" for part in stop.args if _is_folder(part)]
             terminal.complain(f"{word(came)}{''.join(folder)}.")
             return status(came)
         except BrokenPipeError:
-            # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.
+            # The reader has closed the pipe, as in `coadjoint info DIR | head`: nothing more can be written.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return commands.OK
         except CoadjointError as error:
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except Exception as error:
             if os.environ.get("COADJOINT_TRACEBACK"):
                 raise
-            if came:  # what other libraries make of an interrupt
+            if came:  # other libraries may turn an interrupt into this
                 terminal.complain(f"{word(came)}.")
                 return status(came)
             terminal.complain(unexpected(error))
@@ -97,9 +97,9 @@ def _run(given: list[str]) -> int:
 
 
 def _parsed(given: Sequence[str]) -> Callable[[], int]:
-    """The command that arguments ask for; what is wrong with names that hold control characters shows these as escapes.
+    """The command of the arguments; messages on names that hold control characters show these as escapes.
 
-    Names of files come as arguments, too, where the shell writes them for `*`.
+    Names of files come as arguments as well, where the shell expands `*`.
     """
     parse = partial(
         tyro.cli,
@@ -137,7 +137,7 @@ def versions() -> str:
 
 
 def unexpected(error: Exception) -> str:
-    """What is said of an error that nobody foresaw: what it is, with which versions, and what to report."""
+    """The message on an unexpected error: the error, the versions, and what to report."""
     first = (str(error).strip().split("\n") or [""])[0]
     what = f"{type(error).__name__}: {first}" if first else type(error).__name__
     return (

@@ -1,4 +1,4 @@
-"""`coadjoint report DIR`: one page with all that a folder of results holds."""
+"""`coadjoint report DIR`: one page with the contents of a folder of results."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Report:
-    """Write a run as one HTML page: certificate, figures, numbers with their sources, how to run it again."""
+    """Write a run as one HTML page: certificate, figures, numbers with their sources, and how to repeat it."""
 
     folder: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote."""
     figures: tuple[str, ...] = ()
-    """The figures in it, by default those that the run file lists, else what tells most of the run."""
+    """The figures in it, by default those that the run file lists, else the most informative ones."""
     out: Path | None = None
     """The page to write, by default `report.html` in the folder."""
     scene: bool = False
-    """Put the scene in space into it, too, 0.6 MB more."""
+    """Include the scene in space, 0.6 MB more."""
     json: bool = False
     """Print the file's name as JSON, and nothing else."""
 
@@ -36,7 +36,7 @@ class Report:
         from coadjoint.report.page import page
 
         if not self.folder.is_dir():
-            raise ArgumentError(f"A report is of a folder that `coadjoint run` wrote, and {self.folder} is none.")
+            raise ArgumentError(f"A report needs a folder that `coadjoint run` wrote, but {self.folder} is none.")
         target = self.out or self.folder / "report.html"
         text = page(contents(self.folder, self.figures, self.scene))
         make(target.parent)
@@ -46,7 +46,7 @@ class Report:
 
 
 def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Contents:
-    """What the report of a folder says; raises FileError and ArgumentError."""
+    """The contents of the report of a folder; raises FileError and ArgumentError."""
     from coadjoint.cli import results_folder
     from coadjoint.report.folder import RUN_FILE, SUMMARY
     from coadjoint.report.numbers import numbers
@@ -84,13 +84,13 @@ def _command(folder: Path, summary: dict[str, Any]) -> str:
             f"pip install coadjoint{f'=={number}' if number else ''}",
             f"{repeated}  # with the run.toml below, and the files of inputs/ where it names some",
             f"coadjoint compare {folder.resolve().name} again",
-            f"coadjoint verify {folder.resolve().name}  # whether the files are those that were written",
+            f"coadjoint verify {folder.resolve().name}  # checks that the files are unchanged",
         ]
     )
 
 
 def _listed(folder: Path) -> tuple[str, ...]:
-    """The figures that the run file lists, without films, which no page of pictures shows."""
+    """The figures that the run file lists, without films, which a page of pictures cannot show."""
     from coadjoint.cli import results_folder
     from coadjoint.plotting.plots import figure_names
 
@@ -105,7 +105,7 @@ def _drawn(runs: dict[str, Any], wanted: tuple[str, ...]) -> list[tuple[str, str
 
 
 def _files(folder: Path) -> tuple[list[tuple[str, int, str]], str]:
-    """The files of the manifest, and whether they are what was written."""
+    """The files of the manifest, and whether they are unchanged."""
     from coadjoint.manifest import Manifest
     from coadjoint.report.verification import verify
 
@@ -114,7 +114,11 @@ def _files(folder: Path) -> tuple[list[tuple[str, int, str]], str]:
     except FileNotFoundError:
         return [], ""
     found = verify(folder)
-    state = "; ".join(found.problems) if found.problems else f"All {found.files} files are what was written."
+    state = (
+        "; ".join(found.problems)
+        if found.problems
+        else f"All {found.files} files are unchanged since they were written."
+    )
     return [(name, size, check) for name, (size, check) in held.files.items()], state
 
 

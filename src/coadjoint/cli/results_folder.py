@@ -1,4 +1,4 @@
-"""What lies in a folder of results."""
+"""The contents of a folder of results."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def cards(source: Path) -> list[str]:
     """The certificates of the runs of a folder or file, as text."""
     _require(source)
     if source.is_dir() and not any(source.glob("*.nc")):
-        summary(source)  # tells what is missing, unless a run failed at its first step and left only this
+        summary(source)  # raises for missing files, unless a run failed at its first step and left only the summary
     if source.is_dir() and (source / SUMMARY).exists():
         found = summary(source)
         if "card" in found:
@@ -78,26 +78,25 @@ def cards(source: Path) -> list[str]:
 
 
 def _require_no_sweep(source: Path) -> None:
-    """Raise FileError for the folder of a sweep, and for what it holds: what shows a sweep is told there."""
+    """Raise FileError for the folder of a sweep and its files, with the commands that show a sweep."""
     folder = source if source.is_dir() else source.parent
     try:
         held = held_manifest(folder)
-    except FileError:  # of another kind, or damaged: what reads it will tell
+    except FileError:  # of another kind, or damaged: its reader raises the error
         return
     if held is None or "sweep" not in held.facts or (source != folder and source.name not in held.files):
         return
     if not held.facts.get("complete"):
         raise FileError(
-            f"The folder {folder} holds a sweep that has not finished: the same `coadjoint sweep` command goes on with "
-            "it."
+            f"The folder {folder} holds a sweep that has not finished: the same `coadjoint sweep` command continues it."
         )
-    told = summary(folder)
-    named = told.get("figures")
+    held = summary(folder)
+    named = held.get("figures")
     pictures = [str(folder / name) for name in named if isinstance(name, str)] if isinstance(named, list) else []
-    drawn = f"what it found is drawn in {' and '.join(pictures)}, and " if pictures else ""
+    drawn = f"its results are drawn in {' and '.join(pictures)}, and " if pictures else ""
     raise FileError(
-        f"The folder {folder} holds a sweep of {told.get('members')} members, and no single run: {drawn}"
-        f"co.load_sweep({str(folder)!r}) opens it in Python; `coadjoint info {folder}` tells its numbers."
+        f"The folder {folder} holds a sweep of {held.get('members')} members, not a single run: {drawn}"
+        f"co.load_sweep({str(folder)!r}) opens it in Python; `coadjoint info {folder}` shows its numbers."
     )
 
 
@@ -112,9 +111,9 @@ def _require_a_good_step(source: Path) -> None:
 
 
 def _state(source: Path) -> str:
-    """What a folder without results holds."""
+    """The state of a folder without results."""
     if (source / UNFINISHED).exists():
-        return f"holds a run that has not finished, with which `coadjoint resume {source}` goes on"
+        return f"holds a run that has not finished: `coadjoint resume {source}` continues it"
     return "holds a run that did not finish" if (source / RUN_FILE).exists() else "holds no results of coadjoint"
 
 

@@ -28,7 +28,7 @@ class Serve:
     """Serve a vehicle over UDP: `coadjoint serve bluerov2_heavy_blue --ardupilot`, or plain JSON without it."""
 
     vehicle: tyro.conf.Positional[str]
-    """A vehicle that is shipped, or the TOML file of one's own."""
+    """A vehicle that is shipped, or a TOML file of your own."""
     ardupilot: bool = False
     """Speak ArduPilot's JSON interface, as ArduSub does with `--model JSON:127.0.0.1`."""
     frame: str = "vectored_6dof"
@@ -48,7 +48,7 @@ class Serve:
     controller: bool = False
     """Serve it with the controller of its file: commands are its set points."""
     paced: bool = False
-    """Answer at the pace of real time, and tell how late answers were."""
+    """Answer at the pace of real time, and report the delays."""
     host: str = "127.0.0.1"
     """The address to listen at; 0.0.0.0 for all."""
     port: int | None = None
@@ -69,9 +69,9 @@ class Serve:
         loop = Loop(self.host, usual if self.port is None else self.port, self.paced)
         if not self.json:
             terminal.line(f"Setting up {self.vehicle} …")
-        answering, told = self._for_ardupilot() if self.ardupilot else self._plain()
+        answering, text = self._for_ardupilot() if self.ardupilot else self._plain()
         if not self.json:
-            terminal.line(told)
+            terminal.line(text)
             terminal.line(f"Listening at {loop.address[0]}:{loop.address[1]}; Ctrl-C ends it.")
         sys.stdout.flush()
         try:
@@ -121,8 +121,8 @@ class Serve:
         found = motors(self.frame, thrusters)
         rates = Rates(lambda rate: Served(craft, begin(), 1.0 / rate, self.imu), self.rate)
         names = ", ".join(f"{'-' if motor.sign < 0 else ''}{motor.thruster + 1}" for motor in found)
-        told = f"{craft.vehicle.name} for ArduSub's frame {self.frame}: its motors are the thrusters {names}."
-        return Lockstep(rates, thrusters, found), told
+        text = f"{craft.vehicle.name} for ArduSub's frame {self.frame}: its motors are the thrusters {names}."
+        return Lockstep(rates, thrusters, found), text
 
     def _plain(self) -> tuple[Service, str]:
         from coadjoint.vehicles.serving.plain import Service

@@ -27,7 +27,7 @@ class Stability:
     """Find steady flight of a vehicle, its modes, and whether it is stable: `coadjoint stability remus_100`."""
 
     vehicle: tyro.conf.Positional[str]
-    """A vehicle that is shipped, or the TOML file of one's own."""
+    """A vehicle that is shipped, or a TOML file of your own."""
     speed: str = "1.5"
     """Through the water, m/s; 0 is hanging at rest; several as `0.5,1,2` or `0.5:2.5:0.25` also draw a figure."""
     climb: float = 0.0
@@ -127,7 +127,7 @@ def _without(vehicle: Vehicle, names: tuple[str, ...]) -> Vehicle:
 
 
 def _fly(flight: SteadyFlight, speeds: list[float]) -> tuple[dict[float, tuple[Trim, Report]], dict[float, str]]:
-    """Trim and stability at each speed where steady flight was found, and why it was not at the others."""
+    """Trim and stability at each speed where steady flight was found, and the reasons at the others."""
     from coadjoint.stability import stability
     from coadjoint.vehicles.trim.reading import trim
 
@@ -164,7 +164,7 @@ def _card(flight: SteadyFlight, trimmed: Trim, report: Report) -> list[tuple[str
 
 
 def _limits(flight: SteadyFlight, trimmed: Trim) -> str:
-    """What a motion needs, or holds, beyond the limits of actuators, in sentences."""
+    """The needs of a motion, or held values, beyond the limits of actuators, in sentences."""
     needs, held = [], []
     for name, (value, limit) in trimmed.exceeded.items():
         part = flight.vehicle.part(name)

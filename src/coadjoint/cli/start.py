@@ -1,4 +1,4 @@
-"""The entry of the command `coadjoint`, which loads nothing itself: Ctrl-C ends it in a sentence from the start."""
+"""The entry of the command `coadjoint`, which imports nothing itself, so that Ctrl-C ends it without a traceback."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _run() -> int:
             return main()
         except KeyboardInterrupt:
             pass
-        except Exception:  # what imports make of an interrupt
+        except Exception:  # imports may turn an interrupt into this
             if not came:
                 raise
         sys.stderr.write(f"{word(came)}.\n")

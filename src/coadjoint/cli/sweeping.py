@@ -19,18 +19,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Run a sweep file, or what is missing of it: `coadjoint sweep masses.toml --out masses`."""
+    """Run a sweep file, or its missing members: `coadjoint sweep masses.toml --out masses`."""
 
     file: tyro.conf.Positional[Path]
     """The sweep file, with sections sweep, vary and results."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Output folder, by default named like the file; one that holds this sweep is finished, or told as it is."""
+    """Output folder, by default named like the file; one that holds this sweep is finished, or shown if it is
+    complete."""
     scheduler: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None
     """A scheduler of dask.distributed, as tls://HOST:8786; by default processes of this machine."""
     workers: int | None = None
-    """How many processes of this machine, by default one for each core; one is the command's own."""
+    """How many processes of this machine, by default one for each core; 1 runs in the command itself."""
     check: bool = False
-    """Tell what `sweep` would run, and refuse what it would refuse; nothing is run."""
+    """Show the runs of `sweep` and report its errors, without running anything."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
     overwrite: bool = False
@@ -44,11 +45,11 @@ class Sweep:
         folder = self.out or Path(self.file.stem)
         if self.check:
             found = probed(sweep)
-            told = {"valid": True, "members": sweep.members, "tasks": sweep.tasks, "members_of_a_task": sweep.size}
+            plan = {"valid": True, "members": sweep.members, "tasks": sweep.tasks, "members_of_a_task": sweep.size}
             count, apart = groups(sweep, found["quick"])
-            told |= {"steps": found["steps"], "variables": found["chosen"], "groups": count, "apart": apart}
-            told["together"] = not apart
-            terminal.json(told, indent=None) if self.json else _check(self.file, folder, told)
+            plan |= {"steps": found["steps"], "variables": found["chosen"], "groups": count, "apart": apart}
+            plan["together"] = not apart
+            terminal.json(plan, indent=None) if self.json else _check(self.file, folder, plan)
             return 0
         progress = False if self.json else None
         try:
@@ -56,21 +57,21 @@ class Sweep:
                 progress = False if self.json else None
                 made = execute(sweep, folder, self.scheduler, self.workers, self.overwrite, progress)
         except KeyboardInterrupt:
-            terminal.complain("What is done is kept: the same command again goes on with what is missing.")
+            terminal.complain("Finished members are kept: the same command again continues with the missing ones.")
             raise
         terminal.json(made.summary) if self.json else show(made)
         return 0
 
 
-def _check(file: Path, folder: Path, told: dict[str, Any]) -> None:
+def _check(file: Path, folder: Path, plan: dict[str, Any]) -> None:
     terminal.line(
-        f"{file} is a sweep of {told['members']:,} members, {told['steps']:,} steps each, "
-        f"in {_counted(told['tasks'], 'task')} of {told['members_of_a_task']:,}; its results would go to {folder}/."
+        f"{file} is a sweep of {plan['members']:,} members, {plan['steps']:,} steps each, "
+        f"in {_counted(plan['tasks'], 'task')} of {plan['members_of_a_task']:,}; its results would go to {folder}/."
     )
-    if told["apart"]:
+    if plan["apart"]:
         terminal.line(
-            f"Warning: members that differ in {' or '.join(told['apart'])} cannot step together: they are set up "
-            f"group after group, {_counted(told['groups'], 'group')} in all, a fraction of a second each."
+            f"Warning: members that differ in {' or '.join(plan['apart'])} cannot step together: they are set up "
+            f"group after group, {_counted(plan['groups'], 'group')} in all, a fraction of a second each."
         )
 
 
@@ -88,19 +89,19 @@ def _warned() -> Iterator[None]:
 
 
 def show(made: SweepResults) -> None:
-    """The summary, and the statistics of where members ended."""
+    """The summary, and statistics of the final states of members."""
     from coadjoint.runs.identity import NOT_COMPARED
     from coadjoint.sweeps.results import facts
 
-    told = made.summary
-    terminal.fields(facts(told))
+    plan = made.summary
+    terminal.fields(facts(plan))
     terminal.line("")
     finals = [str(name) for name in made.statistics.data_vars if str(name).startswith("final_")]
     labels = [str(label) for label in made.statistics.statistic.values]
     terminal.table(("result", *labels), [row for name in finals for row in _rows(made.statistics[name])])
-    for sentence, count in told["warnings"].items():
+    for sentence, count in plan["warnings"].items():
         terminal.line(f"Warning, of tasks with {count:,} members: {sentence}")
-    for member, sentence in list(told["refusals"].items())[:3]:
+    for member, sentence in list(plan["refusals"].items())[:3]:
         terminal.line(f"Member {member} was refused: {sentence}")
     terminal.line(f"Results: {made.folder}/")
     if not made.compared:

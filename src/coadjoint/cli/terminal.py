@@ -1,4 +1,4 @@
-"""What commands print: tables on a terminal, plain lines where the output is piped.
+"""Output of commands: tables on a terminal, plain lines where the output is piped.
 
 All output passes through here, and no control character of a name, a file or a folder reaches the terminal.
 """
@@ -15,7 +15,7 @@ from typing import Any
 from coadjoint.errors import printable
 
 NAME = 16
-"""The least width of names beside numbers."""
+"""The least width of names next to numbers."""
 
 
 def fields(rows: Sequence[tuple[str, str]]) -> None:
@@ -26,7 +26,7 @@ def fields(rows: Sequence[tuple[str, str]]) -> None:
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = True) -> None:
     """Rows under column heads: a rich table on a terminal, aligned text elsewhere.
 
-    Numbers are never shortened: beside them names are wrapped, and the table is wider than the terminal if it must be.
+    Numbers are never shortened: names next to them are wrapped, and the table exceeds the terminal if necessary.
     """
     columns, rows = _cells(columns), [_cells(row) for row in rows]
     if not sys.stdout.isatty():
@@ -40,10 +40,10 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = T
     made = Table(show_header=heads, box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     numbers = {i: max(len(row[i]) for row in rows) for i in range(len(columns)) if rows and _numbers(rows, i)}
     for index, column in enumerate(columns):
-        whole = index in numbers or (index == 0 and not numbers)
+        unbroken = index in numbers or (index == 0 and not numbers)
         least = max(numbers[index], len(column)) if index in numbers else NAME if numbers and index == 0 else None
         made.add_column(
-            Text(column), style="bold" if index == 0 else None, no_wrap=whole, min_width=least, overflow="fold"
+            Text(column), style="bold" if index == 0 else None, no_wrap=unbroken, min_width=least, overflow="fold"
         )
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
@@ -84,7 +84,7 @@ def complain(sentence: str) -> None:
 
 @contextmanager
 def warned() -> Iterator[None]:
-    """Print warnings that are shown meanwhile as sentences."""
+    """Inside this context, print warnings as sentences."""
     usual = warnings.formatwarning
 
     def sentence(message: Any, category: type[Warning], *place: Any, **more: Any) -> str:

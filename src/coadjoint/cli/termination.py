@@ -1,4 +1,4 @@
-"""How the command line is stopped from outside: SIGTERM does what Ctrl-C does."""
+"""Termination of the command line from outside: SIGTERM acts as Ctrl-C."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _came: list[int] = []
 _LOADING = {load.__code__ for load in (ExtensionFileLoader.create_module, ExtensionFileLoader.exec_module)}
 
 AGAIN = 0.02
-"""Seconds after which a signal that came at a bad moment comes again."""
+"""Seconds after which a signal that came at a bad moment is repeated."""
 
 
 @contextmanager
 def stoppable() -> Iterator[list[int]]:
-    """SIGTERM and Ctrl-C raise KeyboardInterrupt while this lasts; the signals that came are in the list.
+    """Inside this context SIGTERM and Ctrl-C raise KeyboardInterrupt; the list holds the signals that came.
 
-    Who calls from another thread, or handles a signal already, keeps what there is.
+    Callers in other threads, and existing handlers of a signal, are left unchanged.
     """
     if threading.current_thread() is not threading.main_thread():
         yield []
@@ -72,5 +72,5 @@ def status(came: list[int]) -> int:
 
 
 def word(came: list[int]) -> str:
-    """What has happened to it."""
+    """The status in words."""
     return "Terminated" if signal.SIGTERM in came else "Interrupted"

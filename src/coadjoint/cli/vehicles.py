@@ -1,4 +1,4 @@
-"""Vehicles as text: the list of those that are shipped, and all that is known of one."""
+"""Vehicles as text: the list of shipped vehicles, and the data sheet of one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def registry() -> list[dict[str, Any]]:
 
 
 def loaded(name: str) -> Vehicle:
-    """A shipped vehicle, or that of a path; its warnings are shown, not warned of. Raises ArgumentError, FileError."""
+    """A shipped vehicle, or that of a path; its warnings are part of the text. Raises ArgumentError, FileError."""
     from coadjoint.vehicles.files.registry import load_vehicle
 
     with warnings.catch_warnings():
@@ -30,7 +30,7 @@ def loaded(name: str) -> Vehicle:
 
 
 def text_of(name: str) -> str:
-    """The file of a vehicle, as it stands."""
+    """The file of a vehicle, unchanged."""
     from pathlib import Path
 
     from coadjoint.vehicles.files.registry import is_path, vehicle_text
@@ -42,7 +42,7 @@ def text_of(name: str) -> str:
 
 
 def described(vehicle: Vehicle) -> dict[str, Any]:
-    """All that is known of a vehicle, for JSON."""
+    """The data sheet of a vehicle, for JSON."""
     from coadjoint.vehicles.files.summary import summary
 
     return {
@@ -54,7 +54,7 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
         "parts": [_part(part) for part in vehicle.parts],
         "sensors": [_sensor(one) for one in vehicle.sensors],
         "controller": _controller(vehicle),
-        "numbers": {key: told._asdict() for key, told in vehicle.provenance.items()},
+        "numbers": {key: number._asdict() for key, number in vehicle.provenance.items()},
         "sources": dict(vehicle.sources),
         "warnings": list(vehicle.warnings),
     }
@@ -73,7 +73,7 @@ def show_shelf(rows: list[dict[str, Any]]) -> None:
 
 
 def show(vehicle: Vehicle) -> None:
-    """What follows from a vehicle's numbers, its parts, every number with unit, source and note, and its warnings."""
+    """Derived quantities of a vehicle, its parts, every number with unit, source and note, and its warnings."""
     found = described(vehicle)
     derived = found["summary"]
     speed, height = derived["terminal_speed"], derived["metacentric_height"]
@@ -98,7 +98,9 @@ def show(vehicle: Vehicle) -> None:
         rows = [(one["name"], one["kind"], f"{one['rate']:g}", ", ".join(one["reads"])) for one in found["sensors"]]
         terminal.table(("sensor", "kind", "rate (Hz)", "reads"), rows)
     terminal.line("")
-    rows = [(key, _value(told), told.unit, told.source, told.note) for key, told in vehicle.provenance.items()]
+    rows = [
+        (key, _value(number), number.unit, number.source, number.note) for key, number in vehicle.provenance.items()
+    ]
     terminal.table(("number", "value", "unit", "source", "note"), rows)
     if vehicle.sources:
         terminal.line("")
@@ -127,7 +129,7 @@ def _total(vehicle: Vehicle) -> float:
 
 
 def _cited(vehicle: Vehicle) -> str:
-    """Where its mass is from, in short: who or which repository."""
+    """The source of its mass, in short: an author or a repository."""
     return vehicle.sources.get(vehicle.provenance["body.mass"].source, "").partition(",")[0]
 
 
@@ -167,7 +169,7 @@ def _net(net: float, weight: float) -> str:
 
 def _height(height: float) -> str:
     if abs(height) < 1e-9:
-        return "0 mm, the centres of buoyancy and mass at one height: nothing rights it"
+        return "0 mm, the centres of buoyancy and mass coincide in height: no righting moment"
     side = "above" if height > 0 else "below"
     return f"{1000 * height:.4g} mm, the centre of buoyancy {side} the centre of mass"
 
@@ -177,11 +179,11 @@ def _terminal(vehicle: Vehicle, speed: float | None) -> str:
 
     if speed is None:
         return without_terminal_speed(vehicle)
-    return f"{speed:.4g} m/s ahead, with all that pushes ahead at its limit"
+    return f"{speed:.4g} m/s ahead, with all forward propulsion at its limit"
 
 
 def _driven(vehicle: Vehicle) -> dict[str, Any]:
-    """Where its parts put energy in: in any motion up to 1 m/s, and going ahead."""
+    """Energy put in by its parts: in any motion up to 1 m/s, and going ahead."""
     from coadjoint.vehicles.trim.passivity import driven
 
     return {"anywhere": driven(vehicle), "ahead": driven(vehicle, ahead=True)}
@@ -206,10 +208,10 @@ def _passivity(vehicle: Vehicle) -> str:
     )
 
 
-def _value(told: Quantity) -> str:
-    if isinstance(told.value, str):
-        return told.value
-    found = np.asarray(told.value, dtype=float)
+def _value(number: Quantity) -> str:
+    if isinstance(number.value, str):
+        return number.value
+    found = np.asarray(number.value, dtype=float)
     if found.ndim == 2:
         return "; ".join(" ".join(f"{number:g}" for number in row) for row in found)
     return " ".join(f"{number:.6g}" for number in np.atleast_1d(found))

@@ -1,4 +1,4 @@
-"""`coadjoint verify`: whether a folder holds what was written there."""
+"""`coadjoint verify`: whether the files of a folder are unchanged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Verify:
     folder: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, finished or not, or one that co.simulate(store=…) wrote."""
     json: bool = False
-    """Print what was found as JSON, and nothing else."""
+    """Print the result as JSON, and nothing else."""
 
     def __call__(self) -> int:
         from coadjoint.report.verification import verify
@@ -33,14 +33,16 @@ class Verify:
             ]
             found.unknown = [name for name in found.unknown if not Path(name).is_relative_to(self.folder / MEMBERS)]
         if self.json:
-            told = {"complete": found.complete, "files": found.files, "problems": found.problems}
-            terminal.json({**told, "unknown": found.unknown})
+            result = {"complete": found.complete, "files": found.files, "problems": found.problems}
+            terminal.json({**result, "unknown": found.unknown})
         else:
             for sentence in found.problems:
                 terminal.line(sentence)
             if found.passed:
                 state = "a finished run" if found.complete else "an unfinished run"
-                terminal.line(f"{self.folder} holds {state}: {found.files} files are what was written.")
+                terminal.line(
+                    f"{self.folder} holds {state}: {found.files} files are unchanged since they were written."
+                )
             for name in found.unknown:
-                terminal.line(f"{name} is not of the run.")
+                terminal.line(f"{name} does not belong to the run.")
         return OK if found.passed else DAMAGED

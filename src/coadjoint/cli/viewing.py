@@ -15,24 +15,24 @@ from coadjoint.cli import terminal
 
 @dataclass(frozen=True)
 class View:
-    """Show runs move in space: one page for the browser, with everything inside, which needs no network."""
+    """Show runs move in space: one self-contained page for the browser, which needs no network."""
 
     sources: tyro.conf.Positional[tuple[Path, ...]]
     """Folders that `run` wrote, or files of runs; several come into one scene."""
     out: Path | None = None
-    """The page to write, by default `view.html` beside the first run."""
+    """The page to write, by default `view.html` next to the first run."""
     mesh: Path | None = None
-    """The hull's surface, a file of STL, OBJ or glTF, in place of what the vehicle file says."""
+    """The hull's surface, a file of STL, OBJ or glTF, instead of the one in the vehicle file."""
     mesh_unit: Literal["m", "cm", "mm", "in"] = "m"
     """The unit of the mesh's numbers."""
     mesh_axes: Literal["FRD", "FLU", "YUP"] = "FRD"
     """The axes of the mesh: forward, starboard, down; forward, port, up; or glTF's port, up, forward."""
     size: tuple[float, float, float] | None = None
-    """The sides of the body, m, of a run that is no vehicle's."""
+    """The sides of the body, m, for runs without a vehicle."""
     round: bool = False
-    """The body is an ellipsoid with these sides, and no box."""
+    """The body is an ellipsoid with these sides, not a box."""
     z_down: bool = False
-    """The third axis of space points down, in a run that is no vehicle's."""
+    """The third axis of space points down, for runs without a vehicle."""
     no_open: bool = False
     """Write the page, and do not open it."""
     json: bool = False
@@ -71,7 +71,7 @@ class View:
         from coadjoint.plotting import bodies
 
         if self.mesh is not None and self.size is not None:
-            raise ArgumentError("The body is either a mesh or of a `--size`: leave one of them out.")
+            raise ArgumentError("The body is given either by a mesh or by `--size`: leave one of them out.")
         if self.mesh is not None:
             return bodies.mesh(self.mesh, self.mesh_unit, axes=self.mesh_axes)
         if self.size is None:

@@ -1,10 +1,10 @@
-"""What the measurements before a horizon tell of its first node: the arrival cost.
+"""The arrival cost: the information of the measurements before a horizon on its first node.
 
-V(x) = ½ |Rθ + r|² + lᵀθ for the changes y = a + Kθ of a node x̄, by its directions; K has as many independent columns as
-the node can change in. What K leaves out is known, and directions that R does not weigh are not known.
+V(x) = ½ |Rθ + r|² + lᵀθ for the changes y = a + Kθ of a node x̄, by its directions; K has as many independent columns
+as the node can change in. Directions outside K are known exactly, and directions that R does not weigh are unknown.
 
 Costs are kept as roots, not as Hessians RᵀR: a direction without information is then one of round-off against R itself.
-It is measured in the units of the columns before anything cancels, and what is below SMALL of them counts as nothing.
+It is measured in the units of the columns before any cancellation, and values below SMALL of them count as zero.
 
 Source: G. J. Bierman, *Factorization Methods for Discrete Sequential Estimation*, Academic Press (1977), chapter V.
 """
@@ -19,7 +19,7 @@ import numpy as np
 from coadjoint.errors import OptimumError
 
 SMALL = 1e-10
-"""A singular value, of the largest, that counts as none."""
+"""The relative size of a singular value that counts as zero."""
 
 
 class Part(NamedTuple):
@@ -82,14 +82,14 @@ class Quadratic(NamedTuple):
         return self.J.T @ self.r + self.l
 
     def least(self) -> np.ndarray:
-        """v of the least value, 0 along what the cost does not tell."""
+        """v of the least value, 0 along directions that the cost does not determine."""
         units, left, sizes, right = self._directions()
-        told = (left.T @ self.r)[: len(sizes)] / sizes
-        told += right[: len(sizes)] @ (self.l / units) / sizes**2
-        return -(right[: len(sizes)].T @ told) / units
+        found = (left.T @ self.r)[: len(sizes)] / sizes
+        found += right[: len(sizes)] @ (self.l / units) / sizes**2
+        return -(right[: len(sizes)].T @ found) / units
 
     def spread(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """S with SSᵀ = H⁻¹ where the cost tells v, the columns of directions where it does not, and their units."""
+        """S with SSᵀ = H⁻¹ where the cost determines v, the columns of the other directions, and their units."""
         units, _, sizes, right = self._directions()
         return right[: len(sizes)].T / sizes / units[:, None], right[len(sizes) :].T, units
 
@@ -129,7 +129,7 @@ def cleaned(product: np.ndarray, *factors: np.ndarray) -> np.ndarray:
 def least_to(cost: Quadratic, G: np.ndarray) -> tuple[np.ndarray, Quadratic]:
     """(K, V): the least cost of v as a function of Gv = Kθ, V(θ) = min {cost(v): Gv = Kθ}.
 
-    v is in units of the cost, so that of its changes that lead to the same θ those are taken that cost least.
+    v is in units of the cost, so that among changes that lead to the same θ the cheapest are taken.
     """
     held = cost.sizes[cost.sizes > 0]
     v_units = np.where(cost.sizes > 0, cost.sizes, np.min(held, initial=np.inf) if len(held) else 1.0)
@@ -168,7 +168,7 @@ def _units(sizes: np.ndarray) -> np.ndarray:
 
 
 def _decomposed(J: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Singular vectors and values of a matrix, the values without those that count as none; all right vectors."""
+    """Singular vectors and values of a matrix, the values without those that count as zero; all right vectors."""
     if len(J) > J.shape[1]:
         Q, R = np.linalg.qr(J)
         left, sizes, right = np.linalg.svd(R)

@@ -20,7 +20,7 @@ Residual = Callable[[System, State], Array]
 
 
 def end_conditions(problem: ProblemData) -> list[tuple[str, Residual]]:
-    """What is zero at the last node, (rows,) of a system and its state, by what it is.
+    """The residuals at the last node, (rows,) of a system and its state, by name.
 
     Raises ArgumentError for values that do not fit the system.
     """
@@ -39,19 +39,19 @@ def end_conditions(problem: ProblemData) -> list[tuple[str, Residual]]:
 
 
 def end_state(problem: ProblemData) -> State:
-    """The state at the end, where what is free is as at the start; raises ArgumentError for wrong shapes."""
+    """The state at the end, with free parts as at the start; raises ArgumentError for wrong shapes."""
     end = problem.end if isinstance(problem.end, End) else End()
     given = start_values(problem) | {name: getattr(end, name) for name in end.given}
     return problem.system.state(**given, inputs=problem.start.inputs)
 
 
 def start_values(problem: ProblemData) -> dict[str, Any]:
-    """Where the motion starts, as arguments of `system.state`, without velocities."""
+    """The configuration at the start, as arguments of `system.state`, without velocities."""
     return place_of(problem.system, problem.start)
 
 
 def place_of(system: System, start: State) -> dict[str, Any]:
-    """Where a state is, as arguments of `system.state`, without velocities."""
+    """The configuration of a state, as arguments of `system.state`, without velocities."""
     group, Q, V = system.places
     found: dict[str, Any] = {"g": start.g, "t": start.t}
     if Q.dim(group):
@@ -133,7 +133,7 @@ StartResidual = Callable[[System, State, Array], Array]
 
 
 def free_start_sizes(problem: ProblemData) -> dict[str, int]:
-    """How many numbers η has for each part of the start that is free; raises ArgumentError for what has no place."""
+    """The count of numbers of η for each free part of the start; raises ArgumentError for parts that cannot be free."""
     group, Q, _ = problem.system.places
     dims = {
         "g": group.dim,
@@ -158,7 +158,7 @@ def free_start_sizes(problem: ProblemData) -> dict[str, int]:
 
 
 def start_deviations(problem: ProblemData) -> np.ndarray:
-    """σ of every number of η, infinite where nothing is known."""
+    """σ of every number of η, infinite if unknown."""
     found = []
     for name, size in free_start_sizes(problem).items():
         try:
@@ -182,10 +182,9 @@ def start_parts(problem: ProblemData, eta: Any) -> dict[str, Any]:
 
 
 def start_residual(problem: ProblemData) -> StartResidual:
-    """What is zero at the first node: x_0 less the start moved by η, g exp(η) of g and a sum of the others.
+    """The residual at the first node: x_0 less the start moved by η, g exp(η) for g and a sum for the others.
 
-    Of g there are as many equations as it has entries, so that it lies on the group; a = g⁻¹ a₀ moves with it, and q
-    stays where it is.
+    g has as many equations as entries, so that it lies on the group; a = g⁻¹ a₀ moves with it, and q stays.
     """
     start = problem.start
     q = np.asarray(start.q) if problem.system.additional.dim(problem.system.group) else np.zeros(0)

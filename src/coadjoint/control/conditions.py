@@ -24,7 +24,7 @@ SETTLED = 1e-4
 
 
 class SolvedProgram(NamedTuple):
-    """What a solver found: the program's problem, and w with the multipliers of g(w) and of the bounds of w."""
+    """The solution of a program: its problem, and w with the multipliers of g(w) and of the bounds of w."""
 
     problem: ProblemData
     w: np.ndarray
@@ -43,7 +43,7 @@ class Conditions:
     free: np.ndarray
 
     def solved(self, right: np.ndarray) -> np.ndarray:
-        """The solution of [H Aᵀ; A 0] x = right over the free variables; raises OptimumError where there is none."""
+        """The solution of [H Aᵀ; A 0] x = right over the free variables; raises OptimumError if there is none."""
         a = self.slopes[:, self.free]
         matrix = csc_matrix(bmat([[self.hessian[:, self.free], a.T], [a, None]]))
         no = "The optimum is not a strict one, or its constraints are not independent: it has no derivative."
@@ -62,7 +62,7 @@ def conditions(
 ) -> Conditions:
     """The conditions at w with the multipliers of the rows of g and of the bounds.
 
-    Raises OptimumError where a constraint is only just reached.
+    Raises OptimumError if a constraint is only just reached.
     """
     ca = casadi()
     lam = ca.MX.sym("lam", program.g.numel())
@@ -81,7 +81,7 @@ def conditions(
 
 
 def _of_start(transcription: Transcription) -> slice:
-    """The rows of g that say with which velocities the motion starts: before those of the end, which are last."""
+    """The rows of g for the velocities at the start: before those of the end, which are last."""
     after = sum(len(rows.lower) for rows in transcription.end)
     size = sum(len(rows.lower) for rows in transcription.start)
     return slice(-size - after, -after or None)
@@ -98,7 +98,7 @@ def _with_start(transcription: Transcription, rows: np.ndarray, slopes: Any, bou
 
 
 def _active(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, multiplier: np.ndarray, what: str) -> np.ndarray:
-    """Which constraints hold the optimum; raises OptimumError where one is only just reached."""
+    """The active constraints of the optimum; raises OptimumError if one is only just reached."""
     distance = np.minimum(value - lower, upper - value) / (1.0 + np.abs(value))
     force = np.abs(multiplier) / max(1.0, float(np.max(np.abs(multiplier), initial=0.0)))
     equal = lower == upper
@@ -114,7 +114,7 @@ def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
     """Standard deviations of the parameters and of η of the start; see `Optimum.deviations`."""
     problem = solved.problem
     if not problem.measured:
-        raise ArgumentError("Standard deviations need what was measured: give the problem `measured`.")
+        raise ArgumentError("Standard deviations need measurements: give the problem `measured`.")
     transcription = transcribe(problem)
     if not transcription.sizes[3]:
         raise ArgumentError("Standard deviations are those of `parameters` and `free_start`, of which there are none.")
@@ -131,13 +131,13 @@ def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
         spread = found.solved(right)
     except OptimumError:
         raise OptimumError(
-            "The measurements do not tell all that is chosen, parameters, start and inputs: another motion is as "
+            "The measurements do not determine all unknowns, parameters, start and inputs: another motion is as "
             "likely. Measure more, or give deviations in `free_start` and a cost of the inputs."
         ) from None
     variance = np.array([spread[place[v], c] if v in place else 0.0 for c, v in enumerate(chosen)])
     if np.any(variance < 0.0):
         raise OptimumError(
-            "The optimum is no minimum: the cost falls to one side of it, so that it has no standard deviations. "
+            "The optimum is not a minimum: the cost falls to one side of it, so that it has no standard deviations. "
             "Another guess, or another start, leads to a minimum."
         )
     return _named(transcription, np.sqrt(variance))

@@ -28,7 +28,7 @@ FLOOR = 1e-9
 
 
 class Expansion(NamedTuple):
-    """The program about a plan, its linear steps, and what turns a change of a node into directions."""
+    """The program about a plan, its linear steps, and the matrices from changes of a node to directions."""
 
     stages: Stages
     steps: Steps
@@ -36,7 +36,7 @@ class Expansion(NamedTuple):
 
 
 class Expanding:
-    """A transcription's functions, expanded about any plan. scale: of each input, by which the program counts it."""
+    """A transcription's functions, expanded about any plan. scale: the unit of each input in the program."""
 
     def __init__(self, transcription: Transcription):
         problem, functions = transcription.problem, transcription.functions
@@ -60,16 +60,16 @@ class Expanding:
         self._path_reads_inputs = _reads(path, slice(self.width, None))
         if np.any(_reads(end, slice(self.width, None))):
             raise ArgumentError(
-                "A controller's `end` must be of the state alone: put what is asked of inputs in `path`."
+                "A controller's `end` must be of the state alone: put conditions on inputs into `path`."
             )
 
     def _coupled(self, function) -> bool:
-        """Whether a cost has a product of a state with an input, which is of two stages at the end of a step."""
+        """Whether a cost has a product of a state with an input, which belongs to two stages at the end of a step."""
         hessian = _pattern(function, "hessian", self.width + self.nu)
         return bool(np.any(hessian[: self.width, self.width :]))
 
     def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, before: np.ndarray) -> Expansion:
-        """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN where none is known."""
+        """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN if unknown."""
         inverses = self.tangents.inverses(x, u, p, self.h)
         steps = self._linear(x[:-1], u, z, p, self.h)
         M = self.tangents.rows(steps.M, inverses[1:])
@@ -106,7 +106,7 @@ class Expanding:
         return convex(H, self._definite)
 
     def _constraints(self, x: np.ndarray, u: np.ndarray, p: np.ndarray):
-        """Those of the motion, less what no input can change at the first node, and what inputs do at the last."""
+        """The rows of the motion, less those that no input can change at the first node, and inputs at the last."""
         n, nx, m = self.count, self.width, self.width + self.nu
         values, jacobian = self._path(x, np.concatenate([u, u[-1:]]), p, self.h)
         rows = values.shape[1]
@@ -123,7 +123,8 @@ class Expanding:
         return jacobian[:-1], (limits[0][:-1], limits[1][:-1]), last_C, (last[0], last[1])
 
     def _with_rates(self, s: Stages, u: np.ndarray, before: np.ndarray) -> Stages:
-        """With the input before as states more, v_{k+1} = u_k, and |u_k − v_k| ≤ rate h, for inputs with a rate."""
+        """With the previous input as additional states, v_{k+1} = u_k, and |u_k − v_k| ≤ rate h, for inputs with a
+        rate."""
         rated, n, nx, nu = self.rated, self.count, self.width, self.nu
         if not len(rated):
             return s
@@ -154,7 +155,7 @@ class Expanding:
         )  # fmt: skip
 
     def patterns(self) -> dict[str, np.ndarray]:
-        """Which numbers of the program may differ from zero."""
+        """The numbers of the program that may differ from zero."""
         nx, nu, more = self.width, self.nu, len(self.rated)
         rows, end = (
             sum(len(r.lower) for r in self.transcription.path),
@@ -173,10 +174,10 @@ def limits_of(transcription: Transcription, name: str) -> np.ndarray:
 def convex(H: np.ndarray, definite: bool) -> np.ndarray:
     """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number.
 
-    definite: whether none is negative, so that nothing has to be looked for; H itself is raised then.
+    definite: whether none is negative, so that no search is needed; H itself is raised then.
     """
     diagonal = np.arange(H.shape[-1])
-    if definite:  # the largest number stands on the diagonal
+    if definite:  # the largest number is on the diagonal
         H[:, diagonal, diagonal] += FLOOR * max(float(np.max(H[:, diagonal, diagonal], initial=0.0)), 1e-300)
         return H
     size = max(float(np.max(np.abs(H), initial=0.0)), 1e-300)
@@ -197,6 +198,6 @@ def _pattern(function, result: str, width: int) -> np.ndarray:
 
 
 def _reads(function, columns: slice) -> np.ndarray:
-    """Which rows of a function depend on some of (x, u)."""
+    """The rows of a function that depend on some of (x, u)."""
     sparsity = function.sparsity_out("jacobian")
     return np.any(_pattern(function, "jacobian", sparsity.size2())[:, columns], axis=1)

@@ -1,4 +1,4 @@
-"""A step as a function of CasADi, for other programs: rockit, acados, or one's own."""
+"""A step as a function of CasADi, for other programs: rockit, acados, or your own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ExportedStep:
     """A step x_{k+1} = Φ(x, u, z, p, h) with r(x, u, z, p, h) = 0, as `casadi.Function`s.
 
     function: (x, u, z, p, h) → (residual, next), with exact sparse derivatives; saved by `function.save(path)`.
-    names: what the numbers of x are. start: x at the start, (nx,). unknowns: how many z there are. h: the step, s.
+    names: of the numbers of x. start: x at the start, (nx,). unknowns: the count of z. h: the step, s.
     """
 
     function: Any
@@ -43,14 +43,15 @@ def step_function(
     """One step of `co.simulate` as a function of CasADi.
 
         step = co.control.step_function(body, start, 0.05, inputs={"torque": co.control.Input((3,))})
-        solve = casadi.rootfinder("solve", "newton", …)  # r = 0 for z, or z beside the variables of an optimiser
+        solve = casadi.rootfinder("solve", "newton", …)  # r = 0 for z, or z among the variables of an optimiser
 
     system, start, dt, method, inputs: as in `co.control.Problem`. parameters: names of those that are arguments p; the
     others are numbers.
 
     u of a linear input holds its numbers at the beginning of the step, then those at its end; p holds θ of profiles
-    before the parameters. x holds g whole, as matrices, and what of n, a, μ, π and the internal state a step depends
-    on. Raises ArgumentError and LagrangianError, the latter with the operation that CasADi does not have.
+    before the parameters. x holds all entries of g, as matrices, and the parts of n, a, μ, π and the internal state on
+    which a step depends. Raises ArgumentError and LagrangianError, the latter with the operation that CasADi does not
+    have.
     """
     method = Midpoint() if method is None else method
     require_kinds(system, start, method)

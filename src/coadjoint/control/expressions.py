@@ -72,7 +72,7 @@ def _operations(ca: Any) -> dict[str, Callable[..., Any]]:
 
 
 def _entry(ca: Any, table: Table, place: Any) -> Any:
-    """The number of a table at a whole place, by halving."""
+    """The number of a table at an integer index, by halving."""
     if len(table.numbers) > LONGEST_TABLE:
         raise LagrangianError(
             f"A table of {len(table.numbers):,} numbers is too long for CasADi's expressions, which take up to "

@@ -51,7 +51,7 @@ def casadi_function(
 
 
 def traced(tracer: Tracer, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """function(*arguments) as expressions; raises LagrangianError for what cannot be one."""
+    """function(*arguments) as expressions; raises LagrangianError if it has no such form."""
     try:
         with in_words(what):
             return tracer.trace(function, *arguments)

@@ -1,4 +1,4 @@
-"""Where a solver begins: states, velocities and momenta that fit each other."""
+"""Initial guesses of a solver: states, velocities and momenta that fit each other."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
 ASIDE = -1e-3
-"""How far from half a turn a guess ends, in 𝔤."""
+"""The distance of a guess from half a turn, in 𝔤."""
 
 
 def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray:
-    """The variables (n,) where the solver begins."""
+    """The variables (n,) at the start of the solver."""
     return variables(transcription, *guessed_motion(transcription, guess))
 
 
 def guessed_motion(transcription: Transcription, guess: Run | str | None) -> tuple[State, dict[str, np.ndarray]]:
-    """The states of all nodes where the solver begins, and what is known of the inputs there.
+    """The states of all nodes at the start of the solver, and the known inputs there.
 
     guess: a run of the same number of steps, every node saved; "simulate", the motion with the inputs' guesses;
     "interpolate", along exp(s log g₀⁻¹g_N) on the group and a straight line in q, with s = 3τ² − 2τ³, so that it rests
-    at both ends; None, interpolated where the end gives g or q, else simulated.
+    at both ends; None, interpolated where the end gives g or q, otherwise simulated.
     """
     end = transcription.problem.end
     if guess is None:
@@ -55,7 +55,7 @@ def guessed_motion(transcription: Transcription, guess: Run | str | None) -> tup
 
 
 def variables(transcription: Transcription, states: State, known_inputs: dict[str, np.ndarray]) -> np.ndarray:
-    """The variables (n,) of a motion; inputs that are not known there have their guesses."""
+    """The variables (n,) of a motion; unknown inputs have their guesses."""
     problem, graph = transcription.problem, transcription.graph
     _, nu, nz, _ = transcription.sizes
     x = graph.numbers(states)[:, transcription.live]
@@ -76,7 +76,7 @@ def variables(transcription: Transcription, states: State, known_inputs: dict[st
 
 
 def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
-    """z of every step, (N, nz): what Newton's iteration would begin with in each stage."""
+    """z of every step, (N, nz): the start of Newton's iteration in each stage."""
     system, method, h, state = transcription.beginning
     program = StepProgram(system, method)
     steps = [step for step, _ in method.stages]
@@ -137,14 +137,14 @@ def _interpolated(transcription: Transcription) -> State:
     tau = np.linspace(0.0, 1.0, problem.count + 1)
     s, speed = tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length
     between = evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, target.g)
-    whole = _logarithm(group, between)
+    turn = _logarithm(group, between)
 
     def element(s: Any) -> Any:
-        return group.compose(start.g, group.exp(s * whole))
+        return group.compose(start.g, group.exp(s * turn))
 
     given: dict[str, Any] = {
         "g": each(evaluate(jax.vmap(element), s)),
-        "xi": each(speed[:, None] * whole),
+        "xi": each(speed[:, None] * turn),
     }
     if Q.dim(group):
         q, goal = np.asarray(start.q), np.asarray(target.q)

@@ -16,7 +16,8 @@ ROUND_OFF = 1e-9
 """By how much the least of a program may leave its bounds, so that they need no other solver."""
 
 BLIND = 1e-6
-"""Curvature, of 1, of a program along what its cost does not tell, so that only bounds move it there."""
+"""Curvature, of 1, of a program along directions that its cost does not determine, so that only bounds move it
+there."""
 
 
 class HorizonLimits:
@@ -59,7 +60,7 @@ class HorizonLimits:
         if not solver.stats()["success"]:
             excess = np.maximum(lower - inside, inside - upper)
             raise OptimumError(
-                "No motion of the horizon lies between all bounds: most violated by what was measured is "
+                "No motion of the horizon lies between all bounds: the measurements violate most "
                 f"{names[int(np.argmax(excess))]}, by {np.max(excess):.3g}."
             )
         return found["x"].full().ravel() * units

@@ -1,4 +1,4 @@
-"""Which constraint resists, where no motion satisfies them all: the motion that leaves them by the least sum."""
+"""Infeasible problems: the motion with the least sum of violations shows which constraint resists."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ KEPT = (
     "the velocities of the start",
     "the shared",
 )
-"""How the names of those begin that make a motion, and are never left."""
+"""The prefixes of constraints that define a motion, which are never violated."""
 
 MOST = 200
 """Iterations of the solver."""
 
 
 def resisting(program: NonlinearProgram, first: np.ndarray) -> tuple[str, float] | None:
-    """The constraint that a motion between the bounds of its inputs must leave by most, and by how much:
+    """The constraint that a motion within the bounds of its inputs must violate most, and by how much:
 
         min Σ (s⁺ + s⁻)   subject to   lower ≤ g(w) + s⁺ − s⁻ ≤ upper,  s⁺, s⁻ ≥ 0, and 0 for the equations of motion.
 
-    first: where the solver begins. None where it finds no such motion, or one that leaves nothing.
+    first: the start of the solver. None if it finds no such motion, or one without violations.
     """
     ca = casadi()
     kept = np.concatenate([np.full(b.nodes * len(b.rows.lower), b.rows.what.startswith(KEPT)) for b in program.blocks])

@@ -1,4 +1,4 @@
-"""Inputs that change within a step: linear between nodes, or a given function of time with numbers that are chosen.
+"""Inputs that change within a step: linear between nodes, or a given function of time with free numbers.
 
 A step sees them at the times where its method samples them: in the program by the functions below, in the run of the
 optimum as `co.Linear` and `co.Signal`, which are the same functions.
@@ -26,7 +26,7 @@ from coadjoint.mechanics.state import NodeMotion
 from coadjoint.mechanics.trace_checks import in_words, require_float64
 
 COURSES = ("held", "linear")
-"""How an input may go over a step."""
+"""The courses of an input over a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,10 @@ class Profile:
         co.control.Profile(lambda t, theta: theta[0] * jnp.sin(theta[1] * t), guess=[1.0, 2.0], lower=0.0)
 
     function: t (s) and θ to a number or an array, written with `jax.numpy`; evaluated where the method samples it.
-    guess: θ where the solver begins, a number or (m,), which says how many there are. lower, upper: bounds of θ,
+    guess: θ at the start of the solver, a number or (m,), which fixes their count. lower, upper: bounds of θ,
     numbers or of its shape, by default none. u itself is bounded by `path`.
 
-    Raises ArgumentError and LagrangianError for what is none of this.
+    Raises ArgumentError and LagrangianError for other arguments.
     """
 
     function: Callable[[Any, Any], Any]
@@ -66,7 +66,7 @@ class Profile:
 
     @property
     def size(self) -> int:
-        """How many numbers θ has."""
+        """The count of numbers θ."""
         return int(self.guess.size)
 
     def signal(self, theta: np.ndarray) -> Signal:
@@ -74,7 +74,7 @@ class Profile:
         return Signal(lambda t: self.function(t, theta))
 
     def require(self, name: str, t: float) -> None:
-        """Raise LagrangianError or ArgumentError where the function gives no finite numbers at the start."""
+        """Raise LagrangianError or ArgumentError unless the function gives finite numbers at the start."""
         what = f"The profile `{name}`"
         require_float64(self.function, what, (np.float64(t), self.guess))
         with in_words(what):
@@ -87,7 +87,7 @@ class Profile:
 
 
 class Columns(NamedTuple):
-    """Where an input stands among the numbers u of a step: at its beginning and at its end, the same where held."""
+    """The places of an input among the numbers u of a step: at its beginning and at its end, equal if held."""
 
     name: str
     given: Any
@@ -123,7 +123,7 @@ def line(t: Any, over_step: Any) -> Any:
 
 
 def source(given: Any) -> Any:
-    """What drives the system of the program instead of an input that is chosen; another thing as it is."""
+    """The input of the program's system in place of a chosen one; other inputs unchanged."""
     if isinstance(given, Profile):
         return Between(function=given.function)
     if not hasattr(given, "course"):
@@ -132,7 +132,7 @@ def source(given: Any) -> Any:
 
 
 class Symbolic(NamedTuple):
-    """What is held of an input over a step, with symbols: those of the step's own, and those of all steps."""
+    """The value of an input held over a step, with symbols: those of the step, and those of all steps."""
 
     held: Any
     of_step: list[Expr]
@@ -140,7 +140,7 @@ class Symbolic(NamedTuple):
 
 
 def symbolic(tracer: Tracer, name: str, source: Any, example: Any, t: Any, h: Expr) -> Symbolic:
-    """The symbols of one input over a step of h that begins at t; example: what is held of it in numbers."""
+    """The symbols of one input over a step of h that begins at t; example: its held value in numbers."""
     if not isinstance(source, Between):
         held = tracer.symbols(f"inputs {name} ", example)
         return Symbolic(held, flat(held), [])
@@ -155,14 +155,14 @@ def symbolic(tracer: Tracer, name: str, source: Any, example: Any, t: Any, h: Ex
 
 
 def first(given: Any, t: float) -> Any:
-    """What is held of it over the first step, with its guess."""
+    """Its value held over the first step, with its guess."""
     if isinstance(given, Profile) or given.course == "held":
         return given.guess
     return {"begin": given.guess, "t": np.float64(t), "slope": np.zeros(given.shape)}
 
 
 def guesses(inputs: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Inputs as `co.simulate` takes them, with their guesses; None where there are none."""
+    """Inputs as `co.simulate` takes them, with their guesses; None if there are none."""
     found = {}
     for name, given in inputs.items():
         found[name] = given.signal(given.guess) if isinstance(given, Profile) else getattr(given, "guess", given)
@@ -170,7 +170,7 @@ def guesses(inputs: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def flown_inputs(inputs: Mapping[str, Any], chosen: Mapping[str, np.ndarray], begin: float, h: float) -> Any:
-    """Inputs as `co.simulate` takes them, with the numbers that were chosen; None where there are none."""
+    """Inputs as `co.simulate` takes them, with the optimal numbers; None if there are none."""
     found = {}
     for name, given in inputs.items():
         if isinstance(given, Profile):

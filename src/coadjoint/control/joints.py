@@ -1,4 +1,4 @@
-"""Where two phases meet: the state goes on, on the group, and the momenta or the velocities with it."""
+"""Joints of phases: the state is continuous, on the group, and so are the momenta or the velocities."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
 KEPT = ("momentum", "velocity")
-"""What may go on where two phases meet."""
+"""The quantities that may be continuous at a joint."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """The end of phase `before` is the beginning of phase `after`; keep: what goes on, momenta or velocities."""
+    """The end of phase `before` is the beginning of phase `after`; keep: the continuous quantity, momenta or
+    velocities."""
 
     before: str
     after: str
@@ -40,11 +41,11 @@ class Joint:
         return f"the joint of `{self.before}` and `{self.after}`"
 
     def velocities(self, graph: StepGraph) -> list[Expr]:
-        """ξ and ν of the momenta at a node, if these go on."""
+        """ξ and ν of the momenta at a node, if these are continuous."""
         return graph.at_node(_velocities, "The velocities") if self.keep == "velocity" else []
 
     def places(self, after: Transcription) -> list[int]:
-        """Which numbers of the state are the same on both sides."""
+        """The numbers of the state that are the same on both sides."""
         names, keep = after.graph.names(), self.keep == "momentum"
         return [i for i in after.live if keep or not names[i].startswith(("mu", "pi"))]
 
@@ -58,7 +59,7 @@ class Joint:
         return [graph.symbols.state[i] for i in self.places(after)]
 
     def rows(self, before: Transcription, after: Transcription, ends: Sides, begins: Sides) -> Any:
-        """What is zero at the joint, as CasADi's expression."""
+        """The residual at the joint, as CasADi's expression."""
         ca, places = casadi(), self.places(after)
         there, here = ({place: k for k, place in enumerate(one.live)} for one in (before, after))
         gap = begins.x[[here[i] for i in places]] - ends.x[[there[i] for i in places]]
@@ -88,7 +89,7 @@ class Sides(NamedTuple):
 class PhasedProgram(NamedTuple):
     """The program of all phases, and that of each by its name."""
 
-    whole: NonlinearProgram
+    joined: NonlinearProgram
     each: dict[str, NonlinearProgram]
 
     def split(self, w: np.ndarray) -> dict[str, np.ndarray]:
@@ -147,7 +148,7 @@ def _sides(transcription: Transcription, w: Any) -> tuple[Sides, Sides]:
 
 
 def _place(transcription: Transcription, name: str) -> slice:
-    """Where a parameter of the system stands among the parameters."""
+    """The place of a parameter of the system among the parameters."""
     begin = sum(profile.size for profile in transcription.profiles.values())
     known: Any = transcription.problem.system.parameters
     for one in transcription.problem.parameters:
@@ -155,7 +156,7 @@ def _place(transcription: Transcription, name: str) -> slice:
         if one == name:
             return slice(begin, begin + size)
         begin += size
-    raise AssertionError("a parameter that is not chosen")
+    raise AssertionError("a fixed parameter")
 
 
 def carried(system: System, states: State, into: System, keep: str) -> State:

@@ -18,8 +18,8 @@ def squares(function: Callable[..., Any]) -> Callable[..., Any]:
 
     function: as a cost, written with jax.numpy; its weights are square roots of those of the squares.
 
-    To `problem.solve` this is a cost as any other. A controller takes 2 JᵀJ for its Hessian, J = ∂e/∂(x, u), which is
-    never negative and needs no second derivatives. Raises ArgumentError for what is no function.
+    For `problem.solve` this is a cost like any other. A controller takes 2 JᵀJ for its Hessian, J = ∂e/∂(x, u), which
+    is never negative and needs no second derivatives. Raises ArgumentError unless it is a function.
     """
     checks.function(function, "function", "a function of the motion")
 

@@ -14,11 +14,11 @@ IPOPT = {
 """Options of IPOPT. Without the last it reads `ipopt.opt` in the working directory, which may name code to load."""
 
 INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
-"""How IPOPT ends on Ctrl-C, which CasADi raises as an exception of its own."""
+"""The statuses of IPOPT after Ctrl-C, which CasADi raises as its own exception."""
 
 
 def casadi() -> Any:
-    """The module; raises ArgumentError where it is not installed."""
+    """The module; raises ArgumentError if it is not installed."""
     try:
         import casadi as module
     except ImportError as error:

@@ -14,9 +14,9 @@ from coadjoint.control.transcription import Transcription, functions_of
 
 
 class Tables:
-    """A function of CasADi of `count` rows of arguments at once, with results (count, rows) or (count, rows, columns).
+    """A function of CasADi of `count` rows of arguments per call, with results (count, rows) or (count, rows, columns).
 
-    What its results have in common is computed once (`cse`), which halves the operations of derivatives.
+    Common subexpressions of its results are computed once (`cse`), which halves the operations of derivatives.
     """
 
     def __init__(self, function: Any, count: int):
@@ -101,7 +101,7 @@ class LinearSteps:
 
 
 class Simulated:
-    """One step with Newton's iteration for z, from any node: where the model goes."""
+    """One step with Newton's iteration for z, from any node: the prediction of the model."""
 
     MOST, CLOSE = 30, 1e-11
 
@@ -114,7 +114,7 @@ class Simulated:
     def __call__(
         self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, h: float
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """(x_{k+1}, z) from a guess of z; None where the iteration does not converge."""
+        """(x_{k+1}, z) from a guess of z; None if the iteration does not converge."""
         for _ in range(self.MOST):
             r, after, jacobian = self._tables(x, u, z, p, h)
             if not (np.all(np.isfinite(after)) and np.all(np.isfinite(r))):
@@ -146,9 +146,9 @@ def expanded(transcription: Transcription, name: str, columns: Any = None) -> An
     columns: W(x, u, p, h); by default w = (x, u).
     """
     functions, given = transcription.functions, getattr(transcription.problem, name)
-    whole = functions.cost if name == "cost" else functions.final
+    number = functions.cost if name == "cost" else functions.final
     if not hasattr(given, "residual"):
-        return with_hessian(whole, name, columns)
+        return with_hessian(number, name, columns)
     ca, graph = casadi(), transcription.graph
     residual = graph.of_motion(given.residual, f"The squares of `{name}`")
     e = with_jacobian(functions_of(graph, [], transcription.live, residual, [], [], [], [], {}).cost, name, columns)

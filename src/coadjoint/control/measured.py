@@ -1,4 +1,4 @@
-"""What was measured at nodes: its misfit is a part of the cost, so that the optimum is the most likely motion."""
+"""Measurements at nodes: their misfit is a part of the cost, so that the optimum is the most likely motion."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Measured:
     """y_k = function(motion [, p]) + noise at nodes, which adds ½ Σ_k |(function − y_k)/σ|² to the cost.
 
     function: of the `co.NodeMotion` at a node, a number or an array, written with `jax.numpy`.
-    values: (K, …) of the function's shape; NaN where nothing was measured; None for an estimator, which is given them
+    values: (K, …) of the function's shape; NaN where nothing was measured; None for an estimator, which receives them
         one after the other.
     deviation: σ, a number or an array of the function's shape, in its units.
     times: (K,) s, each at a node; by default all N + 1 nodes.
 
-    Raises ArgumentError for values that are no numbers, or deviations that are not positive.
+    Raises ArgumentError for values other than numbers, or deviations that are not positive.
     """
 
     function: Callable[..., Any]
@@ -45,7 +45,7 @@ class Measured:
         return self.values.ndim > 0 and not np.any(np.isinf(self.values)) and bool(np.any(np.isfinite(self.values)))
 
     def nodes(self, name: str, begin: float, h: float, steps: int) -> np.ndarray:
-        """The nodes at which it was measured, (K,); raises ArgumentError for times beside the nodes."""
+        """The nodes at which it was measured, (K,); raises ArgumentError for times away from the nodes."""
         if self.values is None:
             return np.zeros(0, int)
         if self.times is None:

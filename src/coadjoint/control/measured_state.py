@@ -21,13 +21,13 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import State
 
 GIVEN = ("t", "g", "n", "a", "xi", "nu", "mu", "pi", "internal")
-"""What of a measured state a step begins from."""
+"""The parts of a measured state from which a step begins."""
 
 SHAPES = "Argument `state` has other shapes than the states of the problem's system."
 
 
 class MeasuredState:
-    """x of a state, (nx,): what of its numbers the steps, costs and constraints depend on."""
+    """x of a state, (nx,): its numbers on which the steps, costs and constraints depend."""
 
     def __init__(self, transcription: Transcription):
         self._transcription, self._beginning = transcription, transcription.beginning
@@ -41,7 +41,7 @@ class MeasuredState:
     def __call__(self, state: Any, parameters: Any, velocities: bool) -> np.ndarray:
         """x; velocities: whether the momenta are those of the model, whose parameters are given, for ξ and ν.
 
-        Raises ArgumentError for what is no state of this system, and for numbers that are not finite.
+        Raises ArgumentError unless it is a state of this system, and for numbers that are not finite.
         """
         self._require(state)
         if state.from_velocities or velocities:
@@ -69,7 +69,7 @@ class MeasuredState:
             )
 
     def _with_momenta(self, state: State, parameters: Any) -> np.ndarray:
-        """The numbers of the state as the method begins it from ξ and ν, with the model's momenta for them."""
+        """The numbers of the state as the method starts it from ξ and ν, with the model's momenta for them."""
         if self._begin is None:
             begun = self._beginning.state
             given = {part: getattr(begun, part) for part in GIVEN}
@@ -82,9 +82,9 @@ class MeasuredState:
         return self._begin(self._column, column)[0].ravel()
 
     def _begun(self, parameters: Any, given: dict[str, Any]) -> Any:
-        """(numbers of the parameters, numbers of what is given of a state) → numbers of the state that begins a step.
+        """(numbers of the parameters, given numbers of a state) → numbers of the state that begins a step.
 
-        A function of CasADi, which answers in a few µs.
+        A function of CasADi, which takes a few µs.
         """
         system, method, h, begun = self._beginning
         plain = dict.fromkeys(("internal_mean", "internal_end", "internal_due"), None)

@@ -1,4 +1,4 @@
-"""Estimation on a moving horizon: the most likely motion of the last measurements, and what those before them tell.
+"""Estimation on a moving horizon: the most likely motion given the last measurements and a prior from earlier ones.
 
 Source: C. V. Rao, J. B. Rawlings, D. Q. Mayne, *Constrained state estimation for nonlinear discrete-time systems:
 stability and moving horizon approximations*, IEEE Trans. Automat. Control 48 (2003).
@@ -37,12 +37,12 @@ SETTLED = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class StateEstimate:
-    """What an estimator knows at the time of its last measurement.
+    """The estimate at the time of the last measurement.
 
     t: s. nodes: (n + 1, nx), the numbers of the states of the horizon, in the order of the estimator's `names`; the
-    last is that of t. inputs: name → (n, *shape), of its steps. iterations: that were taken. seconds: the call took.
-    state: the `co.State` at t. covariance: (width, width), of its changes by the estimator's `directions`, infinite
-    where nothing is known; deviations: the roots of its diagonal, by their names.
+    last is that of t. inputs: name → (n, *shape), of its steps. iterations: the count. seconds: of the call.
+    state: the `co.State` at t. covariance: (width, width), of its changes by the estimator's `directions`, infinite if
+    unknown; deviations: the roots of its diagonal, by their names.
     """
 
     t: float
@@ -79,16 +79,16 @@ class StateEstimate:
 
 
 class Estimator(Remade):
-    """The most likely motion of a horizon; `co.control.Problem.estimator` makes it, a call per node goes on.
+    """The most likely motion of a horizon; `co.control.Problem.estimator` makes it, and one call per node advances it.
 
-    Over n ≤ N steps up to now, with V what is known of the first node,
+    Over n ≤ N steps up to now, with V the prior of the first node,
 
         min V(x_j) + Σ_k h/2 (L(x_k, w_k) + L(x_{k+1}, w_k)) + ½ Σ_k |(h(x_k) − y_k)/σ|²,  x_{k+1} = Φ(x_k, w_k).
 
-    Where a node leaves the horizon V goes on to the next one: V(x_{j+1}) is the least cost of x_j and w_j that lead
-    there, of the problem linearised about the estimate, on the tangent space of the group. Its root is what goes on,
-    and a direction that nothing tells keeps no information at all: the estimate does not move along it. Where all is
-    linear and normal this is Kalman's filter, and his smoother inside the horizon.
+    When a node leaves the horizon, V moves to the next one: V(x_{j+1}) is the least cost of x_j and w_j that lead
+    there, of the problem linearised about the estimate, on the tangent space of the group. Its root is propagated, and
+    a direction without measurements keeps no information at all: the estimate does not move along it. In the linear
+    normal case this is Kalman's filter, and his smoother inside the horizon.
     """
 
     STANDING = ("_motion", "_seen", "_arrival", "_t")
@@ -133,11 +133,11 @@ class Estimator(Remade):
     def __call__(
         self, measured: Mapping[str, Any] | None = None, inputs: Mapping[str, Any] | None = None
     ) -> StateEstimate:
-        """What is known at the next node; the first call is about the start.
+        """The estimate at the next node; the first call is at the start.
 
-        measured: name → what was measured there, NaN or left out where nothing was. inputs: name → value of each input
-        that the estimator was told is `known`, held over the step that ended there; none at the first call.
-        Raises ArgumentError for other names and shapes, OptimumError where the model has no step from the estimate.
+        measured: name → the measurement there, NaN or left out if there was none. inputs: name → value of each input
+        declared as `known`, held over the step that ended there; none at the first call. Raises ArgumentError for other
+        names and shapes, OptimumError if the model has no step from the estimate.
         """
         began = time.perf_counter()
         seen = self._read({} if measured is None else measured)
@@ -163,7 +163,7 @@ class Estimator(Remade):
 
     def _read(self, measured: Mapping[str, Any]) -> Seen:
         if not isinstance(measured, Mapping):
-            raise ArgumentError(f"An estimator takes a dictionary of what was measured, but got {shown(measured)}.")
+            raise ArgumentError(f"An estimator takes a dictionary of measurements, but got {shown(measured)}.")
         values, weights = {}, {}
         for name, given in measured.items():
             if name not in self.problem.measured:
@@ -174,7 +174,7 @@ class Estimator(Remade):
             size = self._transcription.functions.measured[name].size1_out(0)
             found, deviation = number(given, name, nan=True), self.problem.measured[name].deviation
             if found.size != size or np.any(np.isinf(found)):
-                raise ArgumentError(f"What was measured as `{name}` must be {size} finite numbers, NaN for gaps.")
+                raise ArgumentError(f"The measurement `{name}` must be {size} finite numbers, NaN for gaps.")
             known = np.isfinite(found)
             weight = np.where(known, 1.0 / np.broadcast_to(deviation, found.shape), 0.0)
             values[name], weights[name] = np.where(known, found, 0.0).ravel(), weight.ravel()
@@ -201,7 +201,7 @@ class Estimator(Remade):
         return row
 
     def _go_on(self, row: np.ndarray) -> None:
-        """A step more, where the model leads; of a full horizon the first node leaves it."""
+        """Append a step of the model; the first node leaves a full horizon."""
         if self._motion.steps == self.steps:
             self._arrival = self._window.passed_on(self._motion, self._seen, self._arrival)
             self._motion, self._seen = HorizonMotion(*(rows[1:] for rows in self._motion)), self._seen[1:]
@@ -216,7 +216,7 @@ class Estimator(Remade):
         self._motion = HorizonMotion(np.vstack([x, found[0]]), np.vstack([u, row]), np.vstack([z, found[1]]))
 
     def _iterate(self) -> tuple[int, Quadratic, np.ndarray]:
-        """Gauss and Newton's steps; returns how many, the cost of the last one, and G of the last node."""
+        """Gauss–Newton steps; returns their count, the cost of the last one, and G of the last node."""
         count, largest = 0, math.inf
         cost, last = Quadratic.of_root(np.zeros((0, 0)), np.zeros(0)), np.zeros((0, 0))
         while count < self.iterations and largest > SETTLED:
@@ -225,7 +225,7 @@ class Estimator(Remade):
         return count, cost, last
 
     def _step(self) -> tuple[Quadratic, np.ndarray, float]:
-        """One of them; returns its cost, G of the last node, and the largest change of any number."""
+        """One Gauss–Newton step; returns its cost, G of the last node, and the largest change of any number."""
         w, motion = self._window, self._motion
         e = w.expanded(motion, self._seen)
         cost, nodes = w.joined(e, motion, self._arrival, motion.steps, True)
@@ -244,7 +244,7 @@ class Estimator(Remade):
         self._motion = HorizonMotion(w.moved(self._motion, y), u + du, z)
 
     def _prior(self, start: np.ndarray) -> Arrival:
-        """What is known of the start: that it changes with η, by its deviations."""
+        """The prior of the start: its changes with η, by its deviations."""
         w = self._window
         _, inverses = w.directions(*w.padded(self._motion)[:2])
         K, weights = prior_directions(self._transcription, start, inverses[0])

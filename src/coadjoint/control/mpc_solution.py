@@ -1,4 +1,4 @@
-"""What a predictive controller answers to a state, and the record of its answers."""
+"""The solution of a predictive controller for a state, and the record of solutions."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class MpcSolution:
-    """What a controller says to a state.
+    """The solution of a controller for a state.
 
     command: name → value, for the step that starts now. inputs: name → (m, *shape), for each of the m steps of the
-    period. status: "solved"; "planned", the inputs that the last plan has for these steps; "fallback", those of the
-    function `fallback`; or "guess", those of the inputs' guesses. sentence: why, or empty where it is solved.
+    period. status: "solved"; "planned", the inputs of the last plan for these steps; "fallback", those of the
+    function `fallback`; or "guess", those of the inputs' guesses. sentence: the reason, or empty if it is solved.
     plan: name → (N, *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose
     names are the controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was
     read, and after.
@@ -33,7 +33,7 @@ class MpcSolution:
 
 @dataclass
 class Record:
-    """How often each status was answered, and the seconds of both phases."""
+    """The counts of each status, and the seconds of both phases."""
 
     statuses: Counter[str] = field(default_factory=Counter)
     last_failure: str = ""

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, shown
 
 
 def number(value: Any, name: str, nan: bool = False) -> np.ndarray:
-    """A number or an array of them, of NaN too where that is allowed; raises ArgumentError for anything else."""
+    """A number or an array of them, with NaN if that is allowed; raises ArgumentError for anything else."""
     try:
         found = np.asarray(np.nan if np.iscomplexobj(value) else value, float)
     except (TypeError, ValueError):
@@ -34,7 +34,7 @@ def spread(value: Any, shape: tuple[int, ...], name: str, what: str = "an input"
 
 
 def require_between(lower: np.ndarray, upper: np.ndarray, what: str) -> None:
-    """Raise ArgumentError where nothing lies between two bounds."""
+    """Raise ArgumentError if no value lies between two bounds."""
     try:
         above = np.any(lower > upper)
     except ValueError:

@@ -1,4 +1,4 @@
-"""An optimal motion: what the solver found, flown again by `co.simulate`."""
+"""An optimal motion: the solution of the solver, simulated again by `co.simulate`."""
 
 from __future__ import annotations
 
@@ -23,21 +23,28 @@ from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
 ROUND_OFF = 1e-13
-"""What counts as no violation of a step."""
+"""The largest violation of a step that counts as none."""
+
+UNSTABLE = (
+    "the run leaves the optimum by more than ten times the sum of the violations of all steps: the motion is unstable, "
+    "or the tolerance too large"
+)
+STATIONARY = (
+    "the solver ended at its initial guess, where the cost is stationary: another guess shows whether that is a minimum"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """What `Problem.solve` returns; printed, it is a card, with the certificate of the run below.
+    """The result of `Problem.solve`; `print` shows a summary, with the certificate of the run below.
 
-    run: the motion, flown again by `co.simulate` with the optimum's inputs. inputs: name → (N, *shape), held over each
+    run: the motion, simulated by `co.simulate` with the optimum's inputs. inputs: name → (N, *shape), held over each
     step; (N + 1, *shape) at the nodes of linear ones; θ of a profile. cost: the least value found. duration: s.
-    parameters: name → value, of those that were chosen.
-    residuals: of what was measured, name → (K, …), (function − y)/σ, NaN where nothing was. costates: (N, nx), the
-    multipliers of x_{k+1} = Φ, in the order of `names`. violation: how far the solver left the constraints.
-    difference: the largest |x − x of the run| of any number of the state. iterations, and seconds of building, solving:
-    of the solver. within: name → how far a constraint of the path is violated between the nodes of the run at most, the
-    bound that it leaves, and when.
+    parameters: name → value, of the optimised ones. residuals: of measurements, name → (K, …), (function − y)/σ, NaN
+    for gaps. costates: (N, nx), the multipliers of x_{k+1} = Φ, in the order of `names`. violation: the largest
+    violation of the constraints. difference: the largest |x − x of the run| of any number of the state. iterations, and
+    seconds of building, solving: of the solver. within: name → the largest violation of a constraint of the path
+    between the nodes of the run, the violated bound, and its time.
     """
 
     run: Run
@@ -65,20 +72,21 @@ class Optimum:
         start: parts of the start, of "g" (η in g exp(η), while q, a₀, μ and π stay), "q", "mu", "pi", as the method
             begins with them; by default none.
 
-        Raises ArgumentError for unknown names, OptimumError where the optimum has no derivative: where a bound is only
-        just reached, or where it is not a strict one. Source: Fiacco (1983), Introduction to Sensitivity and
-        Stability Analysis in Nonlinear Programming.
+        Raises ArgumentError for unknown names, OptimumError if the optimum has no derivative: if a bound is only just
+        reached, or if it is not strict. Source: Fiacco (1983), Introduction to Sensitivity and Stability Analysis in
+        Nonlinear Programming.
         """
         return sensitivity(self.solution, self.run, names, (start,) if isinstance(start, str) else start)
 
     def deviations(self) -> dict[str, np.ndarray]:
         """Standard deviations of the chosen parameters and of the start ("start g", in η of g exp(η), and so on).
 
-        Where the cost is minus the logarithm of a likelihood, as ½|w/σ|² of what was measured and of disturbances, they
-        are those of the normal distribution that touches it at the optimum (Laplace): the roots of the diagonal of the
-        inverse of its second derivative along the motions. 0 of what a bound holds.
+        Where the cost is minus the logarithm of a likelihood, as ½|w/σ|² of measurements and disturbances, they are
+        those of the normal distribution that touches it at the optimum (Laplace): the roots of the diagonal of the
+        inverse of its second derivative along the motions. 0 for numbers at a bound.
 
-        Raises ArgumentError where nothing was measured or chosen, OptimumError where the measurements do not tell.
+        Raises ArgumentError without measurements or unknowns, OptimumError if the measurements do not determine the
+        unknowns.
         """
         return deviations(self.solution)
 
@@ -99,16 +107,14 @@ class Optimum:
                                              f"square, {np.max(np.abs(known)):.3g} σ at most"))  # fmt: skip
         steps = len(self.run.records.t) - 1
         if self.difference > 10 * steps * max(self.violation, ROUND_OFF):
-            rows.append(("warning", "the run leaves the optimum by more than ten times what the violations of all "
-                                    "steps add up to: the motion is unstable, or the tolerance too large"))  # fmt: skip
+            rows.append(("warning", UNSTABLE))
         if self.iterations == 0:
-            rows.append(("warning", "the solver ended where it began, where the cost is stationary: another guess "
-                                    "tells whether that is a minimum"))  # fmt: skip
+            rows.append(("warning", STATIONARY))
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
 
 
 class Flight(NamedTuple):
-    """The run of an optimum, and what the solver chose: of the inputs, and of the parameters."""
+    """The run of an optimum, and the solver's choice of inputs and of parameters."""
 
     run: Run
     inputs: dict[str, np.ndarray]
@@ -116,13 +122,13 @@ class Flight(NamedTuple):
 
 
 def chosen_system(transcription: Transcription, parts: Split) -> System:
-    """The system with the parameters that the solver chose."""
+    """The system with the optimal parameters."""
     chosen, system = transcription.chosen(parts), transcription.problem.system
     return system.replace(**chosen) if chosen else system
 
 
 def flight(transcription: Transcription, parts: Split, start: State | None = None) -> Flight:
-    """The motion with what the solver chose, by `co.simulate`, from its own start or another."""
+    """The motion with the optimal inputs and parameters, by `co.simulate`, from its own start or another."""
     problem = transcription.problem
     commands, chosen = transcription.taken(parts), transcription.chosen(parts)
     system = chosen_system(transcription, parts)
@@ -135,7 +141,8 @@ def flight(transcription: Transcription, parts: Split, start: State | None = Non
         )  # fmt: skip
     except StepError as error:
         raise OptimumError(
-            f"The optimum cannot be flown: {error.sentence} Take a smaller dt, so that the steps stay in their chart."
+            f"The optimum cannot be simulated: {error.sentence} Take a smaller dt, so that the steps stay in their "
+            "chart."
         ) from error
     for told in accuracy_warnings(run):
         warn(told, stacklevel=5)
@@ -149,7 +156,7 @@ def difference(transcription: Transcription, run: Run, parts: Split) -> float:
 
 
 def violation(program: NonlinearProgram, g: np.ndarray) -> float:
-    """How far the solver left the constraints."""
+    """The largest violation of the constraints by the solver."""
     lower, upper = program.limits
     return float(np.max(np.maximum(np.maximum(lower - g, g - upper), 0.0), initial=0.0))
 
@@ -158,7 +165,7 @@ def flown(
     transcription: Transcription, program: NonlinearProgram, numbers: dict[str, np.ndarray], iterations: int,
     seconds: tuple[float, float], solver: str,
 ) -> Optimum:  # fmt: skip
-    """The optimum of what the solver found: x, f, g and the multipliers lam_g."""
+    """The optimum from the solution of the solver: x, f, g and the multipliers lam_g."""
     problem, parts = transcription.problem, transcription.split(numbers["x"])
     run, commands, chosen = flight(transcription, parts)
     nx, _, nz, _ = transcription.sizes

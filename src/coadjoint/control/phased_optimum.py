@@ -1,4 +1,4 @@
-"""An optimal motion in phases: what the solver found, each phase flown again from where the run before ended."""
+"""An optimal motion in phases: the solution of the solver, each phase simulated from the end of the previous run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from coadjoint.control.joints import Joint, PhasedProgram, carried
 from coadjoint.control.library import casadi
-from coadjoint.control.optimum import ROUND_OFF, chosen_system, difference, flight, violation
+from coadjoint.control.optimum import ROUND_OFF, UNSTABLE, chosen_system, difference, flight, violation
 from coadjoint.control.solve import FoundOptimum
 from coadjoint.control.transcription import Transcription
 from coadjoint.control.within_steps import WorstWithin, lines, worst_within
@@ -17,13 +17,13 @@ from coadjoint.simulation.run import Run
 
 @dataclass(frozen=True, eq=False)
 class PhasedOptimum:
-    """What `Phases.solve` returns; printed, it is a card, with the certificates of the runs below.
+    """The result of `Phases.solve`; `print` shows a summary, with the certificates of the runs below.
 
-    runs: phase → the motion, flown by `co.simulate` from where the run before ended. inputs, parameters: phase → name →
-    values, as of `co.control.Optimum`. costs, durations (s): of each phase; cost, duration (s): of all. violation: how
-    far the solver left the constraints. difference: the largest |x − x of the run| of any number of the state.
-    iterations, and seconds of building, solving: of the solver. within: phase → name → how far a constraint of the path
-    is violated between the nodes of its run, as of `co.control.Optimum`.
+    runs: phase → the motion, simulated by `co.simulate` from the end of the previous run. inputs, parameters: phase →
+    name → values, as of `co.control.Optimum`. costs, durations (s): of each phase; cost, duration (s): of all.
+    violation: the largest violation of the constraints. difference: the largest |x − x of the run| of any number of the
+    state. iterations, and seconds of building, solving: of the solver. within: phase → name → the largest violation of
+    a constraint of the path between the nodes of its run, as of `co.control.Optimum`.
     """
 
     runs: dict[str, Run]
@@ -73,8 +73,7 @@ class PhasedOptimum:
         found = {f"{name} in {phase}": one for phase, each in self.within.items() for name, one in each.items()}
         rows += lines(found, 0)
         if self.difference > 10 * sum(count.values()) * max(self.violation, ROUND_OFF):
-            rows.append(("warning", "the runs leave the optimum by more than ten times what the violations of all "
-                                    "steps add up to: the motion is unstable, or the tolerance too large"))  # fmt: skip
+            rows.append(("warning", UNSTABLE))
         runs = "\n\n".join(f"{name}\n{run}" for name, run in self.runs.items())
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{runs}"
 
@@ -86,7 +85,7 @@ def phases_flown(
     found: FoundOptimum,
     built: float,
 ) -> PhasedOptimum:
-    """The optimum of what the solver found."""
+    """The optimum from the solution of the solver."""
     into, numbers = {joint.after: joint for joint in joints}, program.split(found.numbers["x"])
     runs: dict[str, Run] = {}
     inputs, parameters, costs, durations, gaps, within = {}, {}, {}, {}, [], {}
@@ -101,7 +100,7 @@ def phases_flown(
         durations[name] = split.h * transcription.problem.count
         gaps.append(difference(transcription, runs[name], split))
         within[name] = worst_within(transcription.problem, runs[name])
-    left = violation(program.whole, found.numbers["g"])
+    left = violation(program.joined, found.numbers["g"])
     return PhasedOptimum(
         runs, inputs, parameters, costs, durations, left, max(gaps), found.iterations, built, found.seconds,
         found.words, joints, within,

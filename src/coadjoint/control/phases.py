@@ -1,4 +1,4 @@
-"""Motions in phases, one after the other: each with its own system, steps, costs and constraints, their ends joined."""
+"""Motions in consecutive phases: each with its own system, steps, costs and constraints, joined at their ends."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from coadjoint.simulation.run import Run
 
 @dataclass(frozen=True, eq=False)
 class Phases:
-    """The motion of least cost in phases, each of which begins where the one before ends:
+    """The motion of least cost in phases, each of which begins at the end of the previous one:
 
-        min Σ_j J_j   subject to the constraints of each,  (g, q, a₀, t, internal state) of its first node those of the
-        last node before,  and the momenta (μ, π) or the velocities (ξ, ν) there the same.
+        min Σ_j J_j subject to the constraints of each, (g, q, a₀, t, internal state) of its first node those of the
+        previous last node, and the momenta (μ, π) or the velocities (ξ, ν) there the same.
 
         journey = co.control.Phases({"loaded": first, "empty": second}, keep="velocity").solve()
 
     Arguments:
         phases: name → `co.control.Problem`, in their order. The start of the first is the start; that of a later one
-            only says what its system and internal state are.
-        keep: "momentum" or "velocity", what goes on at a joint, or one of these for each joint: with other numbers of
-            ℓ, where a payload is dropped, velocities stay, and where a body changes its shape, momenta. By default
-            momenta, where all phases have the same system.
+            only gives its system and internal state.
+        keep: "momentum" or "velocity", the continuous quantity at a joint, or one of these for each joint: velocities
+            where a payload is dropped, momenta where a body changes its shape. By default momenta, where all phases
+            have the same system.
         shared: names of `parameters` that are one number in all phases that choose them, by default none.
         total_duration: (shortest, longest) of all phases together, s, by default free.
 
-    Raises ArgumentError for what cannot be phases.
+    Raises ArgumentError for other arguments.
     """
 
     phases: Mapping[str, Problem]
@@ -78,24 +78,24 @@ class Phases:
         verbose: bool = False,
         options: Mapping[str, Any] | None = None,
     ) -> PhasedOptimum:
-        """The optimum, each phase flown again by `co.simulate` from where the run before ended.
+        """The optimum, each phase simulated by `co.simulate` from the end of the previous run.
 
         Arguments:
-            guess: where the solver begins: name of a phase → a run, "interpolate" or "simulate", as in `Problem.solve`,
-                one of these words for all phases, or None; a phase's guess begins where that of the one before ends.
+            guess: the start of the solver: name of a phase → a run, "interpolate" or "simulate", as in `Problem.solve`,
+                one of these words for all phases, or None; a phase's guess begins at the end of the previous one.
             solver, tolerance, max_iterations, verbose, options: as in `Problem.solve`.
 
-        Raises what `Problem.solve` raises.
+        Raises the errors of `Problem.solve`.
         """
         settings = settings_of(solver, tolerance, max_iterations, verbose, options)
         guesses = self._guesses(guess)
         began = time.perf_counter()
         parts = self._transcribed()
         program = phased_program(parts, self.joints, self.shared, self.total_duration)
-        function = solver_of(program.whole, settings)
+        function = solver_of(program.joined, settings)
         built = time.perf_counter() - began
         first = self._first(parts, guesses)
-        found = found_by(function, program.whole, first, settings)
+        found = found_by(function, program.joined, first, settings)
         return phases_flown(parts, self.joints, program, found, built)
 
     def _kept(self) -> list[str]:
@@ -103,7 +103,7 @@ class Phases:
         if self.keep is None:
             if any(one.system is not problems[0].system for one in problems):
                 raise ArgumentError(
-                    'The phases have different systems: say what goes on at the joints by keep="momentum" or '
+                    'The phases have different systems: choose what continues at the joints by keep="momentum" or '
                     'keep="velocity".'
                 )
             return ["momentum"] * count
@@ -115,7 +115,7 @@ class Phases:
             )
         for name, kind in zip(list(self.phases)[1:], kept, strict=True):
             if kind == "velocity" and not self.phases[name].system.additional.flat:
-                raise ArgumentError('A q on a manifold goes on with its momenta alone: use keep="momentum".')
+                raise ArgumentError('A q on a manifold continues with its momenta alone: use keep="momentum".')
         return list(kept)
 
     def _require_one_after_the_other(self) -> None:
@@ -128,16 +128,16 @@ class Phases:
                 )
             if other.free_start:
                 raise ArgumentError(
-                    f"Phase `{name}` begins where the one before ends: give `free_start` to the first phase alone."
+                    f"Phase `{name}` begins at the end of the previous one: give `free_start` to the first phase alone."
                 )
             if other.method.start == "velocity":
                 raise ArgumentError(
-                    f"Phase `{name}` begins with the momenta or velocities of the node where the one before ends: give "
+                    f"Phase `{name}` begins with the momenta or velocities of the last node of the previous one: give "
                     'its method start="momentum".'
                 )
             if other.measured and free:
                 raise ArgumentError(
-                    f"Phase `{name}` was measured at times, but a phase before it has a free duration: fix that."
+                    f"Phase `{name}` was measured at times, but a phase before it has a free duration: fix it."
                 )
             free = free or other.free_duration is not None
 
@@ -175,7 +175,7 @@ class Phases:
         return {name: guess.get(name) for name in self.phases}
 
     def _transcribed(self) -> dict[str, Transcription]:
-        """The functions of all phases; each has among its x what the next one needs of its end."""
+        """The functions of all phases; the x of each include the numbers that the next one needs."""
         found: dict[str, Transcription] = {}
         begins = self._begins()
         into = {joint.after: joint for joint in self.joints}
@@ -196,7 +196,7 @@ class Phases:
         return {name: found[name] for name in self.phases}
 
     def _begins(self) -> dict[str, float]:
-        """When each phase begins, s, if none before it has a free duration."""
+        """The start time of each phase, s, if no earlier one has a free duration."""
         t, found = float(next(iter(self.phases.values())).start.t), {}
         for name, problem in self.phases.items():
             found[name] = t
@@ -204,7 +204,7 @@ class Phases:
         return found
 
     def _first(self, parts: dict[str, Transcription], guesses: dict[str, Any]) -> np.ndarray:
-        """The variables where the solver begins: each phase from where the one before ends."""
+        """The initial variables of the solver: each phase from the end of the previous one."""
         rows: list[np.ndarray] = []
         before: tuple[System, State] | None = None
         kept: dict[str, str] = {joint.after: joint.keep for joint in self.joints}

@@ -1,4 +1,4 @@
-"""Model predictive control by real-time iterations: one quadratic program a period, about the plan of the last one.
+"""Model predictive control by real-time iterations: one quadratic program per period, about the plan of the last one.
 
 Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization in optimal
 feedback control*, SIAM J. Control Optim. 43 (2005).
@@ -30,7 +30,7 @@ from coadjoint.portable import Remade
 from coadjoint.simulation.arguments import whole
 
 VIOLATED = 1e-5
-"""How far a solution may leave the constraints of its program."""
+"""The largest violation of the constraints of a program by a solution."""
 
 
 class MotionPlan(NamedTuple):
@@ -43,8 +43,8 @@ class MotionPlan(NamedTuple):
 
 @dataclass
 class Timeline:
-    """What acts when: `inputs`, rows (1 + d + N, nu), the one before t, those of the delay, and the plan; age: steps
-    since the last solution."""
+    """The schedule of inputs: `inputs`, rows (1 + d + N, nu), the one before t, those of the delay, and the plan; age:
+    steps since the last solution."""
 
     t: float
     inputs: np.ndarray
@@ -60,8 +60,8 @@ class Controller(Remade):
         preparation: x, u, z shifted by s steps, their linear steps, costs and constraints  (no state is needed);
         feedback: the quadratic program with δx_0 = x(t + delay) − x_0, whose u_0, u_1, … are the command.
 
-    Called again with a state of the same t it shifts nothing, and goes on to the optimum of that state. A state that is
-    earlier than the last one, or later than the plan, starts anew from the inputs' guesses, as `reset` does.
+    Called again with a state of the same t it shifts nothing, and iterates further towards the optimum of that state. A
+    state that is earlier than the last one, or later than the plan, restarts from the inputs' guesses, as `reset` does.
     """
 
     STANDING = ("system", "_p", "record", "_plan", "_clock", "_prepared")
@@ -91,7 +91,7 @@ class Controller(Remade):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the plan and what has acted: the next call starts from the inputs' guesses."""
+        """Forget the plan and past inputs: the next call starts from the inputs' guesses."""
         self._plan: MotionPlan | None = None
         self._clock: Timeline | None = None
         self._prepared: tuple[int, MotionPlan, Expansion] | None = None
@@ -116,9 +116,9 @@ class Controller(Remade):
         return np.concatenate(found) if found else np.zeros(0)
 
     def prepare(self) -> float:
-        """Linearise about the plan as it will be a period after the last state; returns seconds.
+        """Linearise about the plan one period after the last state; returns seconds.
 
-        What a loop calls while it waits for the next state; without it, the call with that state does this first.
+        A loop calls it while it waits for the next state; otherwise the call with that state does this first.
         """
         began = time.perf_counter()
         if self._plan is not None and self._prepared is None:
@@ -129,9 +129,9 @@ class Controller(Remade):
         """The command for a state, by one real-time iteration.
 
         state: of the problem's system, as `stepper.state`, a run or system.state(…) give it, of one member.
-        velocities: whether ξ and ν of the state are taken, with the model's momenta for them, as where the vehicle has
-        other masses, or other water, than the model; by default the momenta of the state.
-        Raises ArgumentError for another thing; what fails in the solver is told by the answer.
+        velocities: whether ξ and ν of the state are taken, with the model's momenta for them, as when the vehicle has
+        other masses, or other water, than the model; by default the momenta of the state. Raises ArgumentError for
+        anything else; failures of the solver are part of the solution.
         """
         began = time.perf_counter()
         measured = self._measured(state, self.system.parameters, velocities)
@@ -153,7 +153,7 @@ class Controller(Remade):
         return answer
 
     def _passed(self, t: float) -> int | None:
-        """Steps since the last state; None where the plan does not reach."""
+        """Steps since the last state; None beyond the end of the plan."""
         if self._clock is None:
             return 0
         passed = round((t - self._clock.t) / self.problem.dt)
@@ -167,7 +167,7 @@ class Controller(Remade):
             self._prepared = passed, plan, self._expanding(plan.x, plan.u, plan.z, self._p, before)
 
     def _shifted(self, passed: int) -> MotionPlan:
-        """The plan some steps later, whose last input is held and whose last nodes are where it leads."""
+        """The plan some steps later, whose last input is held and whose last nodes follow from it."""
         assert self._plan is not None
         x, u, z = self._plan
         if passed:
@@ -176,7 +176,7 @@ class Controller(Remade):
         return MotionPlan(x, u, z)
 
     def _follow(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, first: int) -> bool:
-        """Simulate the nodes from `first` on in place; False where a step has no solution."""
+        """Simulate the nodes from `first` on in place; False if a step has no solution."""
         for k in range(first, len(u)):
             found = self._simulated(x[k], u[k], z[max(k - 1, 0)], self._p, self.problem.dt)
             if found is None:
@@ -186,7 +186,7 @@ class Controller(Remade):
         return True
 
     def _now(self, t: float, passed: int) -> Timeline:
-        """What has acted and will act until the plan begins; the plan's own rows follow when there are some."""
+        """The inputs until the plan begins; the rows of the plan follow if there are any."""
         if self._clock is None:
             unknown = np.full((1, len(self._guess)), np.nan)
             return Timeline(t, np.concatenate([unknown, np.tile(self._guess, (self.delay, 1))]))
@@ -254,7 +254,7 @@ class Controller(Remade):
         return ""
 
     def _answer(self, state: State, clock: Timeline, reason: str, began: float, preparation: float) -> MpcSolution:
-        """What is said to a state: the plan that was found, or what stands in for it."""
+        """The solution for a state: the plan that was found, or its replacement."""
         count, named = self.problem.count, self._transcription.commands
         age, row = clock.age if reason else 0, self._guess
         if not reason:
@@ -277,7 +277,7 @@ class Controller(Remade):
         return MpcSolution(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds)
 
     def _instead(self, state: State) -> tuple[str, np.ndarray]:
-        """What acts where there is no plan."""
+        """The inputs without a plan."""
         if self._fallback is None:
             return "guess", self._guess
         return "fallback", self._row(self._fallback(state))

@@ -1,4 +1,4 @@
-"""An optimal motion: what is asked, and how to get it."""
+"""The problem of an optimal motion, and its solution."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Problem(ProblemData):
     """The motion of least cost from `start`, by N steps of a method, whose equations are the constraints:
 
         min Σ_k h/2 (L(x_k, u_k) + L(x_{k+1}, u_k)) + M(x_N)   subject to
-        r(x_k, u_k, z_k) = 0,  x_{k+1} = Φ(x_k, u_k, z_k),  bounds,  and where it ends,
+        r(x_k, u_k, z_k) = 0, x_{k+1} = Φ(x_k, u_k, z_k), bounds, and the end,
 
     with the equations r of a step and the step Φ that `co.simulate` solves and takes, exact derivatives of both, and
     group elements that stay on their group by its own multiplication (discrete mechanics and optimal control).
@@ -41,22 +41,22 @@ class Problem(ProblemData):
         system: a `co.System` whose forces, ℓ or rule read the inputs.
         start: the state at t = t₀.
         dt: h, s. duration, steps: of the motion, as in `co.simulate`.
-        method: any with fixed steps, compositions too; by default `co.Midpoint()`.
+        method: any with fixed steps, also compositions; by default `co.Midpoint()`.
         inputs: name → `co.control.Input` or `co.control.Profile`; other values are signals and functions of the motion,
             as in `co.simulate`.
         cost: L(motion [, p]), a number a second, of the `co.NodeMotion`; by default none.
         final_cost: M(motion [, p]), a number, of the last node; by default none.
         path: name → `co.control.Bounds`, at every node; by default none.
-        path_points: at how many points inside each step `path` holds as well, evenly spaced, by default 0. Each adds
-            the equations of a part of the step, so that the constrained path is that of `optimum.run.at(times)`.
-        accuracy: whether it is judged if dt resolves the motion, by default True, with one warning and a dt that would:
-            of the run of an optimum, of plans of a controller and of motions of an estimator, at a sample of calls.
+        path_points: the number of points inside each step at which `path` holds as well, evenly spaced, by default 0.
+            Each adds the equations of a part of the step, so that the constrained path is that of
+            `optimum.run.at(times)`.
+        accuracy: whether the resolution by dt is judged, by default True, with one warning and a dt that would: of the
+            run of an optimum, of plans of a controller and of motions of an estimator, at a sample of calls.
         end: a `co.control.End`, or a function (motion [, p]) that is zero at the last node; by default free.
-        free_duration: (shortest, longest) duration, s: then h is chosen too, N stays. By default fixed.
-        parameters: names of parameters of the system that are chosen too → (lower, upper).
-        free_start: parts of the start that are chosen too, of "g" (η in g exp(η)), "q", and "xi", "qdot" or "mu",
-            "pi" → standard deviation σ, which adds ½|η/σ|² to the cost; math.inf where nothing is known. By default
-            none.
+        free_duration: (shortest, longest) duration, s: then h is chosen as well, N stays. By default fixed.
+        parameters: names of parameters of the system that are optimised → (lower, upper).
+        free_start: parts of the start that are optimised, of "g" (η in g exp(η)), "q", and "xi", "qdot" or "mu", "pi" →
+            standard deviation σ, which adds ½|η/σ|² to the cost; math.inf if unknown. By default none.
         measured: name → `co.control.Measured`, whose misfit is added to the cost; by default none.
 
     Raises ArgumentError and LagrangianError. Source: Ober-Blöbaum, Junge, Marsden (2011) on discrete mechanics and
@@ -73,10 +73,10 @@ class Problem(ProblemData):
         verbose: bool = False,
         options: Mapping[str, Any] | None = None,
     ) -> Optimum:
-        """The optimum, flown again by `co.simulate`.
+        """The optimum, simulated again by `co.simulate`.
 
         Arguments:
-            guess: where the solver begins: a run of as many steps, "interpolate", "simulate", or None, which
+            guess: the start of the solver: a run of as many steps, "interpolate", "simulate", or None, which
                 interpolates on the group where the end gives g or q, and simulates otherwise.
             solver: "ipopt" (the default) or "fatrop".
             tolerance: of the solver's optimality and of the constraints, by default 1e-9.
@@ -84,25 +84,25 @@ class Problem(ProblemData):
             verbose: whether the solver prints its iterations, by default False.
             options: more options for `casadi.nlpsol`, those of the solver in {solver: {…}}; by default none.
 
-        Raises OptimumError where no optimum was found, with the constraint that is violated most; ArgumentError and
-        LagrangianError for what cannot be stated.
+        Raises OptimumError if no optimum was found, with the constraint that is violated most; ArgumentError and
+        LagrangianError for ill-posed problems.
         """
         return solve(self, guess, solver, tolerance, max_iterations, verbose, options)
 
     def estimator(self, horizon: float | None = None, *, known: Sequence[str] = (), iterations: int = 1) -> Estimator:
-        """Estimation on a moving horizon: `estimator(measured)` at every node tells the state there.
+        """Estimation on a moving horizon: `estimator(measured)` at every node returns the state there.
 
             estimator = problem.estimator(horizon=2.0, known=("thrust",))
             estimate = estimator({"depth": 1.3}, inputs={"thrust": 4.0})
 
         Arguments:
-            horizon: how far it looks back, s; by default the duration of the problem.
+            horizon: its length, s; by default the duration of the problem.
             known: names of inputs that are given at every step, by default none; the others are disturbances, which
                 `cost` weighs.
             iterations: steps of Gauss and Newton in each call, by default 1.
 
-        What is known of the start is `free_start`; of `measured` only the functions and their deviations count, and
-        the values may be None. Raises ArgumentError and LagrangianError for what cannot be estimated.
+        `free_start` is the prior of the start; of `measured` only the functions and their deviations count, and the
+        values may be None. Raises ArgumentError and LagrangianError for problems that cannot be estimated.
         """
         steps = self.count if horizon is None else steps_of(horizon, self.dt, "horizon", 1)
         self._require_no_points("An estimator")
@@ -128,16 +128,16 @@ class Problem(ProblemData):
             stepper.step(controller(stepper.state).command)
 
         Arguments:
-            horizon: how far it looks ahead, s; by default the duration of the problem.
-            period: how long each answer's inputs act, s, a whole number of steps; by default one.
-            delay: how long after its state the new plan begins to act, s, a whole number of steps up to the period;
-                until then that of the answer before acts. By default 0.
+            horizon: its length, s; by default the duration of the problem.
+            period: the time for which each solution acts, s, a multiple of dt; by default one step.
+            delay: the time from a state to the start of its plan, s, a multiple of dt up to the period; until then the
+                previous solution acts. By default 0.
             iterations: quadratic programs in each call, by default 1.
-            fallback: state → {name: command}, what acts where there is no plan; by default the inputs' guesses.
+            fallback: state → {name: command}, the inputs without a plan; by default the inputs' guesses.
             changing: names of parameters that `controller.change` may set from period to period, by default none.
 
-        The start of the problem says only which system and internal state it is. Raises ArgumentError and
-        LagrangianError for what cannot be a controller.
+        The start of the problem only gives its system and internal state. Raises ArgumentError and LagrangianError for
+        unsuitable problems.
         """
         self._require_no_points("A controller")
         problem = self

@@ -1,4 +1,4 @@
-"""What is asked of an optimal motion: costs, bounds and where it ends, over the steps of a variational integrator."""
+"""The data of an optimal motion: costs, bounds and its end, over the steps of a variational integrator."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Input:
     """A command u_k of each step, which the optimum chooses.
 
     shape: () for a number, (m,) for a vector; by default (). lower, upper: bounds, numbers or of this shape, by default
-    none. rate: the largest |u_{k+1} − u_k|/h, by default none. guess: where the solver begins, by default 0.
+    none. rate: the largest |u_{k+1} − u_k|/h, by default none. guess: the start of the solver, by default 0.
     course: "held", u_k from node k to the next (the default), or "linear", from u_k at node k to u_{k+1} at the next.
 
-    Raises ArgumentError for bounds that are no numbers, or that nothing fits.
+    Raises ArgumentError for bounds other than numbers, or that no value satisfies.
     """
 
     shape: tuple[int, ...] = ()
@@ -80,7 +80,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class End:
-    """Where the motion ends: what is given is reached, what is not is free.
+    """The end of the motion: given values are reached, the others are free.
 
     g: an element of G: (g⁻¹ g_N)'s part in 𝔤, dim G equations of full rank near g. q, qdot: in the space frame, (dim
     Q,). xi: ξ of the momenta, (dim G,). mu, pi: momenta in the body frame.
@@ -95,13 +95,13 @@ class End:
 
     @property
     def given(self) -> tuple[str, ...]:
-        """The names of what is given."""
+        """The names of the given values."""
         return tuple(name for name in ("g", "q", "xi", "qdot", "mu", "pi") if getattr(self, name) is not None)
 
 
 @dataclass(frozen=True, eq=False)
 class ProblemData:
-    """What `co.control.Problem` asks, checked: see there."""
+    """The checked data of `co.control.Problem`: see there."""
 
     system: System
     start: State
@@ -182,8 +182,8 @@ class ProblemData:
         parts = ("g", "q", "xi", "qdot", "mu", "pi")
         if not isinstance(self.free_start, Mapping) or not all(name in parts for name in self.free_start):
             raise ArgumentError(
-                f"Argument `free_start` must be a dictionary of {', '.join(parts)} → standard deviation, math.inf "
-                f"where nothing is known, but is {shown(self.free_start)}."
+                f"Argument `free_start` must be a dictionary of {', '.join(parts)} → standard deviation, math.inf if "
+                f"unknown, but is {shown(self.free_start)}."
             )
         for name, value in self.free_start.items():
             if not np.all(number(value, "free_start") > 0):
@@ -198,7 +198,7 @@ class ProblemData:
             require_signature(one.function, f"Argument `measured` under `{name}`", arguments)
             one.nodes(name, float(self.start.t), self.dt, self.count)
         if self.measured and self.free_duration is not None:
-            raise ArgumentError("What was measured at times fixes the duration: leave `free_duration` out.")
+            raise ArgumentError("Measurements at times fix the duration: leave `free_duration` out.")
 
     def _require_free(self) -> None:
         if self.free_duration is not None:
@@ -226,7 +226,7 @@ class ProblemData:
         known = self.system.parameters
         for name, limits in self.parameters.items():
             if known is None or not hasattr(known, name):
-                raise ArgumentError(f"Argument `parameters` names `{name}`, which is no parameter of the system.")
+                raise ArgumentError(f"Argument `parameters` names `{name}`, which is not a parameter of the system.")
             if not isinstance(limits, tuple) or len(limits) != 2:
                 raise ArgumentError(f"Argument `parameters` must be name → (lower, upper), but `{name}` is {limits!r}.")
             require_between(number(limits[0], name), number(limits[1], name), f"parameter `{name}`")

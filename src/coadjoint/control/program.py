@@ -22,7 +22,7 @@ class Block(NamedTuple):
 
 
 class NonlinearProgram(NamedTuple):
-    """min f(w), lower ≤ g(w) ≤ upper, between bounds of w. blocks: what the rows of g are, in their order."""
+    """min f(w), lower ≤ g(w) ≤ upper, between bounds of w. blocks: the rows of g, in their order."""
 
     w: Any
     f: Any
@@ -106,13 +106,11 @@ def _inside(transcription: Transcription) -> Rows:
 
 
 def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any:
-    """½ Σ |(h(x_k) − y_k)/σ|² of all that was measured, and ½ |η/σ|² of the start."""
+    """½ Σ |(h(x_k) − y_k)/σ|² of all measurements, and ½ |η/σ|² of the start."""
     ca, found = casadi(), 0.0
     for name, (nodes, values, weights) in transcription.data.items():
         if not len(nodes):
-            raise ArgumentError(
-                f"`{name}` has no values: give co.control.Measured what was measured, or use an estimator."
-            )
+            raise ArgumentError(f"`{name}` has no values: give them to co.control.Measured, or use an estimator.")
         at, count = nodes.tolist(), len(nodes)
         function = transcription.functions.measured[name].map(count)
         seen = function(x[:, at], u[:, at], ca.repmat(p, 1, count), ca.repmat(h, 1, count))
@@ -124,7 +122,7 @@ def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any
 
 
 def _of_inputs(transcription: Transcription, u: Any, h: Any) -> list[tuple[Rows, Any, int]]:
-    """That linear inputs go on where they were, and the largest rates: rows, their values, and at how many nodes."""
+    """Continuity of linear inputs, and the largest rates: rows, their values, and the number of nodes."""
     found, steps = [], transcription.problem.count
     for name, given, begin, end in transcription.columns:
         rate, zeros = np.ravel(given.rate), np.zeros(given.rate.size)

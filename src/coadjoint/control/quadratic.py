@@ -1,6 +1,6 @@
 """Quadratic programs of optimal control, stage by stage, for HPIPM, which CasADi's wheel brings.
 
-The variables are u_0, x_1, u_1, …, x_{N−1}, u_{N−1}, x_N: what stands at the start is known, and no variable.
+The variables are u_0, x_1, u_1, …, x_{N−1}, u_{N−1}, x_N: the start is known, and not a variable.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from coadjoint.control.linearised import view
 from coadjoint.errors import ArgumentError
 
 INF = 1e5
-"""What stands for no bound: no change may come near it."""
+"""The number for no bound: no change may come near it."""
 
 TOLERANCE = dict.fromkeys(("res_g_max", "res_b_max", "res_d_max", "res_m_max"), 1e-9)
 MODES = {
@@ -22,7 +22,7 @@ MODES = {
     "far": {"mode": "robust", "mu0": 1.0, "iter_max": 60, **TOLERANCE},
 }
 """Of HPIPM, an interior-point method by Riccati's recursion. The program is of changes of a plan, which are small where
-the plan is followed; what the first mode does not solve, the second one tries."""
+the plan is followed; a program that the first mode does not solve goes to the second one."""
 
 
 class Stages(NamedTuple):
@@ -44,7 +44,7 @@ class Stages(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """x (N + 1, nx) and u (N, nu), and how far they leave the constraints; failure: why there is none, or empty."""
+    """x (N + 1, nx) and u (N, nu), and their violation of the constraints; failure: the reason, or empty."""
 
     x: np.ndarray
     u: np.ndarray
@@ -53,9 +53,10 @@ class Solved(NamedTuple):
 
 
 class StageLayout:
-    """Where the numbers of stages stand among the non-zeros of the program's matrices.
+    """The places of the numbers of stages among the nonzeros of the program's matrices.
 
-    patterns: which entries of M (nx, m), H (m, m), C (rows, m), and of H_N, C_N may differ from zero. x first, then u.
+    patterns: the entries of M (nx, m), H (m, m), C (rows, m), and of H_N, C_N that may differ from zero. x first, then
+    u.
     """
 
     def __init__(self, count: int, nx: int, nu: int, patterns: dict[str, np.ndarray]):
@@ -124,7 +125,7 @@ def _entries(rows: np.ndarray, columns: np.ndarray, pattern: np.ndarray) -> tupl
 def _compressed(
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], shape: tuple[int, int]
 ) -> tuple[Any, np.ndarray]:
-    """The sparsity of all blocks, and which number stands at each of its places, column by column."""
+    """The sparsity of all blocks, and the number at each of its places, column by column."""
     row, column, valid = (np.concatenate([part[k] for part in parts]) for k in range(3))
     kept = np.flatnonzero(valid)
     order = kept[np.lexsort((row[kept], column[kept]))]
@@ -170,11 +171,11 @@ class Hpipm:
         self._results = [(function.index_out(name), view(array)) for name, array in results.items()]
 
     def __call__(self, numbers: dict[str, np.ndarray]) -> tuple[np.ndarray, str]:
-        """The variables, and why they are no solution, or an empty sentence."""
+        """The variables, and why they are not a solution, or an empty sentence."""
         for name, values in numbers.items():
             self._numbers[name][:] = values
         self._x[:] = 0.0
-        for place, array in self._arguments:  # a call forgets where they lie
+        for place, array in self._arguments:  # a call forgets their addresses
             self._buffer.set_arg(place, array)
         for place, array in self._results:
             self._buffer.set_res(place, array)
@@ -192,7 +193,7 @@ class Hpipm:
 
 
 def violation(s: Stages, x: np.ndarray, u: np.ndarray) -> float:
-    """By how much x and u leave the steps and limits of the stages at most."""
+    """The largest violation of the steps and limits of the stages by x and u."""
     both = np.concatenate([x[:-1], u], axis=1)[:, :, None]
     worst = [np.abs((s.M @ both)[:, :, 0] + s.c - x[1:])]
     inside, end = (s.C @ both)[:, :, 0], s.last_C @ x[-1]

@@ -17,7 +17,7 @@ from coadjoint.errors import ArgumentError, shown
 
 
 def steps_of(value: Any, dt: float, name: str, least: int) -> int:
-    """A time as whole steps; raises ArgumentError for another."""
+    """A time as a number of steps; raises ArgumentError unless it is a multiple of dt."""
     number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
     count = round(value / dt) if number and np.isfinite(value) else -1
     if count < least or abs(count * dt - value) > 1e-9 * max(dt, abs(value)):
@@ -29,25 +29,25 @@ def steps_of(value: Any, dt: float, name: str, least: int) -> int:
 
 
 def changing_names(problem: ProblemData, changing: Any) -> tuple[str, ...]:
-    """The names of parameters that may change; raises ArgumentError for what are none."""
+    """The names of parameters that may change; raises ArgumentError for others."""
     names = (changing,) if isinstance(changing, str) else changing
     checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
     for name in names:
         if not hasattr(problem.system.parameters, name):
-            raise ArgumentError(f"Argument `changing` names `{name}`, which is no parameter of the system.")
+            raise ArgumentError(f"Argument `changing` names `{name}`, which is not a parameter of the system.")
     return tuple(names)
 
 
 def require_controllable(problem: ProblemData) -> None:
-    """Raise ArgumentError where a problem is none of a controller."""
+    """Raise ArgumentError unless a problem suits a controller."""
     if problem.cost is None and problem.final_cost is None:
-        raise ArgumentError("A controller needs something to make small: give the problem a `cost` or a `final_cost`.")
+        raise ArgumentError("A controller needs something to minimise: give the problem a `cost` or a `final_cost`.")
     if problem.free_duration is not None:
         raise ArgumentError("A controller looks ahead over a fixed time: leave out `free_duration`.")
     if problem.parameters:
         raise ArgumentError("A controller chooses inputs alone: leave out `parameters`; `changing` names those to set.")
     if problem.free_start or problem.measured:
-        raise ArgumentError("A controller begins at the state that it is given: leave out `free_start` and `measured`.")
+        raise ArgumentError("A controller begins at the given state: leave out `free_start` and `measured`.")
     if any(getattr(value, "course", "") == "linear" or isinstance(value, Profile) for value in problem.inputs.values()):
         raise ArgumentError(
             "A controller chooses inputs that are held over each step: leave out linear ones and profiles."
@@ -57,9 +57,9 @@ def require_controllable(problem: ProblemData) -> None:
 
 
 def require_estimable(problem: ProblemData, known: Any) -> None:
-    """Raise ArgumentError where a problem is none of an estimator."""
+    """Raise ArgumentError unless a problem suits an estimator."""
     if not problem.measured:
-        raise ArgumentError("An estimator needs something that is measured: give the problem `measured`.")
+        raise ArgumentError("An estimator needs measurements: give the problem `measured`.")
     if problem.free_duration is not None:
         raise ArgumentError("An estimator looks back over a fixed time: leave out `free_duration`.")
     if problem.parameters:
@@ -76,7 +76,9 @@ def require_estimable(problem: ProblemData, known: Any) -> None:
             raise ArgumentError(f"An estimator bounds no rates: leave out `rate` of input `{name}`.")
     for name in known:
         if name not in chosen:
-            raise ArgumentError(f"Argument `known` names {shown(name)}, which is no co.control.Input of the problem.")
+            raise ArgumentError(
+                f"Argument `known` names {shown(name)}, which is not a co.control.Input of the problem."
+            )
     if set(chosen) - set(known) and problem.cost is None:
         raise ArgumentError(
             "An estimator needs a `cost` of the inputs that it estimates, such as 0.5 * w @ w / σ**2: without one any "
@@ -85,7 +87,7 @@ def require_estimable(problem: ProblemData, known: Any) -> None:
 
 
 def require_convex(window: Window) -> None:
-    """Raise ArgumentError where a cost does not grow with every disturbance, at the start and their guesses."""
+    """Raise ArgumentError unless a cost grows with every disturbance, at the start and their guesses."""
     H = window.of_disturbances()
     if not len(H) or not np.all(np.isfinite(H)):
         return

@@ -1,4 +1,4 @@
-"""Whether the steps of a controller's plans and of an estimator's motions resolve them: a sample of calls is judged."""
+"""Resolution of a controller's plans and of an estimator's motions by their steps, judged at a sample of calls."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from coadjoint.simulation.accuracy.ruler import acting
 from coadjoint.simulation.accuracy.verdict import SampledSteps
 
 NODES = 8
-"""How many steps of a motion are judged, evenly among all."""
+"""The number of judged steps of a motion, evenly among all."""
 
 
 class JudgedMotions:
-    """The motions of a transcription, of which some are judged; it warns once.
+    """A judge of some motions of a transcription, which warns once.
 
     A row is (x, u, t) of a node, and its step that of the program, with inputs that are held over it.
     """
@@ -65,7 +65,7 @@ class JudgedMotions:
 
 
 def _ruler(transcription: Transcription) -> Ruler:
-    """What is measured of x: the parts of the state that are among its numbers, whole.
+    """The measured parts of x: the parts of the state all of whose numbers it holds.
 
     Momenta stand for velocities, which x does not have; the turn of a step is not judged.
     """

@@ -1,4 +1,4 @@
-"""How an optimum changes with its data: parameters of the system, weights of the cost among them, and the start."""
+"""Sensitivities of an optimum to its data: parameters of the system, including weights of the cost, and the start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.simulation.run import Run
 
 OF_THE_START = ("g", "q", "mu", "pi")
-"""What of a start an optimum is differentiated by."""
+"""The parts of a start by which an optimum is differentiated."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,11 @@ def _require(problem: ProblemData, names: tuple[str, ...], start: Any) -> None:
     for name in names:
         if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):
             raise ArgumentError(
-                f"The optimum is asked for its derivative by {shown(name)}, which is no parameter of the system."
+                f"The optimum is asked for its derivative by {shown(name)}, which is not a parameter of the system."
             )
         if name in problem.parameters:
             raise ArgumentError(
-                f"Parameter `{name}` is chosen with the motion, so that the optimum is no function of it."
+                f"Parameter `{name}` is optimised with the motion, so that the optimum is not a function of it."
             )
     for part in start:
         if part not in OF_THE_START:
@@ -76,9 +76,9 @@ def _require(problem: ProblemData, names: tuple[str, ...], start: Any) -> None:
                 f"Argument `start` names parts of a state, of {', '.join(OF_THE_START)}, but {shown(part)}."
             )
     if start and problem.free_start:
-        raise ArgumentError("The start is chosen with the motion, so that the optimum is no function of it.")
+        raise ArgumentError("The start is optimised with the motion, so that the optimum is not a function of it.")
     if not names and not start:
-        raise ArgumentError("Nothing is named by which the optimum is to be differentiated: parameters, or `start`.")
+        raise ArgumentError("Name the data by which the optimum is to be differentiated: parameters, or `start`.")
     if start and problem.start.from_velocities and (names or problem.parameters):
         raise ArgumentError(
             "Derivatives by parameters are those at the start's velocities, and derivatives by the start those at its "
@@ -118,7 +118,7 @@ def _taken_over(
 
 
 def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """θ → (n, size): how w moves with the data themselves, all else being held."""
+    """θ → (n, size): the direct change of w with the data, all else being held."""
     size, sizes = len(transcription.joined(transcription.zeros())), transcription.sizes
     found, first = {}, sizes[3] - len(transcription.eta) - sum(v.size for v in values.values())
     for name, value in values.items():
@@ -140,9 +140,9 @@ def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tu
 
 
 def _changes(transcription: Transcription, part: str) -> np.ndarray:
-    """(size, nx): how x_0 changes with a part of the start: g with η in g exp(η), others with their own numbers.
+    """(size, nx): the change of x_0 with a part of the start: g with η in g exp(η), others with their own numbers.
 
-    q, a₀ and momenta stay what they are while g changes, n = g⁻¹q and a = g⁻¹a₀.
+    q, a₀ and momenta stay while g changes, n = g⁻¹q and a = g⁻¹a₀.
     """
     state, system = transcription.beginning.state, transcription.beginning.system
     group, Q, V = system.places
@@ -169,7 +169,8 @@ def _derivatives(
     program: NonlinearProgram, transcription: Transcription, w: np.ndarray, rows: np.ndarray, bounds: np.ndarray,
     data: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """dw/dθ and dJ/dθ: [H Aᵀ; A 0] (dw, dλ) = −(H D, A D), dJ = (∇f + Aᵀλ) D, with D how the data move w."""
+    """dw/dθ and dJ/dθ: [H Aᵀ; A 0] (dw, dλ) = −(H D, A D), dJ = (∇f + Aᵀλ) D, with D the direct change of w with the
+    data."""
     found = conditions(program, transcription, w, rows, bounds)
     moving = csc_matrix(data)
     right = -np.vstack([(part @ moving).toarray() for part in (found.hessian, found.slopes)])

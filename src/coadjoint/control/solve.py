@@ -21,25 +21,25 @@ from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.run import Run
 
 SOLVERS = ("ipopt", "fatrop")
-"""Those of CasADi's wheel that are tried here."""
+"""Solvers of CasADi's wheel that are tested here."""
 
 REASONS = {
-    "Infeasible_Problem_Detected": "no motion satisfies all constraints near where the solver ended",
+    "Infeasible_Problem_Detected": "no motion satisfies all constraints near the end of the solver",
     "Maximum_Iterations_Exceeded": "the solver did not converge",
     "Maximum_CpuTime_Exceeded": "the solver did not converge in its time",
     "Restoration_Failed": "the solver found no way back to the constraints",
     "Diverging_Iterates": "the cost falls without bound",
-    "Invalid_Number_Detected": "a function of the problem, or a derivative, is not finite where the solver went",
+    "Invalid_Number_Detected": "a function of the problem, or a derivative, is not finite at an iterate of the solver",
     "Not_Enough_Degrees_Of_Freedom": "there are more equations than numbers to choose: take more steps or inputs",
     "Error_In_Step_Computation": "the solver could make no step: is a function not smooth, such as |u| at 0?",
 }
-"""What IPOPT's words mean."""
+"""The meaning of IPOPT's statuses."""
 
 INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed", "Not_Enough_Degrees_Of_Freedom")
-"""Its words for constraints that resist."""
+"""Its statuses for constraints that resist."""
 
 ACCEPTABLE = "Solved_To_Acceptable_Level"
-"""IPOPT's word for an answer that is not as good as it was asked for."""
+"""IPOPT's status for a solution below the requested tolerance."""
 
 
 def solve(
@@ -63,7 +63,7 @@ def solve(
 
 
 class Settings(NamedTuple):
-    """A solver's name, its tolerance, and its options in CasADi's words."""
+    """A solver's name, its tolerance, and its options for CasADi."""
 
     solver: str
     tolerance: float
@@ -71,7 +71,8 @@ class Settings(NamedTuple):
 
 
 class FoundOptimum(NamedTuple):
-    """What a solver found: x, f, g and the multipliers lam_g, lam_x; iterations, seconds, and what the card says."""
+    """The solution of a solver: x, f, g and the multipliers lam_g, lam_x; iterations, seconds, and its line in the
+    summary."""
 
     numbers: dict[str, np.ndarray]
     iterations: int
@@ -102,7 +103,7 @@ def solver_of(program: NonlinearProgram, settings: Settings) -> Any:
 
 
 def found_by(function: Any, program: NonlinearProgram, first: np.ndarray, settings: Settings) -> FoundOptimum:
-    """The optimum from where the solver begins; raises OptimumError where there is none."""
+    """The optimum from an initial guess; raises OptimumError if there is none."""
     began = time.perf_counter()
     lower, upper = program.limits
     try:

@@ -26,7 +26,7 @@ from coadjoint.methods.program import RENEWED, Constants, StepProgram
 
 
 class FiniteGraph(Graph):
-    """Expressions of finite numbers: a solver that comes to others steps back by itself."""
+    """Expressions of finite numbers: a solver steps back by itself from others."""
 
     def _is_finite(self, a: Expr) -> Expr:
         return self.true
@@ -48,7 +48,7 @@ class Begun(NamedTuple):
 class Symbols(NamedTuple):
     """The expressions of one step that are free: those of a state with its commands, of z, parameters and h.
 
-    The numbers of profiles stand before the parameters of the system.
+    The numbers of profiles precede the parameters of the system.
     """
 
     state: list[Expr]
@@ -62,8 +62,8 @@ class Symbols(NamedTuple):
 class StepGraph:
     """A step as expressions.
 
-    state, after: the state at both ends, as trees. residual: the equations. constants: with the parameters, some of
-    which are symbols.
+    state, after: the state at both ends, as trees. residual: the equations. constants: the system with the parameters,
+    some of which are symbols.
     """
 
     tracer: Tracer
@@ -101,7 +101,7 @@ class StepGraph:
         return self._at_node(given, what)
 
     def needed(self, roots: Iterable[Expr]) -> list[int]:
-        """Which numbers of the state the roots depend on, by themselves or through later steps."""
+        """The numbers of the state on which the roots depend, directly or through later steps."""
         places = {node: place for place, node in enumerate(self.symbols.state)}
         after = flat(self._symbolic(self.after))
         found: set[int] = set()
@@ -117,7 +117,7 @@ class StepGraph:
         return flat(self._symbolic(self.after))
 
     def names(self) -> list[str]:
-        """What the numbers of the state are, as in "mu[0]" and "g.R[1,2]", in the order of `symbols.state`."""
+        """The names of the numbers of the state, as in "mu[0]" and "g.R[1,2]", in the order of `symbols.state`."""
         found = []
         parts = [part for part in VARIED if part != "inputs"]
         for part, tree in zip(parts, self._symbolic(self.beginning.state), strict=True):
@@ -154,12 +154,14 @@ class StepGraph:
 def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
     """The step of `beginning` as expressions; `free`: names of parameters that are symbols.
 
-    Raises ArgumentError for methods whose steps are not equations alone, LagrangianError for what JAX cannot trace.
+    Raises ArgumentError for methods whose steps are not equations alone, LagrangianError for functions that JAX cannot
+    trace.
     """
     system, method, _, state = beginning
     if method.variable or any(step.tolerant for step, _ in method.pattern):
         raise ArgumentError(
-            f"{method.title} chooses its steps by itself, so that they are no constraints of an optimum: use a method "
+            f"{method.title} chooses its steps by itself, so that they cannot be constraints of an optimum: use a "
+            "method "
             "with fixed steps, such as co.Midpoint()."
         )
     tracer = Tracer(FiniteGraph())
@@ -193,7 +195,7 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
 
 
 def _commands(tracer: Tracer, system: System, state: State, t: Any, h: Expr) -> tuple[Any, list[Expr], list[Expr]]:
-    """What is held over the step, with symbols for what is chosen, and these symbols, of the step and of all steps;
+    """The inputs held over the step, with symbols for chosen ones, and these symbols, of the step and of all steps;
     functions are evaluated there."""
     inputs = system.inputs
     if inputs is None or inputs.names is None or state.inputs is None:

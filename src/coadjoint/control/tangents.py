@@ -1,4 +1,4 @@
-"""Changes of a state by as many numbers as it has directions: δx = T y, and the state that they lead to.
+"""Changes of a state in coordinates of its directions: δx = T y, and the resulting state.
 
 A group element is in x with all entries of its matrix, and the advected directions are fixed by it. So a node changes
 by ξ and by the other numbers of x: g ← g exp(ξ), a ← exp(−ξ)·a, which stay on the group, with δg = g ξ̂, δa = −ξ·a to
@@ -24,7 +24,7 @@ from coadjoint.mechanics.system import System
 class Tangents:
     """The directions of a transcription's states, y = (ξ, the numbers of x that do not change with ξ).
 
-    Where the motion does not ask for the whole of g, every number of x is a direction of its own.
+    If the motion does not depend on all of g, every number of x is a separate direction.
     """
 
     def __init__(self, transcription: Transcription):

@@ -1,6 +1,6 @@
 """From a problem to a nonlinear program: variables x_k, u_k, z_k, the equations of each step, bounds and costs.
 
-The variables stand step by step, (x_0, u_0, z_0), …, (x_{N−1}, u_{N−1}, z_{N−1}), x_N, parameters and h, so that the
+The variables are ordered by steps, (x_0, u_0, z_0), …, (x_{N−1}, u_{N−1}, z_{N−1}), x_N, parameters and h, so that the
 derivatives are banded. x are the numbers of the state that equations, costs and bounds depend on; group elements are
 among them with all their entries, and stay on the group, as each is the last one times an element of G.
 """
@@ -36,7 +36,7 @@ from coadjoint.spaces.named import Named
 
 
 class Rows(NamedTuple):
-    """Equations or bounds of one kind: what they are, and their limits, (rows,) each."""
+    """Equations or bounds of one kind: their name, and their limits, (rows,) each."""
 
     what: str
     lower: np.ndarray
@@ -57,9 +57,9 @@ class Functions(NamedTuple):
     """Functions of CasADi.
 
     equations: (x, u, z, p, h) → (r, Φ). within: (x, u, z, p, h) → the constraints of the path at points inside the
-    step, None without such. cost, path: (x, u, p, h) → what a node costs a second, and its constraints.
-    start: (x, u, p, h) of the first node → what is zero there. end, final: of the last node, and what it costs.
-    measured: name → (x, u, p, h) → what would be measured at a node.
+    step, None without such. cost, path: (x, u, p, h) → the cost rate of a node, and its constraints. start: (x, u, p,
+    h) of the first node → its residual. end, final: of the last node, and its cost. measured: name → (x, u, p, h) → the
+    predicted measurement at a node.
     """
 
     equations: Any
@@ -76,8 +76,8 @@ class Functions(NamedTuple):
 class Transcription:
     """A problem as functions of CasADi.
 
-    live: which numbers of the state are x. path, end: what their rows are. eta: how far the start is moved, if it is
-    free. data: name → nodes, values (m, K) and 1/σ of what was measured. later: whether x_0 is where another ends.
+    live: the numbers of the state that are x. path, end: their rows. eta: the change of the start, if it is free. data:
+    name → nodes, values (m, K) and 1/σ of measurements. later: whether x_0 is the end of another phase.
     """
 
     problem: ProblemData
@@ -94,7 +94,7 @@ class Transcription:
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
-        """How many numbers x, u and z of a step, with those of points inside it, and the parameters, with η, have."""
+        """The sizes of x, u and z of a step, with those of points inside it, and of the parameters, with η."""
         found, nz = self.graph.symbols, self.functions.equations.size1_in(2)
         return len(self.live), len(found.commands), nz, len(found.parameters) + len(self.eta)
 
@@ -105,12 +105,12 @@ class Transcription:
 
     @property
     def columns(self) -> list[Columns]:
-        """Where they stand in u."""
+        """Their places in u."""
         return columns(self.inputs)
 
     @property
     def profiles(self) -> dict[str, Profile]:
-        """The inputs whose numbers θ are chosen, in the order in which these stand before the parameters."""
+        """The inputs whose numbers θ are chosen, in the order in which these precede the parameters."""
         return {name: value for name, value in self.problem.inputs.items() if isinstance(value, Profile)}
 
     def split(self, w: np.ndarray) -> Split:
@@ -143,7 +143,7 @@ class Transcription:
         return found
 
     def taken(self, parts: Split) -> dict[str, np.ndarray]:
-        """What was chosen of every input: its commands, or θ of a profile."""
+        """The optimal values of every input: its commands, or θ of a profile."""
         found, begin = self.commands(parts.u), 0
         for name, given in self.profiles.items():
             found[name] = parts.parameters[begin : begin + given.size].reshape(given.guess.shape)
@@ -151,7 +151,7 @@ class Transcription:
         return found
 
     def moved_by(self, parts: Split) -> np.ndarray:
-        """η, how far the start is moved."""
+        """η, the change of the start."""
         return parts.parameters[len(parts.parameters) - len(self.eta) :]
 
     def chosen(self, parts: Split) -> dict[str, np.ndarray]:
@@ -169,9 +169,9 @@ class Transcription:
 def transcribe(
     problem: ProblemData, later: bool = False, wanted: Callable[[StepGraph], list[Expr]] | None = None
 ) -> Transcription:
-    """The functions of a problem; raises ArgumentError and LagrangianError for what cannot be stated.
+    """The functions of a problem; raises ArgumentError and LagrangianError for ill-posed problems.
 
-    later: whether its motion begins where another ends. wanted: what else shall depend on x alone.
+    later: whether its motion begins at the end of another one. wanted: further functions that shall depend on x alone.
     """
     beginning = begun(problem.system, problem.start, problem.dt, problem.method, problem.inputs)
     graph = step_graph(beginning, tuple(problem.parameters))
@@ -182,7 +182,7 @@ def transcribe(
     if callable(problem.end):
         end = {"the end": graph.of_motion(problem.end, "The end")}
     measured = {
-        name: graph.array_of_motion(m.function, f"What is measured as `{name}`") for name, m in problem.measured.items()
+        name: graph.array_of_motion(m.function, f"The measurement `{name}`") for name, m in problem.measured.items()
     }
     eta = flat(graph.tracer.symbols("start ", np.zeros(sum(free_start_sizes(problem).values()))))
     start = [] if later else _start(graph, problem, eta)
@@ -211,7 +211,7 @@ def _data(problem: ProblemData, name: str, shape: tuple[int, ...]) -> tuple[np.n
 
 
 def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, Any]) -> Begun:
-    """The system with its commands, and the state that its method starts from; raises what `co.simulate` raises."""
+    """The system with its commands, and the state that its method starts from; raises the errors of `co.simulate`."""
     named, t = {name: source(value) for name, value in inputs.items()}, float(start.t)
     for name, value in inputs.items():
         if isinstance(value, Profile):
@@ -226,8 +226,8 @@ def begun(system: System, start: State, h: float, method: Method, inputs: Mappin
 
 
 def _start(graph: StepGraph, problem: ProblemData, eta: list[Expr]) -> list[Expr]:
-    """What is zero at the first node: of a free start, all of it; where chosen parameters change its momenta, ξ and ν
-    less those that were given."""
+    """The residual at the first node: of a free start, all of it; if chosen parameters change its momenta, ξ and ν less
+    the given ones."""
     if problem.free_start:
         return graph.at_node(start_residual(problem), "The start", np.array(eta, object))
     if not (problem.parameters and problem.start.from_velocities):

@@ -1,4 +1,4 @@
-"""The steps of a horizon of measurements, their costs and what was seen, expanded about a motion.
+"""The steps of a horizon of measurements, their costs and the measurements, expanded about a motion.
 
 By directions y of the nodes and changes δu of the inputs, y_{k+1} = A_k y_k + B_k δu_k + c_k; the Hessians are those of
 the costs alone, and of the misfits JᵀJ (Gauss–Newton).
@@ -31,7 +31,7 @@ class HorizonMotion(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What was measured at a node: name → values and 1/σ, (size,), 0 where nothing was."""
+    """The measurements at a node: name → values and 1/σ, (size,), 0 if missing."""
 
     values: dict[str, np.ndarray]
     weights: dict[str, np.ndarray]
@@ -39,7 +39,7 @@ class Seen(NamedTuple):
 
 class Expanded(NamedTuple):
     """A horizon about a motion: its steps, the directions T (n + 1, nx, width) and their inverses, the costs of both
-    ends of each step and of what was seen at each node, H and g by (y, δu)."""
+    ends of each step and of the measurements at each node, H and g by (y, δu)."""
 
     steps: Steps
     A: np.ndarray
@@ -53,7 +53,7 @@ class Expanded(NamedTuple):
 
 
 class Window:
-    """A transcription's functions for up to `most` steps. free: which inputs are not known."""
+    """A transcription's functions for up to `most` steps. free: the unknown inputs."""
 
     def __init__(self, transcription: Transcription, most: int, free: np.ndarray):
         functions, problem = transcription.functions, transcription.problem
@@ -67,7 +67,7 @@ class Window:
         self._seen = {name: Tables(with_jacobian(f, "seen", None), most + 1) for name, f in functions.measured.items()}
 
     def padded(self, motion: HorizonMotion) -> HorizonMotion:
-        """With the last rows again, up to the most steps."""
+        """Padded with the last row, up to the most steps."""
         more = self.most - motion.steps
         u = motion.u if motion.steps else np.zeros((1, self.nu))
         z = motion.z if motion.steps else np.zeros((1, self.nz))
@@ -76,7 +76,7 @@ class Window:
         return HorizonMotion(*rows)
 
     def expanded(self, motion: HorizonMotion, seen: list[Seen]) -> Expanded:
-        """The horizon about a motion, and what was seen at its nodes."""
+        """The horizon about a motion, and the measurements at its nodes."""
         n, p, h = motion.steps, self.p, self.h
         x, u, z = self.padded(motion)
         steps = Steps(*(array[:n] for array in self._linear(x[:-1], u, z, p, h)))
@@ -97,13 +97,13 @@ class Window:
         return self.tangents.matrices(x, u, np.zeros(0), self.h)
 
     def moved(self, motion: HorizonMotion, y: np.ndarray) -> np.ndarray:
-        """The nodes that changes y (n + 1, width) lead to, on the group."""
-        whole, changes = self.padded(motion), np.zeros((self.most + 1, y.shape[1]))
+        """The nodes after changes y (n + 1, width), on the group."""
+        padded, changes = self.padded(motion), np.zeros((self.most + 1, y.shape[1]))
         changes[: len(y)] = y
-        return self.tangents.moved_by(whole.x, changes, whole.u, np.zeros(0), self.h)[: len(y)].copy()
+        return self.tangents.moved_by(padded.x, changes, padded.u, np.zeros(0), self.h)[: len(y)].copy()
 
     def of_disturbances(self) -> np.ndarray:
-        """The Hessian of the cost by the inputs that are not known, at the start and their guesses."""
+        """The Hessian of the cost by the unknown inputs, at the start and their guesses."""
         u = np.zeros(self.nu)
         for one in self.transcription.columns:
             u[one.begin] = np.ravel(one.given.guess)
@@ -114,9 +114,9 @@ class Window:
 
     def _by_directions(self, T: np.ndarray, H: np.ndarray, g: np.ndarray) -> Quadratic:
         """A cost of (x, u) by (y, δu), whose negative curvature is left out."""
-        whole = np.zeros((self.nx + self.nu, T.shape[1] + self.nu))
-        whole[: self.nx, : T.shape[1]], whole[self.nx :, T.shape[1] :] = T, np.eye(self.nu)
-        return Quadratic.of_hessian(whole.T @ H @ whole, whole.T @ g)
+        W = np.zeros((self.nx + self.nu, T.shape[1] + self.nu))
+        W[: self.nx, : T.shape[1]], W[self.nx :, T.shape[1] :] = T, np.eye(self.nu)
+        return Quadratic.of_hessian(W.T @ H @ W, W.T @ g)
 
     def _misfits(self, x: np.ndarray, u: np.ndarray, T: np.ndarray, seen: list[Seen]) -> list[Quadratic]:
         width, m = T.shape[2], self.nx + self.nu
@@ -132,11 +132,11 @@ class Window:
                 rows = [cleaned(of_x @ T[k], of_x, T[k]), of_u, (values[k] - one.values[name])[:, None]]
                 found[k].append(np.concatenate(rows, axis=1)[one.weights[name] > 0])
                 found[k][-1] *= one.weights[name][one.weights[name] > 0, None]
-        whole = [np.concatenate(rows) for rows in found]
-        return [Quadratic.of_root(rows[:, :-1], rows[:, -1]) for rows in whole]
+        stacked = [np.concatenate(rows) for rows in found]
+        return [Quadratic.of_root(rows[:, :-1], rows[:, -1]) for rows in stacked]
 
     def begun(self, e: Expanded, motion: HorizonMotion, arrival: Arrival, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """y_0 = a + G v at the first node, with v = (θ, δu_0, …) of some steps, of the inputs that are not known."""
+        """y_0 = a + G v at the first node, with v = (θ, δu_0, …) of some steps, of the unknown inputs."""
         E = arrival.inverse @ e.T[0]
         gap = arrival.offset - arrival.inverse @ (motion.x[0] - arrival.node)
         G = np.zeros((E.shape[0], arrival.K.shape[1] + steps * len(self.free)))
@@ -146,7 +146,7 @@ class Window:
     def joined(
         self, e: Expanded, motion: HorizonMotion, arrival: Arrival, steps: int, last: bool
     ) -> tuple[Quadratic, list]:
-        """The cost of v over some steps, and each node's (a, G); last: with what was seen at the last node."""
+        """The cost of v over some steps, and each node's (a, G); last: with the measurements at the last node."""
         a, G = self.begun(e, motion, arrival, steps)
         m, nf, nv = arrival.K.shape[1], len(self.free), G.shape[1]
         parts = [Part(arrival.cost, np.eye(m, nv), np.zeros(m))]
@@ -167,7 +167,7 @@ class Window:
         return cost, nodes
 
     def passed_on(self, motion: HorizonMotion, seen: list[Seen], arrival: Arrival) -> Arrival:
-        """The arrival cost of the second node, with what the first one, its step and what was seen there tell."""
+        """The arrival cost of the second node, with the information of the first one, its step and its measurements."""
         motion, seen = HorizonMotion(motion.x[:2], motion.u[:1], motion.z[:1]), seen[:2]
         e = self.expanded(motion, seen)
         cost, nodes = self.joined(e, motion, arrival, 1, False)

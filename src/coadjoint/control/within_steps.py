@@ -1,4 +1,4 @@
-"""Constraints of the path within steps: imposed there, and looked at there on the run of the optimum."""
+"""Constraints of the path within steps: imposed there, and checked there on the run of the optimum."""
 
 from __future__ import annotations
 
@@ -19,18 +19,17 @@ from coadjoint.simulation.accuracy.ruler import Doubling
 from coadjoint.simulation.run import Run
 
 POINTS, POINTS_BY_XLA = 9, 3
-"""At how many points within each step the constraints are looked at, in native code and by XLA."""
+"""The number of points within each step at which the constraints are checked, in native code and by XLA."""
 
 FINER = 16
-"""At how many more on either side of the worst of them."""
+"""The number of additional points on either side of the worst of them."""
 
 ROUND_OFF = 1e-6
-"""What counts as no violation, relative to the bound."""
+"""The largest violation, relative to the bound, that counts as none."""
 
 
 class WorstWithin(NamedTuple):
-    """How far a constraint is violated within the steps at most, 0 where it is not, the bound that it leaves, and the
-    time t, s."""
+    """The largest violation of a constraint within the steps, 0 for none, the violated bound, and the time t, s."""
 
     excess: float
     bound: float
@@ -48,12 +47,12 @@ def points(count: int) -> np.ndarray:
 
 
 def with_points(equations: Any, path: Any, count: int, columns: Any, ends: list[int]) -> tuple[Any, Any]:
-    """The equations of a step with those of `count` parts of it from the same node, and the path where they lead:
+    """The equations of a step with those of `count` parts of it from the same node, and the path at their ends:
 
         r(x, u_θ, z_θ, p, θh) = 0,  path(Φ(x, u_θ, z_θ, p, θh)),  θ = 1/(count + 1), …
 
     with unknowns z_θ in addition to z, as CasADi's functions of (x, u, z, p, h). So the constrained path is the dense
-    output of the run. columns, ends: of linear inputs, which go on to their value at θ.
+    output of the run. columns, ends: of linear inputs, which continue to their value at θ.
     """
     ca = casadi()
     sizes = [equations.size1_in(k) for k in range(5)]
@@ -78,7 +77,7 @@ def with_points(equations: Any, path: Any, count: int, columns: Any, ends: list[
 
 
 def worst_within(problem: ProblemData, run: Run) -> dict[str, WorstWithin]:
-    """How far each constraint of the path is violated between the nodes of a run of every step, by its dense output."""
+    """The violation of each constraint of the path between the nodes of a run of every step, by its dense output."""
     if not problem.path:
         return {}
     doubling, records = Doubling(run.plan, run.one[1]), run.records
@@ -101,8 +100,8 @@ def worst_within(problem: ProblemData, run: Run) -> dict[str, WorstWithin]:
 def _excess(
     problem: ProblemData, run: Run, doubling: Doubling, rows: np.ndarray, parts: np.ndarray
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Name → how far the constraint is violated after parts (k,) of a step from rows (k, size), and the bounds; −∞
-    where a part has no solution."""
+    """Name → the violation of the constraint after parts (k,) of a step from rows (k, size), and the bounds; −∞ if a
+    part has no solution."""
     after, good, system = rows.copy(), np.zeros(len(rows), bool), run.system
     for part in np.unique(parts):
         there = np.flatnonzero(parts == part)
@@ -130,7 +129,7 @@ def _excess(
 
 
 def lines(worst: dict[str, WorstWithin], points_given: int) -> list[tuple[str, str]]:
-    """What an answer says of constraints within its steps, as names and texts."""
+    """The summary of constraints within the steps of a solution, as names and texts."""
     remedy = "" if points_given else "; `path_points=3` imposes it within steps, a smaller dt narrows the gap"
     remedy = remedy or "; more `path_points`, or a smaller dt, narrow the gap"
     found = []

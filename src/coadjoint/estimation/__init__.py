@@ -1,4 +1,4 @@
-"""Kalman filters on the group: errors that are invariant under it, the model's own steps between measurements.
+"""Kalman filters on the group: errors that are invariant under it, with steps of the model between measurements.
 
 process = co.estimation.ModelProcess(system, start, noise={"torque": 0.1, "force": 0.5})
 filter = co.estimation.Filter(process, start, measurements={"depth": depth}, deviations={"g": 0.1, "q": 1.0})

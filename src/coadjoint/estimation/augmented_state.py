@@ -18,13 +18,13 @@ from coadjoint.simulation.steppers.beginning import shapes_of
 from coadjoint.spaces.named import Named
 
 FAR = 5.0
-"""By how many of its deviations a Gauss–Markov process may begin beside its mean."""
+"""The largest distance of a Gauss–Markov process from its mean at the start, in deviations."""
 
 
 class Drifting:
     """θ (k,), by names, each of which drifts by itself: θ⁺ = m + φ(h)(θ − m) + w.
 
-    sizes: name → how many numbers. drifts: name → its `Drift`, in the same order.
+    sizes: name → count of numbers. drifts: name → its `Drift`, in the same order.
     """
 
     def __init__(self, sizes: Mapping[str, int], drifts: Mapping[str, Drift]):
@@ -36,7 +36,7 @@ class Drifting:
         self.means = self._each(0.0, lambda drift: drift.mean)
 
     def require_near(self, first: np.ndarray) -> None:
-        """Raise ArgumentError where a Gauss–Markov process begins so far from its mean that this cannot be meant."""
+        """Raise ArgumentError if a Gauss–Markov process begins implausibly far from its mean."""
         for name, here in self.slices.items():
             drift = self._drifts[name]
             if isinstance(drift, GaussMarkov) and np.any(
@@ -50,7 +50,7 @@ class Drifting:
 
     @property
     def slices(self) -> dict[str, slice]:
-        """Name → where its numbers are in θ."""
+        """Name → the slice of its numbers in θ."""
         ends = np.cumsum([0, *self.sizes.values()]).tolist()
         return {name: slice(*pair) for name, *pair in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
 
@@ -73,10 +73,10 @@ class Drifting:
 
 
 class DriftingParameters(Drifting):
-    """Parameters of a system that are numbers of the state, then biases, which begin at 0 and are no parameters.
+    """Parameters of a system that are part of the state, then biases, which begin at 0 and are not parameters.
 
-    constants: of the step. drifting, biases: name → `Drift`. Raises ArgumentError for what is no parameter and for a
-    bias whose drift does not say how many numbers it is.
+    constants: of the step. drifting, biases: name → `Drift`. Raises ArgumentError for unknown parameters and for a bias
+    whose drift has no definite size.
     """
 
     def __init__(self, constants: Constants, drifting: Mapping[str, Drift], biases: Mapping[str, Drift]):
@@ -100,17 +100,17 @@ class DriftingParameters(Drifting):
         self.require_near(self.first)
 
     def true(self, constants: Constants, known: Mapping[str, Any], count: int) -> np.ndarray:
-        """θ at `count` nodes, (count, k), of a system with these constants; what is `known`, name → numbers or
-        (count, numbers), in their place. Raises ArgumentError where both do not tell all of it."""
+        """θ at `count` nodes, (count, k), of a system with these constants; `known` values, name → numbers or (count,
+        numbers), take their place. Raises ArgumentError unless both determine all of θ."""
         places, values = _places(constants), pack(constants)[1]
         for name in known:
             if name not in self.sizes:
-                raise ArgumentError(f"`known` has `{name}`, but what drifts is {', '.join(self.sizes) or 'none'}.")
+                raise ArgumentError(f"`known` has `{name}`, but drifting are {', '.join(self.sizes) or 'none'}.")
         found = []
         for name, size in self.sizes.items():
             if name not in known and (name in self._biases.sizes or len(places.get(name, ())) != size):
                 raise ArgumentError(
-                    f"Argument `truth` does not tell `{name}`, which the filter estimates: give known={{{name!r}: …}}."
+                    f"Argument `truth` lacks `{name}`, which the filter estimates: give known={{{name!r}: …}}."
                 )
             value = finite(known[name], name, "`known`") if name in known else values[list(places[name])]
             if np.shape(value) not in ((), (size,), (count, size)):
@@ -137,7 +137,7 @@ class DriftingParameters(Drifting):
 
 
 def _places(constants: Constants) -> dict[str, range]:
-    """Name of a parameter → where its numbers are among those of the constants."""
+    """Name of a parameter → the slice of its numbers among those of the constants."""
     known, start = {}, 0
     for name, shape in shapes_of(constants).items():
         size = int(np.prod(shape, dtype=int))
@@ -147,7 +147,7 @@ def _places(constants: Constants) -> dict[str, range]:
 
 
 def _count(name: str, drift: Drift) -> int:
-    """How many numbers a bias is: as many as its drift has."""
+    """The size of a bias: that of its drift."""
     sizes = [np.size(getattr(drift, what)) for what in ("deviation", "density", "mean") if hasattr(drift, what)]
     if not name.isidentifier():
         raise ArgumentError(f"A bias must have a name such as `gyroscope`, but is called {shown(name)}.")

@@ -1,4 +1,4 @@
-"""How numbers drift that a filter estimates with the motion: random walks and Gauss–Markov processes."""
+"""Drift models of numbers that a filter estimates with the motion: random walks and Gauss–Markov processes."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class RandomWalk(Drift):
 class GaussMarkov(Drift):
     """θ̇ = −(θ − m)/τ + w, of first order: a stationary deviation about a mean m, and a correlation exp(−t/τ).
 
-    deviation: in the unit of θ, one number or an array. time: τ, s, positive. mean: m, to which θ returns where nothing
-    is measured, in the unit of θ, one number or an array, by default 0. Raises ArgumentError for others.
+    deviation: in the unit of θ, one number or an array. time: τ, s, positive. mean: m, to which θ returns without
+    measurements, in the unit of θ, one number or an array, by default 0. Raises ArgumentError for others.
     """
 
     deviation: Any
@@ -78,7 +78,7 @@ class GaussMarkov(Drift):
 
 
 def _of(h: Any) -> Any:
-    """The functions that h goes through: NumPy's, unless JAX traces it."""
+    """The module of functions of h: NumPy, unless JAX traces it."""
     return jnp if traced(h) else np
 
 

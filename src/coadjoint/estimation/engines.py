@@ -76,7 +76,7 @@ class FilterEngine:
             self._filters = Filters(model, seen)
 
     def follow(self, rows: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray) -> None:
-        """Carry out orders (count, 4) of `kernels.emit.kalman`; data: (1 or members, …), output (members, …).
+        """Execute orders (count, 4) of `kernels.emit.kalman`; data: (1 or members, …), output (members, …).
 
         Raises StepError where a step of the model, or a covariance, fails.
         """
@@ -93,7 +93,7 @@ class FilterEngine:
         what = "the model has no step from the estimate" if order == PREDICT else "a measurement has no finite NIS"
         raise StepError(
             f"The filter failed at t = {t:g} s: {what}, or the covariance is not finite. A shorter dt, or deviations "
-            "and noise that are not so far from what is measured, may help."
+            "and noise closer to those of the measurements, may help."
         )
 
     def _by_arrays(self, rows: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray):
@@ -115,7 +115,7 @@ class FilterEngine:
                 self._fail(rows[0], order)
 
     def _correct(
-        self, rows: np.ndarray, P: np.ndarray, one: PreparedMeasurement, values: np.ndarray, told: np.ndarray
+        self, rows: np.ndarray, P: np.ndarray, one: PreparedMeasurement, values: np.ndarray, out: np.ndarray
     ) -> None:
         seen, H = one.function(np.zeros((len(rows), self._process.width)), rows)
         nu = values[:, : seen.shape[1]] - seen
@@ -123,7 +123,7 @@ class FilterEngine:
         known = np.all(np.isfinite(nu), axis=1)
         found = corrected(P, H, one.covariance, np.where(known[:, None], nu, 0.0))
         used = known & ~(found.nis > one.gate)
-        told[:, 0], told[:, 1] = np.where(known, found.nis, np.nan), used
+        out[:, 0], out[:, 1] = np.where(known, found.nis, np.nan), used
         if used.any():
             rows[used] = self._process.moved(rows[used], found.e[used])
             P[used] = found.P[used]

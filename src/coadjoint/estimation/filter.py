@@ -38,7 +38,8 @@ from coadjoint.simulation.arguments import truth
 
 
 class Innovation(NamedTuple):
-    """What a measurement told: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured, and whether it was used.
+    """The innovation of a measurement: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured, and whether it was
+    used.
 
     Of many members both are (members,).
     """
@@ -62,12 +63,12 @@ class Filter(Remade):
         process: a `ModelProcess`, a `StrapdownProcess` or another `Process`.
         start: the state about which it begins, as the process takes it.
         measurements: name → `Measurement`.
-        deviations: standard deviations of the errors at the start, name → one number or one for each coordinate; what
-            is not named is known exactly. Of a `ModelProcess` the names are g, q, xi, nu and those of `drifting`.
+        deviations: standard deviations of the errors at the start, name → one number or one for each coordinate; errors
+            without a name are known exactly. Of a `ModelProcess` the names are g, q, xi, nu and those of `drifting`.
         covariance: P, (n, n), of the process's errors, instead of `deviations`.
-        memory: how many seconds back a measurement may be late for `update`, by default 0.
-        members: how many filters are run at once, as for many seeds, by default None: one, whose arrays have no axis
-            of members.
+        memory: the largest delay of a measurement for `update`, s, by default 0.
+        members: the number of filters that run together, as for many seeds, by default None: one, whose arrays have no
+            axis of members.
         accuracy: whether a sample of the predictions of a `ModelProcess` is judged, the first three and those after 4,
             8, … up to 4096, and of a log those at 16 nodes, each against steps of parts of it; by default True. It
             warns once where dt does not resolve the motion, or where the errors of the steps add up to more than the
@@ -152,7 +153,7 @@ class Filter(Remade):
         return dict(zip(self.process.names, rows, strict=True))
 
     def expected(self, rows: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Name of a measurement → what it reads without noise, (…, m), at rows of the process (…, size).
+        """Name of a measurement → its values without noise, (…, m), at rows of the process (…, size).
 
         rows: by default the estimate's, with an axis of members if there are many. Raises ArgumentError for others.
         """
@@ -168,7 +169,7 @@ class Filter(Remade):
         }
 
     def predict(self, dt: float, inputs: Mapping[str, Any] | None = None) -> None:
-        """Go on by one step of dt, s; inputs: name → value, held over it; those that are not named stay.
+        """Advance by one step of dt, s; inputs: name → value, held over it; the others stay.
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
@@ -189,7 +190,7 @@ class Filter(Remade):
         self._past.predicted(*before, float(dt), given)
 
     def _judge(self, sample: FilterSample, rows: np.ndarray, P: np.ndarray, dt: float, given: dict[str, Any]) -> None:
-        """Judge the prediction that was made from rows and P, if it belongs to the sample."""
+        """Judge the prediction from rows and P, if it belongs to the sample."""
         steps = sample.steps
         due, steps.count = steps.due(), steps.count + 1
         if due:
@@ -203,16 +204,16 @@ class Filter(Remade):
             self._sample = None
 
     def update(self, measured: Mapping[str, Any], *, t: float | None = None) -> dict[str, Innovation]:
-        """Take what was measured, name → value, at the time t, s, by default that of the estimate.
+        """Process measurements, name → value, at the time t, s, by default that of the estimate.
 
-        A value that is NaN, or of which one number is, is left out whole.
+        A value that contains a NaN is left out completely.
 
-        A measurement that is late, t before the time of the estimate by at most `memory`, is taken where it belongs:
-        the filter goes back to the step around t and on again with all that it has been told since.
+        A measurement that is late, t before the time of the estimate by at most `memory`, is processed at its time: the
+        filter goes back to the step around t and repeats all later inputs and measurements.
 
-        Returns an `Innovation` for each. Where it raises, the filter stays as it was.
-        Raises ArgumentError for names that are no measurements, for other shapes and for times that are not kept,
-        StepError where the covariance does not stay finite.
+        Returns an `Innovation` for each. If it raises, the filter is unchanged. Raises ArgumentError for unknown
+        measurements, for other shapes and for times that are not kept, StepError where the covariance does not stay
+        finite.
         """
         checks.instance(measured, "measured", Mapping, "name → value")
         if t is not None:
@@ -229,7 +230,7 @@ class Filter(Remade):
             raise
 
     def _again(self, measured: Mapping[str, Any], t: float) -> dict[str, Innovation]:
-        """Go back to t, take what was measured, and go on with what followed."""
+        """Go back to t, process the measurements, and repeat the later ones."""
         steps = self._past.back(t, self.t)
         self.rows, self.P = steps[0].rows, steps[0].P
         found: dict[str, Innovation] = {}
@@ -254,7 +255,7 @@ class Filter(Remade):
         return Innovation(float(nis[0]), bool(used[0])) if self.members is None else Innovation(nis, used)
 
     def _follow(self, orders: Any, data: np.ndarray, size: int) -> np.ndarray:
-        """Carry out orders, and what they write, (members, size); where one fails the filter stays as it was."""
+        """Execute orders; returns their output, (members, size). If one fails, the filter is unchanged."""
         rows, P, output = self.rows.copy(), self.P.copy(), np.empty((len(self.rows), max(size, 1)))
         self._engine.follow(rows, P, np.ascontiguousarray(orders, np.int64), np.ascontiguousarray(data), output)
         bad = ~np.all(np.isfinite(rows), axis=1)
@@ -263,8 +264,8 @@ class Filter(Remade):
             first = np.min(times, where=np.isfinite(times), initial=np.inf)
             when = f" up to t = {first:g} s" if np.isfinite(first) else ""
             raise StepError(
-                f"The estimate does not stay finite{when}: what is measured is too far from what is expected; `gate` "
-                "of its Measurement leaves such values out."
+                f"The estimate does not stay finite{when}: a measurement is too far from its expectation; `gate` of "
+                "its Measurement leaves such values out."
             )
         self.rows, self.P = rows, P
         return output
@@ -283,7 +284,7 @@ class Filter(Remade):
 
         measured: name → (times (K,) s, values (K, m), or (K, members, m)); NaN where nothing was measured. until: the
         last time, s, by default that of the last measurement. inputs: name → (times, values), each held until the next
-        time. save_every: every how many nodes are kept, by default 1. covariances: whether P is kept, not only its
+        time. save_every: the interval of saved nodes, by default 1. covariances: whether P is kept, not only its
         diagonal.
         """
         checks.whole(save_every, "save_every", 1)
@@ -312,7 +313,7 @@ class Filter(Remade):
     def _judge_log(
         self, sample: FilterSample, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, whole: bool
     ) -> None:
-        """Judge steps of a log that was filtered, from what was saved of it."""
+        """Judge steps of a filtered log, from its saved nodes."""
         size, n, nodes = len(self.process.example), self.process.width, np.arange(0, len(times), every)
         rows = output[plan.rows : plan.rows + len(nodes) * size].reshape(len(nodes), size)
         width = n * n if whole else n
@@ -328,7 +329,7 @@ class Filter(Remade):
         return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
 
     def _value(self, name: str, value: Any) -> np.ndarray:
-        """What was measured, (1, m), or (members, m)."""
+        """The measured values, (1, m), or (members, m)."""
         checks.known(name, self._sizes, "measurement", "The filter")
         try:
             found = float64(value)
@@ -358,7 +359,7 @@ def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurem
 
 
 def _array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Rows or covariances of a filter, in the order of C; raises ArgumentError where what was set does not fit."""
+    """Rows or covariances of a filter, in the order of C; raises ArgumentError if they do not fit."""
     if not isinstance(value, np.ndarray) or value.dtype != float or value.shape != shape:
         raise ArgumentError(
             f"`{name}` of a filter must be a float64 array of the shape {shape}, but its shape is {np.shape(value)}."

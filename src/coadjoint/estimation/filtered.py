@@ -17,7 +17,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.simulation.run import Run
 
 FAR = 10.0
-"""By how many times a mean NIS may differ from what is expected before the printed line says so."""
+"""The factor by which a mean NIS may differ from its expectation before the printed line says so."""
 
 
 class Consistency(NamedTuple):
@@ -33,7 +33,7 @@ class Consistency(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Filtered:
-    """What a filter estimated at the nodes of a log; `print` it for what was used and the mean NIS of measurements.
+    """The estimates of a filter at the nodes of a log; `print` shows the measurements used and their mean NIS.
 
     t: (K,) s. rows: (K, size), the states as rows of the process, after the measurements at each node. deviations:
     (K, n), by `names`. covariances: P, (K, n, n), or None. nis: name of a measurement → `Consistency`.
@@ -55,7 +55,7 @@ class Filtered:
         return f"<Filtered: {len(self.t):,} nodes to {self.t[-1]:.6g} s; print it for the NIS of its measurements>"
 
     def __str__(self) -> str:
-        """What was used of every measurement, and its mean NIS beside what is expected, the count of its numbers."""
+        """The used part of every measurement, and its mean NIS next to its expectation, the count of its numbers."""
         lines = [("nodes", f"{len(self.t):,} from {self.t[0]:.6g} s to {self.t[-1]:.6g} s, every {self.every}")]
         for name, one in self.nis.items():
             measured = np.isfinite(one.nis)
@@ -64,7 +64,7 @@ class Filtered:
             if len(nis):
                 text += f", their mean NIS {np.mean(nis):.3g}, of a consistent filter {m}"
             if (len(nis) and np.mean(nis) > FAR * m) or len(nis) < 0.5 * np.count_nonzero(measured):
-                text += ": what it reads is not what the model expects; see to units, axes, signs, gravity and noise"
+                text += ": its values differ from those of the model; check units, axes, signs, gravity and noise"
             elif len(nis) and np.mean(nis) < m / FAR:
                 text += ": far less; its covariance, or process noise, is too large, or times are not in seconds"
             lines.append((name, text))
@@ -83,10 +83,10 @@ class Filtered:
     def nees(self, truth: Any, known: Mapping[str, Any] | None = None) -> tuple[np.ndarray, int]:
         """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members).
 
-        truth: rows of the same shape; of a `ModelProcess` a run of co.simulate, read at the nodes, or states (K,);
-            of a `StrapdownProcess` an `InertialState` (K,). Without an axis of members it is that of all of them.
-        known: beside a run or states, true numbers of what drifts, name → number, (size,) or (K, size): of biases,
-            which no run tells, and of parameters that changed; by default those of the run's system.
+        truth: rows of the same shape; of a `ModelProcess` a run of co.simulate, read at the nodes, or states (K,); of a
+            `StrapdownProcess` an `InertialState` (K,). Without an axis of members it is that of all of them.
+        known: in addition to a run or states, true values of drifting numbers, name → number, (size,) or (K, size): of
+            biases, which no run contains, and of parameters that changed; by default those of the run's system.
 
         Of a filter whose model and noise are those of the truth it is χ² with as many degrees of freedom: those of the
         directions that are not known exactly. Raises ArgumentError where the covariances were not kept, and where some
@@ -117,7 +117,7 @@ class Filtered:
 
 
 def filtered(
-    process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool, every: int, of: Mapping[str, int]
+    process: Any, plan: Any, output: np.ndarray, full: bool, one: bool, every: int, of: Mapping[str, int]
 ) -> Filtered:
     """From an output (members, …) of orders; one: whether there is no axis of members. of: numbers of measurements."""
     count, members = len(plan.times), len(output)
@@ -127,13 +127,13 @@ def filtered(
         found = output[:, place : place + length * width].reshape(members, length, width).transpose(1, 0, 2)
         return found[:, 0] if one else found
 
-    P = rows(plan.P, count, n * n if whole else n)
-    covariances = P.reshape(*P.shape[:-1], n, n) if whole else None
+    P = rows(plan.P, count, n * n if full else n)
+    covariances = P.reshape(*P.shape[:-1], n, n) if full else None
     variances = P if covariances is None else np.diagonal(covariances, axis1=-2, axis2=-1)
     nis = {}
     for name, (times, place) in plan.nis.items():
-        told = rows(place, len(times), 2)
-        nis[name] = Consistency(times, told[..., 0], told[..., 1] > 0)
+        found = rows(place, len(times), 2)
+        nis[name] = Consistency(times, found[..., 0], found[..., 1] > 0)
     return Filtered(
         plan.times, rows(plan.rows, count, size), np.sqrt(np.maximum(variances, 0.0)), covariances, nis, process.names,
         process, every, of,
@@ -141,10 +141,10 @@ def filtered(
 
 
 def states_at(truth: Any, times: np.ndarray, system: System) -> State | None:
-    """The states of `truth`, a run of `co.simulate` or states with an axis of nodes, at `times`, (K,) s; None where it
-    is neither.
+    """The states of `truth`, a run of `co.simulate` or states with an axis of nodes, at `times`, (K,) s; None for
+    others.
 
-    Raises ArgumentError where they are not of the places of `system`, or not of these times.
+    Raises ArgumentError unless they are states of `system` at these times.
     """
     if isinstance(truth, Run):
         begin, end = truth.records.t[[0, -1]]

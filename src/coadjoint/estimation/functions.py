@@ -14,7 +14,7 @@ from coadjoint.kernels.untraceable import Untraceable
 
 
 class RowFunction:
-    """function(x, y), x (m,) and y (k,) flat, with its derivatives by x, for many rows at once.
+    """function(x, y), x (m,) and y (k,) flat, with its derivatives by x, for many rows together.
 
     x, y: values of their shapes, for tracing.
     """

@@ -1,4 +1,4 @@
-"""What a filter remembers of its last steps, so that a late measurement comes where it belongs."""
+"""The history of a filter: its last steps, so that a late measurement is processed at its time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from coadjoint.estimation.timetable import SAME
 
 @dataclass
 class PastStep:
-    """A prediction: where it began, dt, the inputs that were given with it, and what was taken after it."""
+    """A prediction: its start, dt, its inputs, and the measurements after it."""
 
     t: float
     rows: np.ndarray
@@ -32,7 +32,7 @@ class Past:
         self._memory, self._steps = checks.not_negative(memory, "memory"), deque[PastStep]()
 
     def predicted(self, t: float, rows: np.ndarray, P: np.ndarray, dt: float, inputs: dict[str, Any]) -> None:
-        """A prediction from t was made."""
+        """Note a prediction from t."""
         if not self._memory:
             return
         self._steps.append(PastStep(t, rows, P, dt, inputs))
@@ -40,27 +40,27 @@ class Past:
             self._steps.popleft()
 
     def took(self, name: str, value: Any) -> None:
-        """A measurement was taken at the end of the last step."""
+        """Note a measurement at the end of the last step."""
         if self._steps:
             self._steps[-1].taken.append((name, value))
 
     def forget(self) -> None:
-        """Nothing of what was before can be taken up again."""
+        """Forget all steps."""
         self._steps.clear()
 
     def copy(self) -> Past:
-        """The same steps, to go back to."""
+        """A copy of the steps, to restore."""
         found = Past(self._memory)
         found._steps = deque(replace(step, taken=list(step.taken)) for step in self._steps)
         return found
 
     def back(self, t: Any, now: float) -> list[PastStep]:
-        """The steps from that around t on, which are forgotten; raises ArgumentError where none is kept."""
+        """Remove and return the steps from that around t on; raises ArgumentError if none is kept."""
         first = self._steps[0].t if self._steps else now
         if not (checks.is_number(t) and first - SAME <= t <= now + SAME):
             raise ArgumentError(
-                f"A measurement at t = {shown(t)} s cannot be taken: the filter stands at {now:g} s and remembers its "
-                f"steps from {first:g} s on; `memory` of the filter says how far back it does."
+                f"A measurement at t = {shown(t)} s cannot be processed: the filter is at {now:g} s and remembers its "
+                f"steps from {first:g} s on; `memory` of the filter sets how far back."
             )
         steps: list[PastStep] = []
         while self._steps and self._steps[-1].t + self._steps[-1].dt > t + SAME:

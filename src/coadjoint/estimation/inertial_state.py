@@ -1,4 +1,4 @@
-"""The state of an inertial unit, as a user gives and gets it."""
+"""The state of an inertial unit, as users give and receive it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SHAPES = {"t": (), "rotation": (3, 3)}
 
 
 class InertialState(NamedTuple):
-    """What an inertial unit goes on with; space axes north, east, down.
+    """The state of an inertial unit; space axes north, east, down.
 
     t: s. rotation: R, (3, 3), from the axes of the body to space. velocity, position: v (3,) m/s and q (3,) m of the
     unit, in space. gyroscope_bias: b_g, (3,) rad/s, accelerometer_bias: b_a, (3,) m/s², in the axes of the unit.
@@ -32,7 +32,7 @@ class InertialState(NamedTuple):
 
 
 def parts_of(state: InertialState) -> dict[str, np.ndarray]:
-    """The parts of one state by their names; raises ArgumentError where they are no finite numbers of their shapes."""
+    """The parts of one state by their names; raises ArgumentError unless they are finite numbers of their shapes."""
     parts = {name: vector(part, name, SHAPES.get(name, (3,)), "an InertialState") for name, part in _named(state)}
     R = parts["rotation"]
     if np.max(np.abs(R @ R.T - np.eye(3))) > 1e-6 or np.linalg.det(R) < 0:
@@ -57,7 +57,7 @@ def one_by_one(states: InertialState) -> tuple[list[InertialState], tuple[int, .
 
 
 def vector(value: Any, name: str, shape: tuple[int, ...], whose: str) -> np.ndarray:
-    """Finite numbers of a shape; raises ArgumentError, which names them and whose they are, for others."""
+    """Finite numbers of a shape; raises ArgumentError with their name and owner for others."""
     found = finite(value, name, whose)
     checks.shape(found, f"`{name}` of {whose}", shape)
     return found

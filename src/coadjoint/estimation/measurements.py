@@ -1,4 +1,4 @@
-"""What is measured: a function of the motion, its covariance, and which values are too unlikely to be believed."""
+"""Measurements: a function of the motion, its covariance, and a gate for outliers."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ class Measurement:
 
     function: of a `co.NodeMotion`, if it takes more arguments of the parameters of the system, and of the biases of the
         process by their names; arguments with defaults do not count. A number or an array, written with `jax.numpy`.
-        A value of which one number is NaN is left out whole.
+        A value that contains a NaN is left out completely.
     covariance: R, (m, m), or the variances (m,), or one number for all.
-    gate: the probability with which a value of the model is believed, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
-        and S its covariance, is beyond this quantile of χ² is left out. By default None, all are believed.
+    gate: the probability with which a correct value is accepted, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
+        and S its covariance, is beyond this quantile of χ² is left out. By default None, all are accepted.
     angles: whether the numbers are angles in rad, one truth value or (m,): then ν is the shorter way round. By default
         False.
     of_state: whether the function takes a `co.State` instead of the motion, as observations of a `co.Stepper` do. By
         default False.
 
-    Raises ArgumentError for covariances that are not positive and for a gate that is no probability.
+    Raises ArgumentError for covariances that are not positive and for a gate that is not a probability.
     """
 
     function: Callable[..., Any]

@@ -39,7 +39,7 @@ from coadjoint.simulation.steppers.building import commands_from, places_of
 
 
 class ModelProcess(Process):
-    """A system as a filter's process: x = (g, n, a, μ, π, …, θ) goes on by one step of a variational method.
+    """A system as a filter's process: x = (g, n, a, μ, π, …, θ) advances by one step of a variational method.
 
     The error e = (η, δq, δμ, δπ, δθ) is invariant under the group: with error="left" in body axes,
 
@@ -59,17 +59,17 @@ class ModelProcess(Process):
         noise: {"torque": S_T, "force": S_f}, the roots of the spectral densities of white torques and forces in body
             axes, N m √s and N √s in SI units, one number or (dim G,) and (dim Q,); by default none. Over a step of h
             they add S² h to the covariances of μ and π.
-        drifting: name → `RandomWalk` or `GaussMarkov` of parameters θ of the system that are estimated too, as in
+        drifting: name → `RandomWalk` or `GaussMarkov` of parameters θ of the system that are estimated as well, as in
             {"water.velocity": GaussMarkov(0.3, 600)}; by default none.
         biases: name → `RandomWalk` or `GaussMarkov` of numbers that do not act on the motion and that only
             measurements read, as the biases of an inertial unit; they begin at 0, and are as many as the drift has
             numbers, as in {"imu_gyroscope": RandomWalk([1e-6, 1e-6, 1e-6])}; by default none.
 
-    The internal state of the system, as the speed of a rotor, the angle of a fin or the memory of a controller, goes on
-    with the estimate, and has no coordinates in e: it counts as known exactly. What is not known of it belongs into
+    The internal state of the system, as the speed of a rotor, the angle of a fin or the memory of a controller,
+    advances with the estimate, and has no coordinates in e: it counts as known exactly. Its uncertainty belongs into
     `noise`.
 
-    Raises ArgumentError for what does not fit the system.
+    Raises ArgumentError for arguments that do not fit the system.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class ModelProcess(Process):
             state = self.method.begin(self._system, state.replace(inputs=self._begun.inputs), 1.0)
         state = state.replace(ledger=None, inputs=self._begun.inputs if state.inputs is None else state.inputs)
         if layout(state) != self._layout:
-            raise ArgumentError("Argument `state` must hold what the start of the process holds.")
+            raise ArgumentError("Argument `state` must hold the same fields as the start of the process.")
         return np.concatenate([pack(state)[1], self._drifts.first])
 
     def state(self, row: np.ndarray) -> State:
@@ -139,7 +139,7 @@ class ModelProcess(Process):
 
     def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
         """Rows (K, size) of a run at `times`, or of states: the attitudes, places and velocities at the nodes with the
-        momenta that they have in this model, and θ, which is `known` or that of the system whose motion it is."""
+        momenta that they have in this model, and θ, which is `known` or that of the system of the motion."""
         found = states_at(states, times, self._system)
         if found is None:
             return super().rows_of(states, times, known)
@@ -255,14 +255,14 @@ class ModelProcess(Process):
         return e
 
     def _apart(self, turns: np.ndarray) -> np.ndarray:
-        """η, (count, dim G), with exp(η) = turns, matrices (count, k, k); raises ArgumentError where there is none."""
+        """η, (count, dim G), with exp(η) = turns, matrices (count, k, k); raises ArgumentError if there is none."""
         group = self._system.group
         try:
             return logarithms(group, evaluate(jax.vmap(group.from_matrix), turns))
         except GroupError as error:
             raise ArgumentError(
-                "An estimate and the truth differ by an element of the group that is no exponential, such as half a "
-                f"turn, so that their error has no coordinates. {error}"
+                "An estimate and the truth differ by an element of the group that is not an exponential, such as half "
+                f"a turn, so that their error has no coordinates. {error}"
             ) from error
 
     @cached_property
@@ -321,7 +321,7 @@ class ModelProcess(Process):
 
     @property
     def _spread_places(self) -> np.ndarray:
-        """Where θ stands among the parameters of the step; biases stand behind them, where no step reads."""
+        """The places of θ among the parameters of the step; biases follow them, where no step reads."""
         behind = np.full(self._drifts.count - len(self._drifts.places), len(self._steps.parameters))
         return np.concatenate([self._drifts.places, behind]).astype(int)
 

@@ -1,4 +1,4 @@
-"""What a filter by a system's own model accepts: methods of one stage, flat spaces, noise of its forces."""
+"""Checks of the arguments of a model process: methods of one stage, flat spaces, noise of its forces."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ WHOSE = "co.estimation.ModelProcess"
 
 
 def sizes_of(shapes: Any) -> dict[str, int]:
-    """Name → how many numbers, of (name, shape)."""
+    """Name → count of numbers, from (name, shape)."""
     return {name: int(np.prod(shape, dtype=int)) for name, shape in shapes}
 
 
 def require_fit(method: Method, system: System, start: State, error: str) -> None:
-    """Raise ArgumentError for methods, spaces and starts that a filter does not take."""
+    """Raise ArgumentError for methods, spaces and starts that a filter does not support."""
     checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
     if method.variable or len(method.pattern) != 1 or len(method.substeps) != 1 or method.pattern[0][0].tolerant:
         raise ArgumentError(f"A filter takes a method of one stage, such as co.Midpoint(), not {method.title}.")

@@ -1,4 +1,4 @@
-"""What a filter needs of the motion between two measurements: a step, and how small errors go through it."""
+"""The process of a filter between two measurements: a step, and the propagation of small errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from coadjoint.simulation.accuracy.local_error import PartsOfSteps
 
 
 def arguments_of(function: Callable[..., Any]) -> int | None:
-    """How many arguments a function needs by their places, those with defaults aside; None for any number."""
+    """The number of positional arguments without defaults; None for any number."""
     try:
         known = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
@@ -34,7 +34,7 @@ def arguments_of(function: Callable[..., Any]) -> int | None:
 
 
 def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
-    """Standard deviations by names as numbers (n,), 0 of what is not named; raises ArgumentError."""
+    """Standard deviations by names as numbers (n,), 0 for the others; raises ArgumentError."""
     found = []
     checks.instance(deviations, "`deviations`", Mapping, "name → number")
     for name in deviations:
@@ -54,9 +54,9 @@ class Process(Remade, ABC):
     """
 
     error_sizes: Mapping[str, int]
-    """Name → how many coordinates of e it is, in their order."""
+    """Name → its count of coordinates of e, in their order."""
     input_sizes: Mapping[str, int]
-    """Name → how many numbers an input is."""
+    """Name → the size of an input."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -66,12 +66,12 @@ class Process(Remade, ABC):
 
     @cached_property
     def width(self) -> int:
-        """n, how many coordinates an error has."""
+        """n, the number of coordinates of an error."""
         return sum(self.error_sizes.values())
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """Name → where its coordinates are in e."""
+        """Name → the slice of its coordinates in e."""
         found, start = {}, 0
         for name, size in self.error_sizes.items():
             found[name] = slice(start, start + size)
@@ -92,30 +92,31 @@ class Process(Remade, ABC):
         """e (n,) with other = retract(row, e), to first order, or exactly."""
 
     truths: str = ""
-    """What `rows_of` takes besides rows, as a word of a list, with a comma behind it."""
+    """The other arguments of `rows_of`, as words of a list, with a final comma."""
 
     def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
-        """Rows as they are given; a process may take states with an axis of nodes, too. Raises ArgumentError.
+        """Rows unchanged; a process may also take states with an axis of nodes. Raises ArgumentError.
 
-        times: of the nodes, (K,) s, for what has a time of its own. known: what rows hold beside states.
+        times: of the nodes, (K,) s, for objects with their own times. known: the numbers that rows hold in addition to
+        states.
         """
         if known:
-            raise ArgumentError("Argument `known` stands beside a run or states of a system: rows hold all of it.")
+            raise ArgumentError("Argument `known` goes with a run or states of a system: rows are complete.")
         try:
             return float64(states)
         except (TypeError, ValueError):
             raise ArgumentError(
                 f"Argument `truth` must be {self.truths}rows of numbers, such as a copy of the `rows` that the filter "
-                f"found with the true numbers in their places, but is {shown(states)}."
+                f"found with the true numbers in it, but is {shown(states)}."
             ) from None
 
     def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:
-        """A sentence on inputs, name → `Series`, that hardly can be meant where a filter stands at a row, or ""."""
+        """A sentence on inputs, name → `Series`, that are implausible for a filter at a row, or ""."""
         return ""
 
     @abstractmethod
     def row(self, state: Any) -> np.ndarray:
-        """The row (size,) of a state; raises ArgumentError for what is none of this process."""
+        """The row (size,) of a state; raises ArgumentError unless it is one of this process."""
 
     @abstractmethod
     def state(self, row: np.ndarray) -> Any:
@@ -123,10 +124,10 @@ class Process(Remade, ABC):
 
     @abstractmethod
     def motion(self, row: Any) -> tuple[Any, ...]:
-        """What functions of measurements are given at a row, traced: the motion, the parameters, the biases."""
+        """The arguments of functions of measurements at a row, traced: the motion, the parameters, the biases."""
 
     def observed(self, row: Any) -> tuple[Any, ...]:
-        """What functions of the state are given at a row, traced: the state, the parameters, the biases.
+        """The arguments of functions of the state at a row, traced: the state, the parameters, the biases.
 
         Raises ArgumentError where the process has no state of a system.
         """
@@ -139,20 +140,20 @@ class Process(Remade, ABC):
         """t of rows (…, size), s."""
 
     awaited: tuple[str, ...] = ()
-    """The inputs without which there is no step: those that an instrument reads."""
+    """The inputs that a step requires: the readings of an instrument."""
     unknowns: int = 0
-    """m, of how many equations z are the unknowns in a step."""
+    """m, the number of unknowns z in a step."""
     densities: np.ndarray
     """Roots of the spectral densities of the noises w, (count of w,)."""
     drifting: int = 0
-    """How many of the last numbers of a row drift by themselves, and of the last coordinates of e."""
+    """The number of drifting entries at the end of a row, and of coordinates at the end of e."""
     commanded: np.ndarray
-    """Which numbers of a row the inputs are."""
+    """The places of the inputs in a row."""
 
     def with_inputs(self, rows: np.ndarray, inputs: Mapping[str, Any]) -> np.ndarray:
         """A copy of the rows (members, size) with these inputs, name → value, held over the next step.
 
-        Raises ArgumentError for values of other shapes, and for what is not finite.
+        Raises ArgumentError for values of other shapes, and for values that are not finite.
         """
         rows, start = rows.copy(), 0
         for name, size in self.input_sizes.items():
@@ -174,12 +175,12 @@ class Process(Remade, ABC):
     def tangent(self) -> RowFunction:
         """(z, e, w), (x, x after, h) ↦ (R, e after, θ after, q) of the step from retract(x, e) with the noise w.
 
-        R: the residual. e after: the error behind it. θ, q: the numbers that drift, and the variances that they gain.
+        R: the residual. e after: the error after it. θ, q: the numbers that drift, and the variances that they gain.
         """
 
     @property
     def parts(self) -> PartsOfSteps | None:
-        """What judges the steps from rows (k, size), None where they are not those of a model."""
+        """The judge of the steps from rows (k, size), None if they are not those of a model."""
         return None
 
     @abstractmethod
@@ -195,7 +196,7 @@ class Process(Remade, ABC):
         return Phi, Q
 
     def _slopes(self, rows: np.ndarray, after: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(Φ, G, q): e⁺ = Φ e + G u + noise of the variances q in what drifts, with u standard normal numbers."""
+        """(Φ, G, q): e⁺ = Φ e + G u + noise of the variances q in drifting numbers, with u standard normal numbers."""
         m, n = self.unknowns, self.width
         still = np.zeros((len(rows), n + len(self.densities)))
         x = np.concatenate([self.unknowns_of(after), still], axis=1)
@@ -209,7 +210,7 @@ class Process(Remade, ABC):
     def drawn(self, rows: np.ndarray, h: float, random: np.random.Generator) -> np.ndarray:
         """The rows (members, size) after a step of h with noise from `random`: a truth that the process describes.
 
-        Raises ArgumentError for rows of another shape, and for what is no np.random.Generator.
+        Raises ArgumentError for rows of another shape, and unless `random` is an np.random.Generator.
         """
         if np.ndim(rows) != 2 or np.shape(rows)[1] != len(self.example) or not isinstance(random, np.random.Generator):
             raise ArgumentError(

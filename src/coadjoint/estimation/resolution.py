@@ -1,4 +1,4 @@
-"""Whether the steps of a filter by a system's own model resolve its motion, and to the deviations that it claims."""
+"""Accuracy of the steps of a filter by a system's own model, relative to the motion and to the claimed deviations."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from coadjoint.simulation.accuracy.local_error import HALVES, PartsOfSteps
 from coadjoint.simulation.accuracy.verdict import MEMBERS, SampledSteps
 
 TOO_MUCH = 2.0
-"""How many deviations the errors of the steps may add up to."""
+"""The number of deviations that the errors of the steps may add up to."""
 
 SAFELY, LONG = 10.0, 100
-"""How much longer than until now, and over how many of these steps at least, the errors of steps of the dt that is
-proposed may add up."""
+"""The time over which errors of steps of the proposed dt may add up, in times until now, and its least number of
+steps."""
 
 NODES = 16
-"""At how many nodes of a log steps are judged."""
+"""The number of nodes of a log at which steps are judged."""
 
 
 class FilterSample:
@@ -36,7 +36,7 @@ class FilterSample:
         self._process, self.steps = process, SampledSteps(parts)
 
     def judge(self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: float, count: int) -> str | None:
-        """What is to be warned of a step of h from rows (k, size), which `count` others were before.
+        """The warning about a step of h from rows (k, size), after `count` others.
 
         before, after: the variances of the errors (k, n) before the prediction and after it.
         """
@@ -46,12 +46,12 @@ class FilterSample:
         self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: float, count: int
     ) -> str | None:
         parts, length = self.steps.parts, np.full(len(rows), h)
-        whole, good = parts.over(self.steps.records(rows, length), length, (1.0,))
+        once, good = parts.over(self.steps.records(rows, length), length, (1.0,))
         halves, well = parts.over(self.steps.records(rows, length), length, HALVES)
         if not (good & well).all():
             return None
-        e = np.array([self._differ(*pair) for pair in zip(whole, halves, strict=True)]) / parts.shrinks(HALVES)
-        doubtful = before > np.finfo(float).tiny  # what is given as known exactly claims nothing
+        e = np.array([self._differ(*pair) for pair in zip(once, halves, strict=True)]) / parts.shrinks(HALVES)
+        doubtful = before > np.finfo(float).tiny  # quantities given as known exactly claim nothing
         with np.errstate(all="ignore"):
             rho = np.clip(before / after, 0.0, 1.0)
             times = np.minimum(np.where(rho < 1.0, rho / (1.0 - rho), np.inf), count + 1.0)
@@ -82,7 +82,7 @@ def judged_members(count: int) -> np.ndarray:
 def judged_log(
     sample: FilterSample, times: np.ndarray, nodes: np.ndarray, rows: np.ndarray, variances: np.ndarray
 ) -> str | None:
-    """What is to be warned of the steps of a log.
+    """The warning about the steps of a log.
 
     times: of all its nodes, s. nodes: which of them were saved; rows (nodes, size), variances (nodes, n): there.
     """

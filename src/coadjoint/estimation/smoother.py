@@ -1,4 +1,4 @@
-"""The smoother of a whole log: what later measurements tell of earlier states, backwards from a filter's estimates.
+"""The smoother of a log: later measurements correct earlier states, backwards from a filter's estimates.
 
 Sources: H. E. Rauch, F. Tung, C. T. Striebel, *Maximum likelihood estimates of linear dynamic systems*, AIAA J. 3
 (1965); G. Bourmaud, R. Mégret, A. Giremus, Y. Berthoumieu, *From intrinsic optimization to iterated extended Kalman
@@ -20,14 +20,14 @@ def smoothed(found: Filtered) -> Filtered:
 
     With x̂_k, P_k of the filter after the measurements at t_k, x̂⁻ = Φ(x̂_k) and P⁻ = ΦP_kΦᵀ + Q before those at the
     next node, and G = P_kΦᵀP⁻⁻¹, the smoothed state is retract(x̂_k, G e) with x̂ˢ_{k+1} = retract(x̂⁻, e), and its
-    covariance P_k + G(Pˢ_{k+1} − P⁻)Gᵀ, backwards from the last node. Where all is linear these are the means and
-    covariances given the whole log.
+    covariance P_k + G(Pˢ_{k+1} − P⁻)Gᵀ, backwards from the last node. In the linear case these are the means and
+    covariances given the complete log.
 
-    found: of `Filter.run` with covariances=True and every node kept. Returns the same at its nodes, NIS as they were.
+    found: of `Filter.run` with covariances=True and every node kept. Returns the same at its nodes, with NIS unchanged.
     Raises ArgumentError where covariances or nodes were not kept.
     """
     if not isinstance(found, Filtered):
-        raise ArgumentError(f"Smoothing takes what `Filter.run` returns, but got {shown(found)}.")
+        raise ArgumentError(f"Smoothing takes the result of `Filter.run`, but got {shown(found)}.")
     if found.covariances is None or found.every != 1:
         raise ArgumentError("Smoothing needs every covariance: run the filter with covariances=True, save_every=1.")
     process, one = found._process, found.rows.ndim == 2
@@ -57,7 +57,7 @@ def _held(process: Any, rows: np.ndarray, following: np.ndarray) -> np.ndarray:
 
 
 def _gain(P: np.ndarray, Phi: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """P Φᵀ (P⁻)⁻¹, scaled by deviations; directions that are known exactly have no part in it."""
+    """P Φᵀ (P⁻)⁻¹, scaled by deviations; directions that are known exactly do not take part."""
     variances = np.diagonal(before, axis1=1, axis2=2)
     scale = np.where(variances > 0, 1.0 / np.sqrt(np.where(variances > 0, variances, 1.0)), 0.0)
     relative = before * scale[:, :, None] * scale[:, None, :]

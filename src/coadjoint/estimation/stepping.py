@@ -1,4 +1,4 @@
-"""Steps of a system from rows of numbers: machine code in lanes, XLA for what it cannot take."""
+"""Steps of a system from rows of numbers: machine code in lanes, XLA where it cannot be compiled."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from coadjoint.simulation.steppers.beginning import shapes_of
 
 
 class ModelSteps:
-    """(rows, h) ↦ the states after a step of h, with parameters in the rows behind the state.
+    """(rows, h) ↦ the states after a step of h, with parameters in the rows after the state.
 
-    places: which numbers of the constants those are; what stands behind them does not act.
+    places: their places among the constants; further entries have no effect.
     """
 
     def __init__(self, program: StepProgram, constants: Constants, begun: State, places: np.ndarray):
@@ -50,7 +50,7 @@ class ModelSteps:
         return after[:, self.of_unknowns]
 
     def __call__(self, rows: np.ndarray, h: float) -> tuple[np.ndarray, str]:
-        """The states after the step, (members, size of a state), and what failed, or nothing."""
+        """The states after the step, (members, size of a state), and a description of a failure, or ""."""
         if self._by_xla is not None:
             return self._run_by_xla(rows, h)
         width = 1 if len(rows) == 1 else lanes()
@@ -61,13 +61,13 @@ class ModelSteps:
         kernel, nothing = self._kernel(width), np.zeros(1)
         records = np.empty((kernel.record.size, width))
         given = [a.ctypes.data for a in (p, length, records, nothing)]
-        here, told = state.ctypes.data, status.ctypes.data
+        here, status_at = state.ctypes.data, status.ctypes.data
         for i in range(groups):
             if len(self._places):
                 p[self._places] = table[i, self._size : self._size + len(self._places)]
             kernel.function(
                 given[0], given[1], here + i * state.strides[0], 1, 1, given[2], given[3], given[3],
-                told + i * status.strides[0],
+                status_at + i * status.strides[0],
             )  # fmt: skip
         worst = int(np.max(status[:, 1]))
         return of_lanes(state, len(rows)), Code(worst).name.lower().replace("_", " ") if worst else ""

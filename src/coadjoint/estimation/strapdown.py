@@ -1,4 +1,4 @@
-"""The process of a filter that is an inertial unit alone: its readings, integrated on SE₂(3).
+"""The process of a filter with an inertial unit alone: its readings, integrated on SE₂(3).
 
 Sources: A. Barrau, S. Bonnabel, *The invariant extended Kalman filter as a stable observer*, IEEE Trans. Automat.
 Control 62 (2017), section IV-B; *Linear observed systems on groups*, Systems & Control Letters 129 (2019), for the
@@ -41,13 +41,13 @@ BIASES = ("gyroscope_bias", "accelerometer_bias")
 DRIFTING = (*BIASES, "current")
 
 AT_FIRST = 1.0
-"""s at the start of a log over which the mean of the specific force is looked at."""
+"""s at the start of a log over which the mean of the specific force is checked."""
 
 DOUBTED = 0.7
 """The part of g by which it may differ from that at rest."""
 
 MOVING = ("t", "rotation", "velocity", "position")
-"""What a row begins with."""
+"""The first numbers of a row."""
 
 
 class StrapdownProcess(Process):
@@ -61,12 +61,13 @@ class StrapdownProcess(Process):
         R⁺ = R Γ₀(φ),  v⁺ = v + g h e_z + R Γ₁(φ) f h,  q⁺ = q + v h + ½ g h² e_z + R Γ₂(φ) f h²
 
     The error e = (η, ξ_v, ξ_q, δb_g, δb_a, δc) is invariant: χ = χ̂ exp(η, ξ_v, ξ_q) with error="left", in body axes,
-    and χ = exp(η, ξ_v, ξ_q) χ̂ with error="right", in those of space, χ = (R, v, q). Without biases the error goes on by
-    a linear map that does not depend on the estimate, however large it is (Barrau and Bonnabel 2017, theorem 7).
+    and χ = exp(η, ξ_v, ξ_q) χ̂ with error="right", in those of space, χ = (R, v, q). Without biases the error
+    propagates by a linear map that does not depend on the estimate, however large it is (Barrau and Bonnabel 2017,
+    theorem 7).
 
     Its input is `imu`, y = (y_g, y_a), (6,): a reading, held over the next step; there is no step before the first
-    one. Readings at both ends of a step give second order by their mean. What sensors read is that of the body origin
-    O, with ν and ω from the last reading; `InertialState` is that of the unit, with q_O = q − Rr.
+    one. Readings at both ends of a step give second order by their mean. Measurements refer to the body origin O, with
+    ν and ω from the last reading; `InertialState` is that of the unit, with q_O = q − Rr.
 
     Arguments:
         gravity: g, m/s², one number, by default 9.81.
@@ -121,7 +122,7 @@ class StrapdownProcess(Process):
         parts = parts_of(checks.instance(state, f"The `state` of a {WHOSE}", InertialState, "an InertialState"))
         for name in DRIFTING:
             if name not in self._drifts.sizes and np.any(parts[name]):
-                raise ArgumentError(f"The process has no `{name}`: say in `drifting` how it drifts.")
+                raise ArgumentError(f"The process has no `{name}`: give its drift in `drifting`.")
         theta = [parts[name] for name in self._drifts.sizes]
         moving = [np.ravel(parts[name]) for name in MOVING]
         found = np.concatenate([*moving, self._still(parts["rotation"]), *theta])
@@ -145,12 +146,12 @@ class StrapdownProcess(Process):
             return ""
         return (
             f"The specific force of `imu` begins with {np.round(f, 3).tolist()} m/s², but of a unit at rest in the "
-            f"attitude of the start it is {np.round(self._still(R)[3:], 3).tolist()}: see to its unit, its axes "
+            f"attitude of the start it is {np.round(self._still(R)[3:], 3).tolist()}: check its unit, its axes "
             "(z down) and `euler_zyx`."
         )
 
     def _still(self, R: np.ndarray) -> np.ndarray:
-        """What the unit reads at rest, before it is told a reading."""
+        """The reading of the unit at rest, before the first input."""
         return np.concatenate([np.zeros(3), self._mount.T @ R.T @ [0.0, 0.0, -self.gravity]])
 
     def state(self, row: np.ndarray) -> InertialState:

@@ -1,4 +1,4 @@
-"""When a filter takes which measurement of a log, as orders for its engine."""
+"""The timetable of the measurements of a log, as orders for the engine of a filter."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from coadjoint.units import jumps_by_degrees
 SAME = 1e-9
 """Times that differ by less, s, are one."""
 GAP = 5.0
-"""How much longer than usual a reading may be held without a warning."""
+"""The multiple of the usual time for which a reading may be held without a warning."""
 SELDOM = 1.0
-"""s between readings that are held over steps, from which on their times seem to be in another unit."""
+"""s between readings held over steps, from which on their times seem to be in another unit."""
 LARGEST = 8e9
-"""Bytes that a log may take, with what is kept of it."""
+"""Bytes that a log may take, with its saved results."""
 OF_A_NODE = 300.0
 """Bytes that the orders at a node take."""
 LATEST = 1e6
-"""s; up to here float64 tells times that differ by `SAME`."""
+"""s; up to here float64 distinguishes times that differ by `SAME`."""
 
 
 def require_times(t: float, what: str) -> None:
-    """Raise ArgumentError where float64 does not tell times around t, s."""
+    """Raise ArgumentError where float64 does not resolve times around t, s."""
     if not abs(t) <= LATEST:
         raise ArgumentError(
             f"{what} at t = {t:.10g} s, but a filter counts from a time near 0, at most {LATEST:g} s away, where "
-            "numbers tell short steps: subtract the time at which the log begins."
+            "numbers resolve short steps: subtract the time at which the log begins."
         )
 
 
@@ -47,8 +47,8 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
     if first and not (len(times) and times[0] <= nodes[0] + SAME):
         later = f"begin at {times[0]:g} s" if len(times) else "are missing"
         raise ArgumentError(
-            f"There is no step without a reading of `{name}`, but those of `inputs` {later}, and the filter stands at "
-            f"t = {nodes[0]:g} s: begin it where they do."
+            f"There is no step without a reading of `{name}`, but those of `inputs` {later}, and the filter is at t = "
+            f"{nodes[0]:g} s: start it with them."
         )
     times = np.concatenate([nodes[:1], times[times > nodes[0]], nodes[-1:]])
     held = np.diff(times)
@@ -74,7 +74,7 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
 
 
 def require_radians(name: str, one: Series, turns: np.ndarray) -> None:
-    """Warn of angles that are in degrees; turns: (size,), 0 of what is no angle."""
+    """Warn of angles that are in degrees; turns: (size,), 0 for numbers that are not angles."""
     if jumps_by_degrees(one.values[..., turns > 0]):
         warn(
             f"`{name}` of `measured` jumps by 360 from one value to the next, as degrees do and radians never: give "
@@ -91,7 +91,7 @@ class Series(NamedTuple):
 
 
 def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], members: int | None) -> Series:
-    """(times, values) as they are given of a name; raises ArgumentError for what does not fit."""
+    """(times, values) as given for a name; raises ArgumentError unless they fit."""
     if name not in sizes:
         known = ", ".join(sizes) or "none"
         raise ArgumentError(f"There is no `{name}` that could be among `{argument}`: there are {known}.")
@@ -137,7 +137,7 @@ def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], membe
 
 
 class Orders(NamedTuple):
-    """orders (count, 4), data (1 or members, …), and where in an output (members, size) everything stands."""
+    """orders (count, 4), data (1 or members, …), and the places of everything in an output (members, size)."""
 
     orders: np.ndarray
     data: np.ndarray
@@ -161,12 +161,12 @@ class Timetable:
         end = float(max(ends) if until is None else until)
         require_times(end, "The log ends")
         if not end > begin - SAME:
-            raise ArgumentError(f"The filter stands at t = {begin:g} s, after the last time of the log, {end:g} s.")
+            raise ArgumentError(f"The filter is at t = {begin:g} s, after the last time of the log, {end:g} s.")
         for name, one in measured.items():
             if len(one.times) and one.times[0] < begin - SAME:
                 raise ArgumentError(
-                    f"`{name}` begins at {one.times[0]:g} s, before the filter, which stands at t = {begin:g} s: leave "
-                    "out what is earlier, or begin the filter there."
+                    f"`{name}` begins at {one.times[0]:g} s, before the filter, which is at t = {begin:g} s: leave out "
+                    "earlier values, or begin the filter there."
                 )
         count = (end - begin) / float(dt)
         require_room(f"A log of {count:.3g} steps of {dt:g} s", OF_A_NODE * count, "take a longer dt", LARGEST)
@@ -183,24 +183,24 @@ class Timetable:
         sizes: tuple[int, int, int],
         places: Mapping[str, int],
         every: int,
-        whole: bool,
+        full: bool,
         numbers: list[int],
     ) -> Orders:
-        """What to do in its order.
+        """The orders in sequence.
 
-        sizes: of a row and of e, and how many members. places: name of an input → its first number among all. every:
-        every how many nodes are kept. whole: whether P is. numbers: of the measurements.
+        sizes: of a row and of e, and the number of members. places: name of an input → its first number among all.
+        every: the interval of saved nodes. full: whether all of P is saved. numbers: of the measurements.
         """
         size, n, members = sizes
         nodes, columns = len(self.times), _Columns()
         steps = columns.add(np.diff(self.times)[:, None])
         found = [_rows(np.arange(1, nodes), 0, PREDICT, steps + np.arange(nodes - 1), 0, 0)]
-        kept, width = np.arange(0, nodes, every), n * n if whole else n
+        kept, width = np.arange(0, nodes, every), n * n if full else n
         rows, P = 0, len(kept) * size
         needed = 8.0 * len(kept) * (size + width) * members
         require_room(f"A log of {len(kept):,} nodes", needed, "raise save_every", LARGEST)
         at = np.arange(len(kept))
-        found.append(_rows(kept, 2, SAVE, rows + at * size, P + at * width, int(whole)))
+        found.append(_rows(kept, 2, SAVE, rows + at * size, P + at * width, int(full)))
         output, nis = P + len(kept) * width, {}
         for number, (name, one) in zip(numbers, self._measured.items(), strict=True):
             here = one.times <= self._end + SAME
@@ -220,24 +220,24 @@ class Timetable:
         )  # fmt: skip
 
     def _node(self, times: np.ndarray) -> np.ndarray:
-        """The nodes at which times are; what is earlier than the first one counts as there."""
+        """The nodes of times; earlier times count as at the first one."""
         return np.clip(np.searchsorted(self.times, times - SAME), 0, len(self.times) - 1)
 
 
 def _rows(*columns: Any) -> np.ndarray:
-    """Rows of whole numbers from columns of which some are the same in all."""
+    """Rows of integers from columns, some of which are constant."""
     return np.stack(np.broadcast_arrays(*columns), axis=1).astype(np.int64).reshape(-1, 6)
 
 
 class _Columns:
-    """Numbers for all members, or for each its own, one after the other."""
+    """Numbers for all members, or separately for each, one after the other."""
 
     def __init__(self) -> None:
         self._parts: list[np.ndarray] = []
         self._size = 0
 
     def add(self, values: np.ndarray) -> int:
-        """Where (K, size) or (K, members, size) begin."""
+        """The beginnings of (K, size) or (K, members, size)."""
         part = values.reshape(1, -1) if values.ndim == 2 else values.transpose(1, 0, 2).reshape(values.shape[1], -1)
         self._parts.append(part)
         start, self._size = self._size, self._size + part.shape[1]

@@ -4,7 +4,7 @@
     found = co.identification.identify(vehicle, log, start=start, parameters=["damping", "added_mass"])
     print(found)
 
-`Log` for what was measured, `identify` for the estimates with their intervals; `co.vehicles.logs` reads CSV files.
+`Log` for measurements, `identify` for estimates with their intervals; `co.vehicles.logs` reads CSV files.
 """
 
 from __future__ import annotations

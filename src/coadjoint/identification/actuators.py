@@ -1,10 +1,10 @@
-"""Where actuators stand at the start of each segment, and how that depends on the parameters that are sought.
+"""States of actuators at the start of each segment, and their derivatives by the estimated parameters.
 
-What the inputs alone drive, such as an actuator with a lag or a rate, is known over all the log: its rule
+A state that only the inputs drive, such as an actuator with a lag or a rate, is known over the complete log: its rule
 
-    x_{k+1} = Φ(x_k, u_k, h_k; p),  ∂x_{k+1}/∂p = ∂Φ/∂x ∂x_k/∂p + ∂Φ/∂p,  x_0 as it is given,  ∂x_0/∂p = 0,
+    x_{k+1} = Φ(x_k, u_k, h_k; p),  ∂x_{k+1}/∂p = ∂Φ/∂x ∂x_k/∂p + ∂Φ/∂p,  x_0 given,  ∂x_0/∂p = 0,
 
-is followed from the first sample with its derivatives, and a segment begins with the x and ∂x/∂p that are there.
+is integrated from the first sample with its derivatives, and a segment begins with x and ∂x/∂p at its time.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from coadjoint.mechanics.system import System
 T = TypeVar("T")
 
 KEPT = 16
-"""How many recursions, and how many dependences, stay in memory."""
+"""The numbers of recursions and of dependences kept in memory."""
 
 _recursions: dict[Any, NativeRecursion] = {}
 _dependences: dict[Any, list[tuple[list[bool], list[bool], bool]]] = {}
@@ -47,8 +47,8 @@ class ActuatorsAtStarts(NamedTuple):
 class Actuators:
     """The leaves of the internal state that no motion moves, over all segments.
 
-    `key`: what the code of the rule depends on. `template`: a state. `active`: the parameters that change, by their
-    places among the numbers of all. `held`: the internal states of the segments, as far as the log has them, and
+    `key`: the dependences of the code of the rule. `template`: a state. `active`: the parameters that change, by their
+    places among the numbers of all. `held`: the internal states of the segments, as far as the log holds them, and
     `logged`: for each of their leaves whether a segment after a gap begins with it.
     """
 
@@ -63,7 +63,7 @@ class Actuators:
 
     @cached_property
     def _uses(self) -> list[tuple[list[bool], list[bool], bool]]:
-        """What each leaf after a step depends on: leaves before it, parameters, and whether on the motion."""
+        """The dependences of each leaf after a step: leaves before it, parameters, and whether on the motion."""
         return _kept(_dependences, self.key, self._dependence)
 
     def _dependence(self) -> list[tuple[list[bool], list[bool], bool]]:
@@ -91,7 +91,7 @@ class Actuators:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """Where their numbers stand among those of the internal state."""
+        """The places of their numbers among those of the internal state."""
         return _places(self.template.internal, self.leaves)
 
     @cached_property
@@ -137,7 +137,7 @@ class Actuators:
         return jnp.concatenate(found)
 
     def at_starts(self, numbers: np.ndarray) -> ActuatorsAtStarts:
-        """Where they stand with these numbers of all parameters."""
+        """Their states with these numbers of all parameters."""
         n, m, runs = len(self.places), len(self.moving), len(self.steps.begins)
         begun = rows(self.held)[:, self.places]
         logged = np.isin(self.places, _places(self.template.internal, np.flatnonzero(self.logged)))
@@ -161,13 +161,13 @@ class Actuators:
 
 
 def _places(tree: Any, leaves: Iterable[int]) -> np.ndarray:
-    """Where the numbers of some leaves stand among those of all."""
+    """The places of the numbers of some leaves among those of all."""
     ends = np.cumsum([0, *(np.size(leaf) for leaf in jax.tree.leaves(tree))]).tolist()
     return np.array([place for i in leaves for place in range(ends[i], ends[i + 1])], int)
 
 
 def _kept(known: dict[Any, T], key: Any, make: Callable[[], T]) -> T:
-    """What is known by a key, made where it is not; the oldest of more than KEPT is forgotten."""
+    """The cached value of a key, made if missing; beyond KEPT entries the oldest is dropped."""
     if key not in known:
         known[key] = make()
         while len(known) > KEPT:

@@ -1,4 +1,4 @@
-"""What `identify` is given, checked before anything is traced."""
+"""Checks of the arguments of `identify`, before anything is traced."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a log may hold of a vehicle, as functions of the simulated state."""
+"""The columns of logs of vehicles, as functions of the simulated state."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Channels:
     """Numbers that a log holds, in their order: those of a vehicle by name, others by functions of the state.
 
     `own`: pairs of name and function (state) → number. `vehicle`: names of `VEHICLE`. With `rotation` the nine numbers
-    of the attitude matrix follow. `levers`: pairs of such a name and r, m, where the sensor sits in the body: it reads
-    the place q + Rr and the velocity ν + ω × r.
+    of the attitude matrix follow. `levers`: pairs of such a name and r, m, the place of the sensor in the body: it
+    measures the position q + Rr and the velocity ν + ω × r.
     """
 
     vehicle: tuple[str, ...]
@@ -53,7 +53,7 @@ class Channels:
         return (*self.vehicle, *(name for name, _ in self.own))
 
     def of(self, system: System, state: State) -> Array:
-        """What the sensors would say at a node."""
+        """The simulated measurements at a node."""
         known = dict(vehicle(system, state)) if self.vehicle else {}
         known |= self._elsewhere(system, state, known)
         values = [known[name] for name in self.vehicle] + [jnp.asarray(f(state), float) for _, f in self.own]
@@ -62,7 +62,7 @@ class Channels:
         return jnp.stack(values)
 
     def _elsewhere(self, system: System, state: State, known: Mapping[str, Array]) -> dict[str, Array]:
-        """What sensors off O read, by name."""
+        """The measurements of sensors away from O, by name."""
         found = {}
         for name, r in self.levers:
             if name in POSITION:
@@ -99,7 +99,8 @@ def vehicle(system: System, state: State) -> Mapping[str, Array]:
 
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:
-    """(ξ, ν) at a node, from its momenta: ∂_ξℓ = μ, ∂_νℓ = π, solved by Newton; at once where ℓ is quadratic."""
+    """(ξ, ν) at a node, from its momenta: ∂_ξℓ = μ, ∂_νℓ = π, solved by Newton's method, in one step where ℓ is
+    quadratic."""
     count = system.group.dim
     momenta = jnp.concatenate([state.mu, state.pi])
 

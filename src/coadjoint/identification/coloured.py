@@ -1,8 +1,8 @@
-"""Noise that follows itself: a Gauss–Markov process of the first order, whitened by its prediction errors.
+"""Coloured noise: a Gauss–Markov process of the first order, whitened by its prediction errors.
 
 Of noise e with standard deviation σ and correlation time τ, E e(t)e(t + Δ) = σ² exp(−|Δ|/τ), sampled at times t_i,
 w_i = (e_i − a_i e_{i−1})/√(1 − a_i²), a_i = exp(−(t_i − t_{i−1})/τ), are independent with standard deviation σ,
-whatever samples are missing. τ maximises the restricted likelihood, which counts what the fit took up of the noise:
+for any missing samples. τ maximises the restricted likelihood, which accounts for the noise that the fit absorbs:
 
     −2 log L = N log σ² + Σ log(1 − a_i²) + Σ w_i²/σ² + log |JᵀV⁻¹J|:
 
@@ -17,20 +17,20 @@ import numpy as np
 from scipy import optimize
 
 SHORTEST, LONGEST = 0.2, 2.0
-"""Correlation times are sought from this part of the time between samples to so many segments."""
+"""The range of correlation times: from this part of the time between samples to so many segments."""
 
 
 class Neighbours(NamedTuple):
-    """Of every sample, (segments, samples, channels): which one of the channel came before, and how long before, s;
-    infinite of the first of a segment and where there is none."""
+    """Of every sample, (segments, samples, channels): the previous one of the channel, and the time since then, s;
+    infinite for the first of a segment and if there is none."""
 
     before: np.ndarray
     between: np.ndarray
 
 
 class Channel(NamedTuple):
-    """One channel at the place where least squares ended: differences (segments, samples), their derivatives
-    (segments, samples, columns), its neighbours, and how many numbers it holds less what the fit took up of them."""
+    """One channel at the solution of least squares: differences (segments, samples), their derivatives
+    (segments, samples, columns), its neighbours, and its number of samples less the degrees of freedom of the fit."""
 
     off: np.ndarray
     slopes: np.ndarray
@@ -39,7 +39,7 @@ class Channel(NamedTuple):
 
 
 def neighbours(time: np.ndarray, there: np.ndarray) -> Neighbours:
-    """time: (segments, samples), s; there: (segments, samples, channels), where something was measured."""
+    """time: (segments, samples), s; there: (segments, samples, channels), whether it was measured."""
     number = np.where(there, np.arange(there.shape[1])[:, None], -1)
     last = np.maximum.accumulate(number, axis=1)
     before = np.concatenate([np.full((len(there), 1, there.shape[2]), -1), last[:, :-1]], axis=1)
@@ -65,7 +65,7 @@ def following(near: Neighbours, times: np.ndarray) -> np.ndarray:
 
 
 def correlation_time(channel: Channel, others: np.ndarray, d: int, shortest: float, longest: float) -> float:
-    """τ of a channel, s, between two bounds; 0 where the shortest is the likeliest.
+    """τ of a channel, s, between two bounds; 0 if the shortest is the most likely.
 
     others: JᵀV⁻¹J of all other channels, (segments, columns, columns); d of the columns are each segment's own.
     """

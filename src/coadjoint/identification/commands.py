@@ -1,4 +1,4 @@
-"""What drives a log: commands in the units of what they command, and the current."""
+"""Inputs of a log: commands in the units of their actuators, and the current."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from coadjoint.mechanics.system import System
 from coadjoint.spaces.named import Named
 
 STILL = 0.01
-"""m/s, the root mean square of a current that is none, and of a difference that does not count."""
+"""m/s, the root mean square below which a current, or a difference of currents, is negligible."""
 
 SAME = 0.1
-"""And the part of the current that may be missing in the model."""
+"""The part of the current that the model may lack."""
 
 
 def require_commands(system: System, start: State, log: Log, still: Sequence[str]) -> None:
@@ -41,7 +41,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
     for name in still:
         if name not in commanded:
             raise ArgumentError(
-                f"`still` names `{name}`, but what is commanded is {', '.join(commanded) or 'nothing'}."
+                f"`still` names `{name}`, but the commanded actuators are {', '.join(commanded) or 'none'}."
             )
         if name in log.inputs:
             raise ArgumentError(f"`still` names `{name}`, but the log holds its commands: leave out one of them.")
@@ -49,13 +49,14 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
     if missing:
         columns = ", ".join(f"`command_{name}` ({units[name]})" for name in missing)
         raise ArgumentError(
-            f"The log holds no commands of {', '.join(missing)}: add {columns}, or say that it stays where it starts, "
+            f"The log holds no commands of {', '.join(missing)}: add {columns}, or declare that it stays where it "
+            "starts, "
             f"still={missing} or --still {' '.join(missing)}."
         )
 
 
 def require_current(system: System, log: Log, parameters: Sequence[str], process_noise: Sequence[str]) -> None:
-    """Raise ArgumentError where the log holds a current that the model lacks, unless it is sought."""
+    """Raise ArgumentError if the log holds a current that the model lacks, unless it is estimated."""
     if not log.current or any("water" in name for name in (*parameters, *process_noise)):
         return
     names = ("north", "east", "down")
@@ -72,11 +73,11 @@ def require_current(system: System, log: Log, parameters: Sequence[str], process
     mean = ", ".join(f"{value:.2g}" for value in np.nanmean(logged, axis=1))
     columns = ", ".join(f'"current_{name}"' for name in log.current)
     seek = (
-        'seek it, as "water.velocity[0]" and "water.velocity[1]" among `parameters`, or '
+        'estimate it, as "water.velocity[0]" and "water.velocity[1]" among `parameters`, or '
         'process_noise=["water.velocity"] '
-        "of one that is not steady; "
+        "if it is not steady; "
         if velocity is not None
-        else "the model needs a velocity of the water that can be sought; "
+        else "the model needs a velocity of the water that can be estimated; "
     )
     raise ArgumentError(
         f"The log holds a current of {speed:.2g} m/s (north, east, down: {mean} m/s on average), but the water of the "

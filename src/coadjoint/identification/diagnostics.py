@@ -1,4 +1,4 @@
-"""What is doubtful about an identification: a sentence each."""
+"""Diagnostics of an identification: one sentence for each problem."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
 """|correlation| of two parameters, interval over estimate, lag-one correlation of residuals, that give a warning."""
 
 NOTHING = 0.05
-"""Of where the search began: an interval within it that holds zero tells that it is none."""
+"""Relative to the prior value: an interval within this range that contains zero shows that the parameter vanishes."""
 
 STRONGEST = 3
-"""How many names a sentence on parameters that cannot be separated holds."""
+"""The largest number of names in a sentence on parameters that cannot be separated."""
 
 WILD, SWALLOWED = 20.0, 0.7
 """Residuals over the noise between neighbouring samples, and over the signal's own spread, that give a warning."""
 
 LONGER = 1.5
-"""From which multiple of the usual time between samples on rows count as missing."""
+"""Rows count as missing from this multiple of the usual time between samples on."""
 
 REGULAR = 0.1
-"""Rows that are this part of the usual time off a multiple of it are irregular, and nobody knows which are missing."""
+"""Rows that deviate from a multiple of the usual time by this part of it are irregular, and missing ones are
+unknown."""
 
 MOST = 3
-"""How many gaps are told one by one."""
+"""The number of gaps that are listed one by one."""
 
 
 def hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lost: np.ndarray) -> list[str]:
@@ -48,17 +49,19 @@ def hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lo
                 f", with {others} other{'s' if others > 1 else ''}" if others else ""
             )
             found[
-                f"The log cannot separate {listed}: keep one of them at its known value, or take a log in which what "
-                "they do differs, as commands that change apart."
+                f"The log cannot separate {listed}: keep one of them at its known value, or take a log in which their "
+                "effects differ, as by commands that change separately."
             ] = None
     alone = [names[i] for i in np.flatnonzero(hidden & ~shared)]
-    return list(found) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
+    return list(found) + [
+        f"The log contains no information on {name}: its motion does not depend on it." for name in alone
+    ]
 
 
 def vague(estimates: dict[str, Estimate]) -> list[str]:
-    """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative. Sensors may well
-    be without bias and delay, and what is as good as nothing beside where the search began, as the effectiveness of a
-    thruster that is out, is well known."""
+    """Wide intervals, relative to the value, or of values that may be zero, for which no relative width exists. Sensors
+    may well have no bias and no delay, and a value that is negligible relative to its prior, such as the effectiveness
+    of a failed thruster, is well determined."""
     sentences = []
     for e in estimates.values():
         if e.name.startswith(SENSORS):
@@ -66,7 +69,9 @@ def vague(estimates: dict[str, Estimate]) -> list[str]:
         if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
             if e.high - e.low < 2 * NOTHING * abs(e.prior):
                 continue
-            sentences.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
+            sentences.append(
+                f"The log does not distinguish {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}."
+            )
         elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):
             half = (e.high - e.low) / 2 / abs(e.value)
             sentences.append(f"The log hardly excites {e.name}: its interval is ±{half:.0%}.")
@@ -74,7 +79,7 @@ def vague(estimates: dict[str, Estimate]) -> list[str]:
 
 
 def missed(log: Log, names: tuple[str, ...], rms: np.ndarray, estimated: np.ndarray) -> list[str]:
-    """Where residuals are no noise: far above what neighbouring samples have of it, or as large as the signal."""
+    """Residuals that are not noise: far above the noise between neighbouring samples, or as large as the signal."""
     found = []
     for name, off, own in zip(names, rms, estimated, strict=True):
         if not own:
@@ -89,7 +94,7 @@ def missed(log: Log, names: tuple[str, ...], rms: np.ndarray, estimated: np.ndar
         return []
     return [
         f"The simulation misses {', '.join(found)} by far more than the noise between neighbouring samples: check axes "
-        "and units of the log, and that every command is there; do not rely on the intervals."
+        "and units of the log, and that no command is missing; do not rely on the intervals."
     ]
 
 
@@ -97,7 +102,7 @@ def alike(estimates: dict[str, Estimate], correlation: np.ndarray, hidden: np.nd
     names = list(estimates)
     pairs = [(i, j) for i in range(len(names)) for j in range(i) if not (hidden[i] or hidden[j])]
     return [
-        f"{names[j]} and {names[i]} are hard to tell apart: correlation {correlation[i, j]:.3f}."
+        f"{names[j]} and {names[i]} are hard to separate: correlation {correlation[i, j]:.3f}."
         for i, j in pairs
         if abs(correlation[i, j]) > ALIKE
     ]
@@ -113,20 +118,20 @@ def coloured(whiteness: dict[str, float], there: np.ndarray, names: tuple[str, .
     if not found:
         return []
     return [
-        f"Residuals of {', '.join(found)} follow one another (lag-one correlation): the model or the noise is not as "
+        f"Residuals of {', '.join(found)} are correlated (lag-one correlation): the model or the noise is not as "
         "assumed, and the intervals may be too narrow."
     ]
 
 
 def unsettled(changed: dict[str, float]) -> list[str]:
-    """What of the noise still changed after the last round of least squares."""
+    """Parts of the noise that still changed after the last round of least squares."""
     if not changed:
         return []
     worst, rest = max(changed, key=lambda name: changed[name]), len(changed) - 1
     others = f", and {rest} more {'numbers' if rest > 1 else 'number'} of its kind" if rest else ""
     return [
         f"After {ROUNDS} rounds of least squares the {worst}{others} still changed, by {changed[worst]:.0%} in the "
-        "last: the intervals are that uncertain; give what is known in `noise`, or name less in `coloured` and "
+        "last: the intervals are that uncertain; give known values in `noise`, or name less in `coloured` and "
         "`process_noise`."
     ]
 
@@ -152,7 +157,7 @@ def handed_on(internal: tuple[str, ...], segments: int) -> list[str]:
 
 
 def coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[str]:
-    """Where the step size shifts a parameter by much of its standard error."""
+    """A warning if the step size shifts a parameter by a large part of its standard error."""
     if not len(shift) or not np.nanmax(shift) > COARSE:
         return []
     worst = int(np.nanargmax(shift))
@@ -163,7 +168,7 @@ def coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[
 
 
 def gaps(log: Log, samples: Samples) -> list[str]:
-    """Sentences on values and rows that are missing, where the log does not tell that itself."""
+    """Sentences on missing values and rows that the notes of the log do not mention."""
     told = _values(log)
     usual, between = log.interval, np.diff(log.time)
     first, last = samples.rows[:, 0], samples.rows.max(axis=1)
@@ -173,14 +178,14 @@ def gaps(log: Log, samples: Samples) -> list[str]:
     if short.any() and np.all(np.abs(between / usual - np.rint(between / usual)) < REGULAR):
         count, longest = int(np.rint(between[short] / usual - 1).sum()), between[short].max() - usual
         told.append(
-            f"{count} rows are missing, up to {longest:.3g} s at a time: inputs count as they run "
-            "between the rows that are there."
+            f"{count} rows are missing, up to {longest:.3g} s at a time: inputs are interpolated between the existing "
+            "rows."
         )
     for i in np.flatnonzero(apart)[:MOST]:
         before = last[last <= i].max()
         told.append(
-            f"The log has a gap from {log.time[before]:.5g} to {log.time[i + 1]:.5g} s: what came in between is not "
-            "used, and the simulation begins anew after it, with actuators as the log has them, or as commanded."
+            f"The log has a gap from {log.time[before]:.5g} to {log.time[i + 1]:.5g} s: the time in between is not "
+            "used, and the simulation begins again after it, with actuators as logged, or as commanded."
         )
     if (more := int(apart.sum()) - MOST) > 0:
         told.append(f"There are {more} more such gaps.")
@@ -188,7 +193,7 @@ def gaps(log: Log, samples: Samples) -> list[str]:
 
 
 def _values(log: Log) -> list[str]:
-    """On columns with missing values of which the notes of the log do not tell, one sentence."""
+    """One sentence on columns with missing values that the notes of the log do not mention."""
     missing = {name: int(np.isnan(values).sum()) for name, values in log.columns.items()}
     new = {n: k for n, k in missing.items() if k and f"{k} of {len(log)} values of {n} are missing." not in log.notes}
     if len(new) == 1:

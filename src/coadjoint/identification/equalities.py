@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 from coadjoint.errors import ArgumentError
 
 SIGN = " = "
-"""Between the names of parameters that are equal."""
+"""The sign between the names of parameters that are equal."""
 
 
 class NamedEntry(NamedTuple):
-    """One number of a parameter: its name with its index, where it stands among all numbers, its value.
+    """One number of a parameter: its name with its index, its place among all numbers, its value.
 
-    `places`: two of an entry beside the diagonal of a symmetric matrix. `definite`: whether it stands on the diagonal
-    of a positive definite one.
+    `places`: two for an off-diagonal entry of a symmetric matrix. `definite`: whether it is on the diagonal of a
+    positive definite one.
     """
 
     label: str
@@ -40,7 +40,7 @@ def groups(
 
 
 def require_equal(names: Sequence[str], members: Sequence[Sequence[NamedEntry]]) -> None:
-    """Raise ArgumentError for parameters that shall be equal and are not of one size, or do not begin equal."""
+    """Raise ArgumentError for equal parameters that have different sizes or prior values."""
     for name, entries in zip(names[1:], members[1:], strict=True):
         if len(entries) != len(members[0]):
             raise ArgumentError(
@@ -62,6 +62,6 @@ def require_once(chosen: Mapping[tuple[int, ...], Any]) -> None:
         for place in places:
             if place in owner:
                 raise ArgumentError(
-                    f"`{owner[place].label}` and `{unknown.label}` are sought both, but share a number: keep one."
+                    f"`{owner[place].label}` and `{unknown.label}` are both estimated, but share a number: keep one."
                 )
             owner[place] = unknown

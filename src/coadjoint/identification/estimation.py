@@ -61,35 +61,30 @@ def identify(
     min ½ Σ ((y_i − y(t_i; p, starts))/σ)² over the parameters p and over the start of every segment of the log, by
     Levenberg–Marquardt with exact derivatives through every step. Covariance is (JᵀJ)⁻¹ with the starts eliminated.
 
-    log: a Log, as of `co.vehicles.logs.read_log`. start: a state of the system, for what the log does not tell: the
-    advected parameters, the internal state. parameters: names of whole arrays (their entries that are not zero) or
-    entries, ["damping", "added_mass[1,1]"], or several that are equal, "rudder.area = stern_planes.area"; the system's
-    own values are where the search starts.
-    noise: standard deviations in SI units by column, or for position, attitude, velocity, rates; those not given are
-    estimated from the residuals. measured: functions of the state for columns that are not those of a vehicle.
-    segment: s; None takes the log as one run from one start; by default 10 s, and None where an internal state depends
-    on the motion, as that of a controller that is simulated: what parameters do to it does not cross segments.
-    dt: s, by default that of the simulation which wrote the log, and of a measured log one that shifts no parameter by
-    more than about a tenth of its standard error.
-    between: whether inputs are held between samples or run linearly. settle: for how long, s, the log is not
-    fitted, because nobody knows where actuators start. positive: parameters that must stay positive,
-    sought by their logarithms; the diagonals of positive definite matrices always are, and the matrices stay so.
-    still: actuators without commands in the log, which stay where `start` has them; others must have commands.
-    level: of the intervals.
-    coloured: columns, or position, attitude, velocity, rates, whose noise follows itself, with covariance
-    σ² exp(−|Δ|/τ); σ and τ are estimated, `found.noise` and `found.correlation_times`.
-    biases: columns or such groups of which a constant is sought that the sensor adds, `found["bias.u"]`, in the unit of
-    the column. delays: columns or such groups of which it is sought by how many seconds they are late,
-    `found["delay.position"]`, or names of one's own with the columns that share a delay, {"gps": ("north", "east")};
-    none is longer than `longest_delay` s.
-    attitude: "angles" compares Euler angles, "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where
-    noise and bias of roll, pitch and heading are those about forward, starboard and down; by default that where the log
-    pitches by over 60°.
-    process_noise: what wanders beside what is sought: "force" and "torque", which the model lacks, in the body, or
-    their components X, Y, Z, K, M, N, or parameters such as "water.velocity". Each is an Ornstein–Uhlenbeck process,
-    whose deviation and correlation time are estimated, `found.process_noise`, and the intervals count with it.
-    progress: None, a bar on a terminal for what takes over a second (the default); False, never.
-    Raises ArgumentError for what does not fit, and where nothing is found.
+    log: a Log, as of `co.vehicles.logs.read_log`. start: a state of the system, for the quantities that the log lacks:
+    the advected parameters, the internal state. parameters: names of arrays (their nonzero entries) or entries,
+    ["damping", "added_mass[1,1]"], or several that are equal, "rudder.area = stern_planes.area"; the search starts from
+    the values of the system. noise: standard deviations in SI units by column, or for position, attitude, velocity,
+    rates; those not given are estimated from the residuals. measured: functions of the state for columns that are not
+    those of a vehicle. segment: s; None takes the log as one run from one start; by default 10 s, and None where an
+    internal state depends on the motion, as that of a controller that is simulated: what parameters do to it does not
+    cross segments. dt: s, by default that of the simulation which wrote the log, and of a measured log one that shifts
+    no parameter by more than about a tenth of its standard error. between: whether inputs are held between samples or
+    run linearly. settle: the initial time, s, that is not fitted, because the states of actuators are unknown.
+    positive: parameters that must stay positive, estimated by their logarithms; the diagonals of positive definite
+    matrices always are, and the matrices stay positive definite. still: actuators without commands in the log, which
+    stay where `start` has them; others must have commands. level: of the intervals. coloured: columns, or position,
+    attitude, velocity, rates, with coloured noise of covariance σ² exp(−|Δ|/τ); σ and τ are estimated, `found.noise`
+    and `found.correlation_times`. biases: columns or such groups with a constant bias of the sensor, `found["bias.u"]`,
+    in the unit of the column. delays: columns or such groups with a delay, `found["delay.position"]`, s, or new names
+    with the columns that share a delay, {"gps": ("north", "east")}; none is longer than `longest_delay` s. attitude:
+    "angles" compares Euler angles, "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where noise and
+    bias of roll, pitch and heading are those about forward, starboard and down; by default that where the log pitches
+    by over 60°. process_noise: "force" and "torque", which the model lacks, in the body, or their components X, Y, Z,
+    K, M, N, or parameters such as "water.velocity". Each is an Ornstein–Uhlenbeck process, whose deviation and
+    correlation time are estimated, `found.process_noise`, and the intervals account for it. progress: None, a bar on a
+    terminal after one second (the default); False, never. Raises ArgumentError for arguments that do not fit, and if no
+    estimate is found.
     """
     method = Midpoint() if method is None else method
     require_arguments(system, log, start, method)
@@ -135,13 +130,14 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
     rest = [name for name in log.columns if name not in measured]
     if rest and not is_vehicle(system):
         raise ArgumentError(
-            f"It is not known what `{rest[0]}` of the log is: give measured={{{rest[0]!r}: a function of the state}}."
+            f"The meaning of `{rest[0]}` of the log is unknown: give measured={{{rest[0]!r}: a function of the state}}."
         )
     for name in rest:
         if name not in VEHICLE:
             near = difflib.get_close_matches(name, VEHICLE, 1, 0.0)[0]
             raise ArgumentError(
-                f"The log's column `{name}` is no quantity of a vehicle, the nearest is `{near}`: rename it, leave it "
+                f"The log's column `{name}` is not a quantity of a vehicle, the nearest is `{near}`: rename it, leave "
+                "it "
                 "out, or give it in `measured`."
             )
         if (unit := log.units.get(name)) != UNITS[name]:
@@ -154,7 +150,7 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
 
 
 def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
-    """σ by channel, of those that are given."""
+    """σ by channel, of those that the user gave."""
     known = {name: (name,) for name in channels.names} | GROUPS
     found: dict[str, float] = {}
     for name, value in sorted(given.items(), key=lambda pair: pair[0] not in GROUPS):

@@ -1,4 +1,4 @@
-"""Figures of an identification: what was measured against what the simulation says, and the intervals."""
+"""Figures of an identification: measurements against the simulation, and innovations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from coadjoint.identification.log import Log
 from coadjoint.plotting.style import COLOURS, PAGE, PlotFigure, canvas, legend, style, time_axis
 
 LAGS = 30
-"""Of an autocorrelation that is shown."""
+"""The lags of an autocorrelation."""
 
 
 def measured_and_simulated(
@@ -33,7 +33,7 @@ def measured_and_simulated(
             measured, values = log.columns[name], simulated[name]
             if unit == "rad":
                 values = measured + (values - measured + np.pi) % (2 * np.pi) - np.pi
-                # The pen is lifted where an angle goes round.
+                # The line breaks where an angle wraps.
                 values = np.where(np.abs(np.diff(values, append=values[-1:])) > np.pi, np.nan, values)
             axes.plot(log.time, factor * measured, ".", ms=1.6, color=COLOURS[5], label="measured")
             axes.plot(log.time, factor * values, "-", lw=0.8, color=COLOURS[6], label="simulated")
@@ -51,7 +51,7 @@ def autocorrelation_and_histogram(
     innovations: Mapping[str, np.ndarray], columns: Sequence[str] | None = None
 ) -> PlotFigure:
     """Innovations of every column: autocorrelation with the band that holds 95 % of white noise, ±1.96/√N, and
-    histogram with the density of the normal distribution that the noise is said to have.
+    histogram with the density of the normal distribution assumed for the noise.
 
     Raises ArgumentError for columns that the log does not hold.
     """
@@ -77,7 +77,7 @@ def autocorrelation_and_histogram(
 
 
 def autocorrelation(w: np.ndarray, lags: int) -> np.ndarray:
-    """ρ_1, ρ_2, … of innovations, over the pairs that are there."""
+    """ρ_1, ρ_2, … of innovations, over the existing pairs."""
     there = np.isfinite(w)
     left = np.where(there, w - np.mean(w[there]), 0.0)
     variance = np.sum(left**2) / max(int(there.sum()), 1)

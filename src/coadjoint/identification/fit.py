@@ -1,4 +1,4 @@
-"""What least squares sees of a log: residuals over their noise, and their derivatives by all that is sought."""
+"""The least-squares problem of a log: residuals over their noise, and their derivatives by all unknowns."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.unknowns import Unknown
 
 SETTLING = 3
-"""How often internal states are handed from each segment to the next before least squares begins."""
+"""The number of passes of internal states from each segment to the next before least squares begins."""
 
 FARTHEST = 50.0
-"""How far from its beginning a coordinate may be, a logarithm or a multiple of its size."""
+"""The largest distance of a coordinate from its prior value, in logarithms or multiples of its size."""
 
 
 LONGEST_TIME = 4.0
-"""Up to how many times the log process noise may take to follow itself: then it is a random walk."""
+"""The longest correlation time of process noise, in lengths of the log: beyond it is a random walk."""
 
 
 class Fit:
     """Residuals of all samples over their noise.
 
     `sigma`: standard deviation by channel; `times`: correlation times of their noise, s, 0 where it is white. `held`:
-    whether biases and delays stay where they begin.
+    whether biases and delays keep their prior values.
     """
 
     def __init__(self, shooting: Shooting, asked: Setting, sigma: np.ndarray, held: bool = False):
@@ -62,7 +62,7 @@ class Fit:
 
     @property
     def own(self) -> int:
-        """How many unknowns are each segment's own."""
+        """The number of unknowns of each segment."""
         return self.shooting.own
 
     def split(self, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +70,7 @@ class Fit:
         return tuple(np.split(shared, [len(self.shooting.unknowns.each)]))  # type: ignore[return-value]
 
     def predict(self, place: Estimates) -> Prediction | None:
-        """What the sensors would say."""
+        """The simulated measurements."""
         parameters, own = self.split(place.shared)
         delays = self.sensing.delay(own)
         if delays is not None and self.sensing.rotation:
@@ -84,7 +84,7 @@ class Fit:
         return found.values[..., : len(self.sensing.names)] + self.sensing.bias(self.split(shared)[1])
 
     def shown(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
-        """`simulated`, NaN where a delay would need what was before the segment began."""
+        """`simulated`, NaN where a delay would need values from before the segment."""
         values = self.simulated(found, shared)
         early = self.shooting.samples.early[..., None] & np.isin(np.arange(values.shape[-1]), self.late)
         return np.where(early, np.nan, values)
@@ -118,7 +118,8 @@ class Fit:
         return found
 
     def innovations(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
-        """`differences` less what the noise before tells of them, over the noise: (segments, samples, channels)."""
+        """`differences` less their prediction from the previous noise, over the noise: (segments, samples,
+        channels)."""
         return whitened(self.differences(found, shared), self.near, self.times) / self.sigma
 
     def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
@@ -133,13 +134,13 @@ class Fit:
         return (r if self.wander is None else np.concatenate([r, self._driving(place.own)], axis=1)), found
 
     def _driving(self, own: np.ndarray) -> np.ndarray:
-        """What drives the knots, w = L x of every segment: (segments, knots)."""
+        """The innovations of the knots, w = L x of every segment: (segments, knots)."""
         knots = self.shooting.knots
         assert knots is not None and self.wander is not None
         return own[:, self.shooting.size :] @ knots.spread(knots.roots(self.wander)).T
 
     def slopes(self, place: Estimates, way: Prediction) -> np.ndarray:
-        """Derivatives of `differences` by starts, parameters and what is sought of the sensors: (segments, samples,
+        """Derivatives of `differences` by starts, parameters, biases and delays: (segments, samples,
         columns, channels)."""
         parts = [self.shooting.slopes(self.split(place.shared)[0], way)]
         if self.sensing.each and not self.held:
@@ -153,7 +154,7 @@ class Fit:
         return np.where(self.there[:, :, None, :], found, 0.0)
 
     def _turned(self, found: np.ndarray, along: np.ndarray, shared: np.ndarray, way: Prediction) -> np.ndarray:
-        """`found` with the derivatives of δ of `rotations` where those of Euler angles stand."""
+        """`found` with the derivatives of δ of `rotations` in the place of those of Euler angles."""
         parameters, own = self.split(shared)
         attitude = list(self.sensing.attitude)
         bias, R = self.sensing.bias(own)[attitude], self._matrices(way)
@@ -193,7 +194,7 @@ class Fit:
         return np.concatenate([J, driving], axis=1)
 
     def find_process_noise(self, place: Estimates) -> float:
-        """The likeliest s and τ at a place; by how much, relatively, s √(1 + Δ/τ) changed of what counts most."""
+        """The most likely s and τ at a place, and the largest relative change of s √(1 + Δ/τ)."""
         knots = self.shooting.knots
         if knots is None:
             return 0.0
@@ -212,7 +213,7 @@ class Fit:
         return LONGEST_TIME * self.log.duration
 
     def normal_equations(self, place: Estimates) -> Normal | None:
-        """Of what the sensors say at a place, without what drives the knots."""
+        """The normal equations of the measurements at a place, without the innovations of the knots."""
         kept, self.wander = self.wander, None
         found = self.residual(place)
         x = slice(self.shooting.size, self.own)
@@ -223,8 +224,7 @@ class Fit:
         return given
 
     def surprise(self, place: Estimates, found: Prediction) -> np.ndarray:
-        """What the samples say that those before did not: `innovations`, and those of a Kalman filter where parameters
-        wander."""
+        """The innovations of the samples: `innovations`, or with process noise those of a Kalman filter."""
         w, knots = self.innovations(found, place.shared), self.shooting.knots
         if self.wander is None or knots is None:
             return w
@@ -235,7 +235,7 @@ class Fit:
         return prediction_errors(w - np.einsum("snxc,sx->snc", F, place.own[:, self.shooting.size :]), F, L.T @ L)
 
     def settle(self, place: Estimates) -> None:
-        """Internal states of starts that follow from those of the segments before."""
+        """Internal states of starts that follow from those of the previous segments."""
         if not self.shooting.handed:
             return
         for _ in range(SETTLING):

@@ -1,4 +1,4 @@
-"""The fit of a log: rounds of least squares with the noise of the one before, on steps that are fine enough."""
+"""The fit of a log: rounds of least squares, each with the noise of the previous one, on sufficiently fine steps."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from coadjoint.identification.sampling import FEWEST_STEPS
 from coadjoint.identification.smoothing import noise as rough_noise
 
 ATTEMPTS = 3
-"""How often the search begins, each time from the parameters with which the one before got stuck."""
+"""The number of searches, each from the parameters at which the previous one got stuck."""
 
 ROUNDS, SAME = 20, 0.01
-"""How often noise is estimated anew from residuals, until it changes by less than this."""
+"""The largest number of estimates of noise from residuals, and the relative change at which they end."""
 
 QUIETEST = 1e-8
 """The least noise that is estimated, in parts of the largest number of a column, or of 1: a log without noise holds
@@ -28,26 +28,26 @@ SAME_TIME = 0.02
 """Likewise of correlation times."""
 
 SHIFT = 0.1
-"""How many standard errors the step size may shift a parameter: the aim; twice that is left as it is."""
+"""The intended largest shift of a parameter by the step size, in standard errors; twice that is accepted."""
 
 SEGMENT = 10.0
 """The length of segments, s, where none is given."""
 
 SHORT = (2.0, 6.0)
-"""Segments, s, with which the search begins where those asked for are at least twice as long."""
+"""The length of segments, s, with which the search begins if the requested ones are at least twice as long."""
 
 FAR = 10.0
-"""How many times its size, or in logarithms, a parameter may move until it counts as lost."""
+"""The multiple of its size, or the logarithm, by which a parameter may move until it counts as lost."""
 
 MISSED = 5.0
-"""How many times the noise between neighbouring samples a residual is that is no noise."""
+"""The multiple of the noise between neighbouring samples from which on a residual is not noise."""
 
 FINEST = 16
-"""A step is cut into this many at most."""
+"""The most parts into which a step is cut."""
 
 
 class Fitted(NamedTuple):
-    """Where least squares ended, of which problem; `sigma` by channel, `estimated` those that were not given."""
+    """The solution of least squares, and its problem; `sigma` by channel, `estimated` those that were not given."""
 
     fit: Fit
     solution: Solution
@@ -55,9 +55,9 @@ class Fitted(NamedTuple):
     estimated: np.ndarray
     trips: int
     shift: np.ndarray
-    """By how many standard errors each parameter is shifted by the step size, about; empty where nobody asked."""
+    """The approximate shift of each parameter by the step size, in standard errors; empty if it was not requested."""
     unsettled: dict[str, float]
-    """What of the noise still changed in the last round of least squares, and by what part."""
+    """The parts of the noise that still changed in the last round of least squares, with their relative changes."""
 
 
 def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[str, float]) -> Fitted:
@@ -65,7 +65,7 @@ def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[
 
     segment: s; "auto" is SEGMENT, or one run where a segment would hand what depends on the motion to the next.
 
-    The rule is of an order r, so from h to h/2 parameters shift by 1 − 2⁻ʳ of what they are shifted at h.
+    The rule is of an order r, so from h to h/2 parameters shift by 1 − 2⁻ʳ of their shift at h.
     """
     log, names = asked.log, asked.channels.names
     sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
@@ -88,7 +88,7 @@ def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[
         if not found.solution.converged:
             if attempt == ATTEMPTS:
                 raise CoadjointError(lost(fit, found.solution, found.trips))
-            # Starts that were led astray, and a noise that was judged by them, are given up; parameters are kept.
+            # Starts that went astray, and the noise estimated from them, are dropped; parameters are kept.
             fit.sigma, attempt, trips = sigma, attempt + 1, found.trips
             fit.times = np.zeros(len(sigma))
             stuck = found.solution.place.shared
@@ -108,13 +108,14 @@ def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[
 
 
 def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """Where the search for parameters begins: where one from `shared` ends, roughly, on short segments, then longer.
+    """The start of the search for parameters: the rough end of one from `shared` on short segments, then on longer
+    ones.
 
-    Over a short time a simulation cannot go far astray, however wrong its parameters are.
+    Over a short time a simulation cannot go far astray, even with wrong parameters.
     """
-    whole = asked.log.duration if segment is None else segment
+    longest = asked.log.duration if segment is None else segment
     shortest = max(8 * asked.log.interval, (FEWEST_STEPS + 1) * h)
-    lengths = [length for length in SHORT if shortest <= length <= whole / 2]
+    lengths = [length for length in SHORT if shortest <= length <= longest / 2]
     for length in lengths if asked.tells_starts else ():
         fit = Fit(asked.shooting(h, length), asked, sigma, held=True)
         place = fit.at(shared)
@@ -126,14 +127,14 @@ def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, s
 
 
 def _parts(shift: np.ndarray, most: int) -> int:
-    """Into how many a step must be cut that shifts parameters by so many standard errors."""
+    """The number of parts of a step that shifts parameters by so many standard errors."""
     worst = float(np.max(np.where(np.isfinite(shift), shift, 0.0), initial=0.0))
     return max(1, min(int(np.ceil(np.sqrt(worst / SHIFT))), most))
 
 
 def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) -> np.ndarray:
-    """By how many standard errors the step size shifts each parameter: what half the step does, by one Gauss–Newton
-    step, over 1 − 2⁻ʳ."""
+    """The shift of each parameter by the step size, in standard errors: the effect of halving the step, by one
+    Gauss–Newton step, over 1 − 2⁻ʳ."""
     fit.settle(place)
     finer = fit.finer(segment, 2)
     finer.settle(place)
@@ -146,15 +147,15 @@ def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) ->
 
 
 def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bool) -> Fitted:
-    """Rounds of least squares, each with the noise that the one before found; unless it is the `final` attempt, none
-    goes on from where the one before got stuck, whose residuals are no noise."""
+    """Rounds of least squares, each with the noise found by the previous one; unless it is the `final` attempt, no
+    round continues from one that got stuck, whose residuals are not noise."""
     solution, unsettled = None, {}
     for _ in range(ROUNDS):
         fit.settle(place)
         solution = least_squares(fit, place, fit.accepted)
         if solution is None:
             raise ArgumentError(
-                "The simulation fails already with the parameters that the system has: check axes and units of the "
+                "The simulation fails already with the parameters of the system: check axes and units of the "
                 "log, start from better ones, or take shorter segments or a smaller `dt`."
             )
         place, trips = solution.place, trips + solution.trips
@@ -170,8 +171,8 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
 
 
 def _judge_noise(fit: Fit, solution: Solution, open_: np.ndarray) -> dict[str, float]:
-    """Give the fit the noise of a solution: σ, correlation times, process noise. Returned is what changed by more than
-    SAME and SAME_TIME, and by what part."""
+    """Give the fit the noise of a solution: σ, correlation times, process noise. Returns the parts that changed by more
+    than SAME and SAME_TIME, with their relative changes."""
     names, sigma, times = fit.shooting.channels.names, fit.sigma, fit.times
     fit.sigma = np.where(open_, _estimated(solution, fit, fit.own), sigma)
     fit.times = _correlation_times(fit, solution.place)
@@ -185,7 +186,7 @@ def _judge_noise(fit: Fit, solution: Solution, open_: np.ndarray) -> dict[str, f
 
 
 def _correlation_times(fit: Fit, place: Estimates) -> np.ndarray:
-    """Correlation times of the channels whose noise may follow itself, s; 0 of the others."""
+    """Correlation times of the channels with coloured noise, s; 0 for the others."""
     times = fit.times.copy()
     found = fit.predict(place) if fit.sensing.coloured else None
     if found is None:
@@ -213,7 +214,7 @@ def _far(fit: Fit, solution: Solution) -> list[str]:
 
 
 def lost(fit: Fit, solution: Solution, trips: int) -> str:
-    """Why there is no estimate."""
+    """The error that explains why no estimate was found."""
     doubts = " ".join(fit.log.doubts)
     if far := _far(fit, solution):
         return (
@@ -228,20 +229,21 @@ def lost(fit: Fit, solution: Solution, trips: int) -> str:
     if (handed := fit.shooting.handed) and not missed:
         names = ", ".join(f"`{name}`" for name in handed)
         return (
-            f"{said}: the internal state {names} depends on the motion, so that what a parameter does to it is not "
+            f"{said}: the internal state {names} depends on the motion, so that the effect of a parameter on it is not "
             "followed from one segment into the next; take the log as one run, segment=None or --segment 0."
         )
     if missed:
-        whole = ", or, because internal states depend on the motion, segment=None" if handed else ""
+        as_one_run = ", or, because internal states depend on the motion, segment=None" if handed else ""
         return (
             f"{said}, and the simulation still misses {', '.join(missed)} by far more than the noise between "
             "neighbouring samples: check axes and units of these columns, start from better parameters, or take "
-            f"shorter segments{whole}; what the model lacks, such as a current or a thruster that is out, must be "
-            "sought, too."
+            f"shorter segments{as_one_run}; missing parts of the model, such as a current or a failed thruster, must "
+            "be "
+            "estimated as well."
         )
     return (
-        f"{said}, although the simulation meets every column up to its noise: the log does not tell the parameters "
-        "apart; seek fewer, or take a log in which commands change more."
+        f"{said}, although the simulation meets every column up to its noise: the log does not separate the "
+        "parameters; estimate fewer, or take a log in which commands change more."
     )
 
 
@@ -254,7 +256,7 @@ def _missed(fit: Fit, solution: Solution) -> list[str]:
 
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
-    """σ̂² = Σ r²/(N − what the fit took up) of each channel, at least what round-off may be."""
+    """σ̂² = Σ r²/(N − degrees of freedom of the fit) of each channel, at least the possible round-off."""
     r = solution.residual[:, : problem.there[0].size]
     squares = np.sum(r.reshape(problem.there.shape) ** 2, axis=(0, 1))
     size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
@@ -263,7 +265,7 @@ def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
 
 
 def _freedom(J: np.ndarray, there: np.ndarray, d: int) -> np.ndarray:
-    """How many numbers of each channel there are less what the fit took up of them."""
+    """The number of samples of each channel less the degrees of freedom of the fit."""
     B, taken = reduced(J, d)
     flat = B.reshape(-1, B.shape[2])
     flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)

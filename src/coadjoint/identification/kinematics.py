@@ -1,8 +1,8 @@
-"""Whether a log moves as its speeds and rates say: times, lengths and angles in other units than they are named.
+"""Consistency of the motion in a log with its speeds and rates: times, lengths and angles in wrong units.
 
     b = Σ Δx ∫v dt / Σ (∫v dt)²,  Δx = x(t_{k+L}) − x(t_k),
 
-is 1 of a correct log. Times in ms read as s make every b a thousandth, a depth in cm makes its own 100.
+is 1 for a correct log. Times in ms read as s make every b a thousandth; a depth in cm makes its b 100.
 """
 
 from __future__ import annotations
@@ -12,26 +12,26 @@ from collections.abc import Mapping
 import numpy as np
 
 TURNS = {"roll": "p", "pitch": "q", "heading": "r"}
-"""Which rate turns which Euler angle, where the others are small."""
+"""The rate of each Euler angle, where the others are small."""
 
 DEGREES = 180 / np.pi
-"""How many times as fast an angle turns in degrees as in radians."""
+"""The ratio of angles in degrees and in radians."""
 
 NEAR, ALIKE, LEAST = 0.25, 0.7, 30
-"""How near to a factor b must be, relatively; the correlation, and the pairs of samples, from which on it counts."""
+"""The relative distance of b from a factor, and the least correlation and number of pairs of samples."""
 
-SURE, BETTER, TOLD = 0.95, 0.2, 0.02
-"""The correlation of displacements with a heading in another unit that betrays it; which part of what is missing to 1
-with its own unit may be missing then, and how much that must be."""
+SURE, BETTER, DEFICIT = 0.95, 0.2, 0.02
+"""The least correlation of displacements with a heading in another unit; the part of the deficit from 1 with the given
+unit that may remain, and the least deficit."""
 
 APART = 2.5
 """Samples so many intervals apart are not neighbours."""
 
 WINDOWS = 20
-"""A displacement is over a sample, or over this part of the log, whichever is the better correlated."""
+"""A displacement is over a sample, or over this part of the log, whichever is better correlated."""
 
 SPARSE = 10.0
-"""s between samples, from which on a log hardly holds the motion of a vehicle."""
+"""s between samples, from which on a log hardly resolves the motion of a vehicle."""
 
 CLOCKS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 LENGTHS = {100.0: "cm", 1000.0: "mm", 1e-3: "km"}
@@ -47,7 +47,8 @@ def inconsistent(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Map
             by = "angles turn" if turned and any(turned.values()) else "positions move"
             other = "" if by == "angles turn" else ", or positions like km read as m"
             return [
-                f"`time` runs some {1 / factor:.0f} times as fast as it should, as {by} by their rates: it looks like "
+                f"`time` runs some {1 / factor:.0f} times as fast as it should, judged by {by} and their rates: it "
+                "looks like "
                 f"{unit} read as s{other}; name the column `time_{unit}`, or give seconds."
             ]
     found = []
@@ -55,23 +56,24 @@ def inconsistent(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Map
         for factor, way, one, other in ((DEGREES, "fast", angle, rate), (1 / DEGREES, "slowly", rate, angle)):
             if _is(b, factor):
                 found.append(
-                    f"`{angle}` turns some 57 times as {way} as `{rate}` says: `{one}` looks like degrees read as "
-                    f"radians, or `{other}` like radians read as degrees; see to the units of both."
+                    f"`{angle}` turns some 57 times as {way} as `{rate}` implies: `{one}` looks like degrees read as "
+                    f"radians, or `{other}` like radians read as degrees; check the units of both."
                 )
     for name, b in moved.items():
         for factor, unit in LENGTHS.items():
             if _is(b, factor):
                 found.append(
-                    f"`{name}` moves some {_times(factor)} as the velocity says: it looks like {unit} read as m; name "
+                    f"`{name}` moves some {_times(factor)} as the velocity implies: it looks like {unit} read as m; "
+                    "name "
                     f"the column `{name}_{unit}`, or give metres."
                 )
-    # Where an angle turns as its rate says, and positions move as the heading has it, the heading is right.
+    # If an angle agrees with its rate, and positions with the heading, the heading is right.
     right = _is(turned.get(("heading", "r"), 0.0), 1.0) or all(_is(moved.get(n, 0.0), 1.0) for n in ("north", "east"))
     return found if found or right else _heading(time, columns)
 
 
 def undecided(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """A sentence on samples that are far apart, where no speed or rate tells whether times are in seconds."""
+    """A sentence on samples that are far apart, if no speed or rate shows whether times are in seconds."""
     between = float(np.median(np.diff(time)))
     if (
         between < SPARSE
@@ -96,7 +98,7 @@ def _is(b: float, factor: float) -> bool:
 def _turns(
     time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]
 ) -> dict[tuple[str, str], float]:
-    """b of each angle with its rate, 0 where nothing is known."""
+    """b of each angle with its rate, 0 if unknown."""
     return {
         (angle, rate): _slope(time, [columns[angle]], [columns[rate]], np.pi)[0]
         for angle, rate in TURNS.items()
@@ -105,7 +107,7 @@ def _turns(
 
 
 def _moves(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """b of positions with the velocity along their axis, 0 where nothing is known."""
+    """b of positions with the velocity along their axis, 0 if unknown."""
     speeds = _in_space(time, columns)
     return {name: _slope(time, [columns[name]], [speed])[0] for name, speed in speeds.items() if name in columns}
 
@@ -142,7 +144,7 @@ def _heading(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[str]:
         return _slope(time, [columns[n] for n in ("north", "east")], [speeds[n] for n in ("north", "east")])[1]
 
     missing = 1 - alike(1.0)
-    if missing < TOLD:
+    if missing < DEFICIT:
         return []
     for turned, told, meant in ((DEGREES, "deg", "rad"), (1 / DEGREES, "rad", "deg")):
         if (found := alike(turned)) > SURE and 1 - found < BETTER * missing:
@@ -158,7 +160,7 @@ def _slope(
     time: np.ndarray, places: list[np.ndarray], speeds: list[np.ndarray], turn: float = np.inf
 ) -> tuple[float, float]:
     """(b, correlation) of displacements with ∫v dt over windows without a gap; (0, 0) where windows are few, and b = 0
-    where they are hardly correlated. turn: from where on a step from one sample to the next is a turn of an angle."""
+    where they are hardly correlated. turn: the least step from one sample to the next that is a wrapped angle."""
     good = np.all(np.isfinite(places), axis=0)
     heard = np.all(np.isfinite(speeds), axis=0)
     if min(good.sum(), heard.sum()) <= LEAST:
@@ -197,6 +199,6 @@ def _windows(values: np.ndarray, L: int) -> np.ndarray:
 
 
 def _between(time: np.ndarray, angle: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """An angle at times between those at which it is known."""
+    """An angle interpolated between the times at which it is known."""
     known = np.isfinite(angle)
     return np.interp(at, time[known], np.unwrap(angle[known]))

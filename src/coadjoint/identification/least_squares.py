@@ -1,4 +1,4 @@
-"""Levenberg–Marquardt where every segment has unknowns of its own and all share some.
+"""Levenberg–Marquardt for segments with separate unknowns and shared ones.
 
 min ½ Σ_s |r_s(δ_s, φ)|²: with A_s = ∂r_s/∂δ_s and B_s = ∂r_s/∂φ, δ_s is eliminated from the normal equations,
 (Σ_s B_sᵀB_s − B_sᵀA_s(A_sᵀA_s)⁻¹A_sᵀB_s) dφ = −Σ_s(B_sᵀ − B_sᵀA_s(A_sᵀA_s)⁻¹A_sᵀ) r_s.
@@ -15,22 +15,23 @@ TRIPS = 100
 """Simulations, those that were not accepted among them."""
 
 SETTLED = 1e-3
-"""It ends where the next step is below this part of every standard error."""
+"""The iteration ends where the next step is below this part of every standard error."""
 
 DROP = 1e-10
-"""Or where the sum of squares falls by less than this part of itself."""
+"""It also ends where the sum of squares falls by less than this part of itself."""
 
 STATIONARY = 0.05
-"""But only where one Gauss–Newton step without damping is below this part of every standard error."""
+"""This holds only if one Gauss–Newton step without damping is below this part of every standard error."""
 
 ROUGH = 1e-2
-"""Likewise, where it is only to be begun."""
+"""The same for a rough start."""
 
 FARTHEST = 1.0
-"""How far a shared unknown may go in one iteration; larger steps are damped more."""
+"""The largest change of a shared unknown in one iteration; larger steps are damped more."""
 
 UNSEEN = 1e-12
-"""Of the largest column of a segment: one that is shorter is round-off, of a start that the log does not see."""
+"""Relative to the largest column of a segment: a shorter one is round-off, of a start that the log does not
+determine."""
 
 
 class Estimates(NamedTuple):
@@ -42,7 +43,7 @@ class Estimates(NamedTuple):
 
 class LeastSquares(Protocol):
     def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
-        """r, (segments, rows), and what `jacobian` needs of the way; None where there is none."""
+        """r, (segments, rows), and the data that `jacobian` needs; None if the simulation fails."""
         ...
 
     def jacobian(self, place: Estimates, way: Any) -> np.ndarray:
@@ -51,7 +52,7 @@ class LeastSquares(Protocol):
 
 
 class Solution(NamedTuple):
-    """Where it ended; `squares` = |r|²."""
+    """The solution; `squares` = |r|²."""
 
     place: Estimates
     residual: np.ndarray
@@ -66,7 +67,7 @@ def least_squares(
 ) -> Solution | None:
     """The least sum of squares from `start`; None where there is no residual at the start.
 
-    `roughly`: for a beginning only, up to a part ROUGH of the sum of squares.
+    `roughly`: for a start only, up to a part ROUGH of the sum of squares.
     """
     first = problem.residual(start)
     if first is None:
@@ -98,9 +99,10 @@ def least_squares(
             accepted(way)
         damping = max(damping / 10, 1e-12)
         J = problem.jacobian(place, way)
-        # Damping that is small against a parameter's column may be large against what the starts leave of it.
+        # Damping that is small against a parameter's column may be large against its part outside the span of the
+        # starts.
         converged = converged and (roughly or stationary(J, r, place.own.shape[1]))
-    # Where a kink or round-off is all that keeps steps from being accepted, it has ended as well.
+    # If only a kink or round-off prevents steps from being accepted, the iteration has ended as well.
     converged = converged or (not roughly and stationary(J, r, place.own.shape[1]))
     return Solution(place, r, J, squares, trip, converged)
 
@@ -128,18 +130,18 @@ def step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarr
     scale = np.where(scale > 0, scale, 1.0)
     S = 0.5 * (S + S.T) + np.diag(1e-13 * scale)
     shared = -np.linalg.solve(S + np.diag(damping * scale), b)
-    # Of the undamped equations: where the log says little, a step may be large and still mean nothing.
+    # Of the undamped equations: with little information in the log, a large step may be insignificant.
     errors = np.sqrt(np.abs(np.diag(np.linalg.inv(S))))
     return shared, -(solved[..., -1] + solved[..., :-1] @ shared), errors
 
 
 def reduced(J: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
-    """(B̃, h): ∂r/∂φ with what the segments' own unknowns can undo taken away, (segments, rows, m), and how much of
-    each residual they take, (segments, rows): the diagonal of A(AᵀA)⁻¹Aᵀ."""
+    """(B̃, h): ∂r/∂φ without the part that the segments' own unknowns can absorb, (segments, rows, m), and the share of
+    each residual that they absorb, (segments, rows): the diagonal of A(AᵀA)⁻¹Aᵀ."""
     A, B = J[..., :d], J[..., d:]
     size = np.linalg.norm(A, axis=1, keepdims=True)
     A = np.where(size > UNSEEN * np.max(size, axis=2, keepdims=True), A / np.where(size > 0, size, 1.0), 0.0)
-    # Columns of length one: what round-off leaves of dependent ones is far below the 1e-12 that is added.
+    # Columns of length one: round-off in dependent ones is far below the 1e-12 that is added.
     L = np.linalg.cholesky(A.swapaxes(1, 2) @ A + 1e-12 * np.eye(d))
     Q = np.linalg.solve(L, A.swapaxes(1, 2)).swapaxes(1, 2)
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""A logged trajectory: samples of what sensors said and of what drove the vehicle."""
+"""A logged trajectory: samples of the measurements and of the inputs of a vehicle."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ from coadjoint.identification.log_checks import implausible
 
 @dataclass(frozen=True)
 class Log:
-    """Samples at times that grow, at any intervals; NaN where a sensor was silent.
+    """Samples at increasing times, at any intervals; NaN where a sensor was silent.
 
-    `time`: (n,) s. `columns`: what was measured, name → (n,), SI units and rad, north–east–down, forward–starboard–
+    `time`: (n,) s. `columns`: the measurements, name → (n,), SI units and rad, north–east–down, forward–starboard–
     down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
-    `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each, and
-    what cannot be meant of columns: degrees as rad, heights as depths.
-    `actual`: what actuators did, where that was logged together with their commands; it is not fitted.
-    `positions`: where in the body the sensor of a column of place or velocity sits, name → (x, y, z) m; O where none is
-    named. `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
+    `inputs`: the inputs, name → (n,) or (n, k), without gaps. `notes`: unusual features, a sentence each, and
+    implausible columns: degrees as rad, heights as depths. `actual`: the states of actuators, if logged together with
+    their commands; they are not fitted. `positions`: the place in the body of the sensor of a position or velocity,
+    name → (x, y, z) m; by default O. `step`: the dt of the simulation that wrote the log, s; None for a measured log.
     `breaks`: samples at which a new stretch begins, because the clock jumped before them. `current`: the velocity of
-    the water, north, east, down → (n,) m/s, where the log has it; it is not fitted.
-    `doubts`: the notes on columns that cannot be what they are named.
-    Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
+    the water, north, east, down → (n,) m/s, where the log has it; it is not fitted. `doubts`: the notes on columns that
+    do not fit their names. Raises ArgumentError for times that do not increase, for other lengths and for numbers that
+    are not finite.
     """
 
     time: np.ndarray
@@ -57,7 +56,7 @@ class Log:
         if len(bad):
             at = int(bad[0])
             raise ArgumentError(
-                f"The time of a log must grow, but sample {at + 1} is at {time[at + 1]:g} s after {time[at]:g} s: "
+                f"The time of a log must increase, but sample {at + 1} is at {time[at + 1]:g} s after {time[at]:g} s: "
                 "sort the samples and give each once."
             )
         if doubt := other_unit(time):
@@ -84,13 +83,13 @@ class Log:
             if name not in columns and name not in water and np.any(np.isnan(values)):
                 at = time[np.isnan(values).reshape(len(time), -1).any(axis=1)][0]
                 what = "Input `" if name in inputs else "`"
-                raise ArgumentError(f"{what}{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")
+                raise ArgumentError(f"{what}{name}` is missing at {at:g} s: inputs of a vehicle must have no gaps.")
             if (name in columns or name in water) and np.all(np.isnan(values)):
                 raise ArgumentError(f"Column `{name}` holds no number: leave it out.")
         for name in self.positions:
             if name not in columns or name not in (*POSITION, *VELOCITY):
                 able = ", ".join(n for n in (*POSITION, *VELOCITY) if n in columns) or "none"
-                raise ArgumentError(f"`positions` names `{name}`, but has a place of a sensor of: {able}.")
+                raise ArgumentError(f"`positions` names `{name}`, but only these have a place of a sensor: {able}.")
         places = {name: _place(value, name) for name, value in self.positions.items()}
         found = {"time": time, "columns": columns, "inputs": inputs, "actual": actual, "positions": places}
         found |= {"current": current, "breaks": tuple(sorted({int(k) for k in self.breaks}))}
@@ -137,7 +136,7 @@ class Log:
         )
 
     def first(self, name: str) -> np.ndarray | None:
-        """Where an actuator started: what it did, or else its first command; None where neither was logged."""
+        """The state of an actuator at the start: as logged, or else its first command; None if neither was logged."""
         known = self.actual.get(name, self.inputs.get(name))
         return None if known is None else known[0]
 

@@ -10,31 +10,31 @@ from coadjoint.identification.kinematics import inconsistent
 from coadjoint.units import jumps_by_degrees
 
 STEEPEST, SELDOM = np.pi, 0.01
-"""The pitch, rad, beyond which no Euler angle ZYX is, for as large a part of the samples that is not outliers alone."""
+"""The pitch, rad, that no Euler angle ZYX exceeds, and the part of the samples that outliers alone do not reach."""
 
 HIGHEST = 3.0
-"""m above the surface, where the middle of all depths is no error of a sensor."""
+"""m above the surface, from which on the median of all depths is not an error of a sensor."""
 
 FULL, EDGE, SELDOM_JUMP, SMOOTH = 0.9, 0.05, 0.2, 0.1
 """The part of a turn that angles must cover and jump by, how far they may be beyond its ends, how often they may jump,
 and below which part of a turn all other changes from one sample to the next are, to betray radians."""
 
 WILD, SPREAD, FEWEST = 50.0, 3.0, 10
-"""How far a single value is off the mean of its neighbours: in such differences that 90 % of the values stay below, in
-ranges of 98 % of the values about their median; and the fewest values of a column from which that is known."""
+"""The distance of an outlier from the mean of its neighbours, in differences that 90 % of the values stay below, and in
+ranges of 98 % of the values about their median; and the fewest values of a column for this test."""
 
 LONGEST = 3
 """How many neighbouring values may be wild together."""
 
 OFTEN = 0.5
-"""The part of the samples that a mark for missing values may take."""
+"""The largest part of the samples that marks for missing values take."""
 
 FLOORS = {"m": 10.0, "rad": 4 * np.pi, "m/s": 10.0, "rad/s": 50.0}
-"""And at least, by the unit; angles that are wrapped differ by a turn."""
+"""The least distance, by unit; wrapped angles differ by a turn."""
 
 
 def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """A sentence for each column (n,) whose numbers, NaN aside, cannot be meant.
+    """A sentence for each column (n,) whose numbers, NaN aside, are implausible.
 
     time: s, (n,). units: by column, as of a `Log`.
     """
@@ -48,13 +48,13 @@ def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapp
             )
         elif name == "pitch" and np.mean(np.abs(known) > STEEPEST) > SELDOM:
             told[name] = (
-                "`pitch` goes beyond 3.14 rad, but an Euler angle ZYX is at most 1.57: of degrees name the column "
+                "`pitch` goes beyond 3.14 rad, but an Euler angle ZYX is at most 1.57: name a column in degrees "
                 "`pitch_deg`, or give np.radians of it."
             )
         elif name == "depth" and np.median(known) < -HIGHEST:
             told[name] = (
                 "Most of `depth` is above the surface: it is positive down. Name heights `up_m`, read z of ENU by "
-                "`axes`, and declare the `surface_pressure` of a sensor that tells no absolute pressure."
+                "`axes`, and declare the `surface_pressure` of a sensor that does not measure absolute pressure."
             )
         elif units.get(name) == "rad" and _wrapped_by_radians(np.degrees(known)):
             told[name] = (
@@ -80,7 +80,8 @@ def _wrapped_by_radians(degrees: np.ndarray) -> bool:
 
 
 def _marks(known: np.ndarray, floor: float) -> np.ndarray:
-    """Where the lowest or highest number comes again, far off all others: a mark such as -999 for no value."""
+    """The places of the lowest or highest number if it repeats far from all others: a mark such as -999 for no
+    value."""
     for number in (np.min(known), np.max(known)):
         at = known == number
         others = known[~at]
@@ -107,7 +108,7 @@ def _bursts(known: np.ndarray, least: float) -> np.ndarray:
 
 
 def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """Sentences on values far off those around, or off all others. time: s, (n,). columns, units: of a `Log`."""
+    """Sentences on values far from their neighbours, or from all others. time: s, (n,). columns, units: of a `Log`."""
     found = []
     for name, values in columns.items():
         rows = np.flatnonzero(np.isfinite(values))
@@ -118,8 +119,8 @@ def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
         if len(marks):
             k = int(rows[marks[0]])
             found.append(
-                f"`{name}` is {values[k]:.6g} in {len(marks)} rows, first in row {k + 1}, at {time[k]:.6g} s, and "
-                "nothing like it elsewhere: where that means no value, leave these cells empty."
+                f"`{name}` is {values[k]:.6g} in {len(marks)} rows, first in row {k + 1}, at {time[k]:.6g} s, and no "
+                "other value is near it: if it marks missing values, leave these cells empty."
             )
             continue
         off = np.abs(known - (np.append(known[1], known[:-1]) + np.append(known[1:], known[-2])) / 2)

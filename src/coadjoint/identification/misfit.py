@@ -1,4 +1,4 @@
-"""Where a model is wrong: innovations that follow what drives the vehicle, or one another.
+"""Errors of a model: innovations that are correlated with inputs of the vehicle, or with one another.
 
 Where model and noise are right, innovations are white: their correlation ρ with anything that was known before,
 such as a command f(t − lag), has ρ√N of variance 1, with m commands N R² is a χ² of m, and their autocorrelations
@@ -18,10 +18,10 @@ from scipy import stats
 from coadjoint.identification.log import Log
 
 LEVEL = 1e-3
-"""How often a log of a model that is right is said to be missed by it, over all columns, commands and lags."""
+"""The rate of false alarms for a correct model, over all columns, commands and lags."""
 
 LAGS = (0.0, 0.2, 0.5, 1.0, 2.0)
-"""How long before an innovation a command was given, s."""
+"""The lags of commands before an innovation, s."""
 
 FOLLOWING = 20
 """Autocorrelations of Q."""
@@ -32,18 +32,19 @@ SHAPES = {
     "{}²": lambda f: f**2,
     "{}³": lambda f: f**3,
 }
-"""What a force may be of a command, or of its distance from its mean where it never changes sign, as a pulse width."""
+"""Functions of a command that a force may follow, or of its distance from its mean if it never changes sign, as a pulse
+width."""
 
 FEWEST = 30
-"""Innovations that a correlation needs."""
+"""The least number of innovations for a correlation."""
 
 
 class Misfit(NamedTuple):
-    """A column whose innovations correlate with a command, or with all commands of a part at once, as of its thrusters.
+    """A column whose innovations correlate with a command, or with all commands of a part together, such as thrusters.
 
     `shape`: of the command, `lag` s before; `correlation` with its sign, of several commands R without one; `score`:
-    |correlation| √N, of several as improbable a number of a normal law; `following`: the probability of as large a Q
-    where innovations are white.
+    |correlation| √N, for several commands the equally improbable normal deviate; `following`: the probability of as
+    large a Q for white innovations.
     """
 
     column: str
@@ -56,11 +57,10 @@ class Misfit(NamedTuple):
 
 
 def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ...]:
-    """The columns that follow a command by more than chance, each with the command that it follows most; the clearest
-    first.
+    """The columns that follow a command significantly, each with the command that it follows most; the clearest first.
 
     A column alone must reach LEVEL/2 over all columns and features; a feature may also do so by Σ N R² over all
-    columns, a χ² of as many times its commands, and then is told of the column that follows it most.
+    columns, a χ² of as many times its commands, and is then reported for the column that follows it most.
     """
     features = list(_features(log))
     known = {name: w for name, w in innovations.items() if np.isfinite(w).sum() >= FEWEST}
@@ -82,11 +82,12 @@ def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ..
 
 
 def sentences(log: Log, innovations: Mapping[str, np.ndarray], found: tuple[Misfit, ...]) -> list[str]:
-    """A sentence on what the model misses, and which command it goes with; or that the log is too short to tell."""
+    """A sentence on the column that the model misses, and the command that it follows; or that the log is too short."""
     most = max((int(np.isfinite(w).sum()) for w in innovations.values()), default=0)
     if log.inputs and most < FEWEST:
         return [
-            f"The log is too short to tell whether the model misses what {' or '.join(log.inputs)} do: no column holds "
+            f"The log is too short to show whether the model misses effects of {' or '.join(log.inputs)}: no column "
+            "holds "
             f"more than {most} samples that are fitted, and {FEWEST} are needed."
         ]
     if not found:
@@ -94,11 +95,11 @@ def sentences(log: Log, innovations: Mapping[str, np.ndarray], found: tuple[Misf
     worst = found[0]
     late = f" {worst.lag:g} s before" if worst.lag else ""
     others = [m.column for m in found[1:]]
-    more = f" {', '.join(others)} {'are' if len(others) > 1 else 'is'} missed, too." if others else ""
+    more = f" {', '.join(others)} {'are' if len(others) > 1 else 'is'} missed as well." if others else ""
     return [
-        f"The model misses {worst.column} where {worst.input} acts: what it leaves correlates with {worst.shape}{late} "
-        f"(R = {abs(worst.correlation):.2f}, {worst.score:.0f} times what chance does). Look at the law of "
-        f"{worst.input}; the intervals hold for a model that is right.{more}"
+        f"The model misses {worst.column} where {worst.input} acts: the innovations correlate with {worst.shape}{late} "
+        f"(R = {abs(worst.correlation):.2f}, {worst.score:.0f} times the standard error). Check the law of "
+        f"{worst.input}; the intervals hold for a correct model.{more}"
     ]
 
 
@@ -143,7 +144,7 @@ def _features(log: Log) -> Iterator[Feature]:
 
 
 def _about(label: str, middle: np.ndarray, steady: np.ndarray) -> str:
-    """A command, or several, less what they count from."""
+    """A command, or several, less their reference."""
     if not steady.any():
         return label
     means = "the means of those that keep their sign" if not steady.all() else "their means"
@@ -159,7 +160,7 @@ def _correlated(column: str, w: np.ndarray, there: np.ndarray, feature: Feature)
     a, b = w[both], feature.values[both]
     a, b = a - a.mean(), b - b.mean(axis=0)
     follows = min(max(float(np.sum(a[1:] * a[:-1]) / max(np.sum(a**2), 1e-300)), 0.0), 0.95)
-    # Innovations that follow one another correlate with anything slow by chance: of both sides what is new is taken.
+    # Correlated innovations correlate with any slow signal by chance: both sides are whitened.
     a, b = a[1:] - follows * a[:-1], b[1:] - follows * b[:-1]
     size, sizes = np.sqrt(np.sum(a**2)), np.sqrt(np.sum(b**2, axis=0))
     moves = size * sizes > 1e-12 * (1.0 + np.sum(feature.values[both] ** 2, axis=0))

@@ -1,4 +1,4 @@
-"""A step program whose record is what a log holds."""
+"""A step program that records the columns of a log."""
 
 from __future__ import annotations
 

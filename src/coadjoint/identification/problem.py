@@ -1,4 +1,4 @@
-"""What is sought from which log: from it, segments of any length on steps of any size."""
+"""The problem of an identification: its unknowns and its log, as segments of any length on steps of any size."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from coadjoint.methods.program import StepProgram
 from coadjoint.simulation.simulate import simulate
 
 LONGEST_STEP = 0.05
-"""The step, s, from which on it is refined: the longest not above this that leads from sample to sample."""
+"""The first step, s, which is then refined: the longest below this that leads from sample to sample."""
 
 
 @dataclass(frozen=True)
 class Setting:
     """`start` is a state at the first sample, with the inputs of the log; `step`: dt where it is fixed, s.
 
-    `settle`: for how long actuators find where they are, s; what sensors say until then does not count.
+    `settle`: the time in which actuators settle, s; measurements until then do not count.
     """
 
     unknowns: Unknowns
@@ -62,20 +62,19 @@ class Setting:
 
     @property
     def tells_starts(self) -> bool:
-        """Whether the log of a vehicle tells where it heads and how fast."""
+        """Whether the log of a vehicle holds its attitude and its velocity."""
         known = self.channels.vehicle
         return "heading" in known and any(all(name in known for name in names) for names in (POSITION, VELOCITY))
 
     @cached_property
     def program(self) -> Any:
-        """A step with what the sensors say."""
+        """A step with the simulated measurements."""
         system, functions = self.unknowns.system, [function for _, function in self.channels.own]
         digest = version(system, self.method.begin(system, self.start, self.longest), *functions)
         return Observed(StepProgram(replace_parameters(system, None), self.method, version=digest), self.channels)
 
     def shooting(self, h: float, segment: float | None, knots: Knots | Literal["new"] | None = None) -> Shooting:
-        """Segments of about `segment` s on steps h, in which parameters wander over `knots`, "new" ones where none are
-        known yet."""
+        """Segments of about `segment` s on steps h, with process noise on `knots`; "new" makes them."""
         names, units = self.channels.names, self.log.units
         turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
         cut = samples(self.log, turning, h, segment, self.between, self.sensing.reach)
@@ -92,14 +91,15 @@ class Setting:
         return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun, knots, steps)
 
     def _knots(self, longest: float, h: float) -> Knots | None:
-        """Those of what wanders, over the longest of all segments, s; each lasts a whole number of steps h."""
+        """The knots of process noise, over the longest of all segments, s; each lasts a multiple of h."""
         if self.wandering is None:
             return None
         spacing = float(np.ceil(max(KNOT * self.log.interval, longest / MOST) / h - 1e-9)) * h
         return Knots(*self.wandering, spacing, max(1, int(np.ceil(longest / spacing - 1e-6))))
 
     def _reference(self, times: np.ndarray, h: float) -> Reference:
-        """Where segments start: from the log if it tells, else from a run of the system as it is."""
+        """The starts of segments: from the log if possible, otherwise from a run of the system with its prior
+        values."""
         system, start = self.unknowns.system, self.start
         if self.tells_starts:
             pose = at_origin(poses(self.log, times), self.log)
@@ -128,7 +128,7 @@ def setting(
     sensing: Sensing | None = None,
     wandering: Moved | None = None,
 ) -> Setting:
-    """What is sought, checked; raises ArgumentError."""
+    """The problem of the checked arguments; raises ArgumentError."""
     system = sought.system
     if not 0 <= settle < log.duration:
         raise ArgumentError(f"Argument `settle` must be 0 or more and shorter than the log, but is {settle:g} s.")

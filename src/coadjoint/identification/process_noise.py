@@ -1,12 +1,12 @@
-"""Process noise: a force that the model lacks, or parameters, that wander about their values.
+"""Process noise: an unmodelled force, or parameters, that vary randomly about their values.
 
 x(t) is an Ornstein–Uhlenbeck process of deviation s and correlation time τ, held over knots of Δ in each segment:
 
     x_0 = s w_0,  x_k = a x_{k−1} + s √(1 − a²) w_k,  a = exp(−Δ/τ),  w_k independent and normal of variance 1.
 
-The knots of every segment are unknowns of its own, and w_k are residuals beside those of the sensors. To first order
-in x that is generalised least squares with the covariance V + F P⁻¹ Fᵀ of the noise of the sensors and of what x does
-to them, F = ∂y/∂x, P⁻¹ = cov x. s and τ maximise the restricted likelihood
+The knots of every segment are separate unknowns, and w_k are residuals in addition to those of the sensors. To first
+order in x this is generalised least squares with the covariance V + F P⁻¹ Fᵀ of the noise of the sensors and of the
+effect of x on them, F = ∂y/∂x, P⁻¹ = cov x. s and τ maximise the restricted likelihood
 
     −2 log L = min Σ |r|² + Σ |w|² + log |H + P| − log |P|,  H = JᵀV⁻¹J of knots, starts and parameters:
 
@@ -26,10 +26,11 @@ KNOT, MOST = 3, 40
 """Samples that a knot lasts, and knots of a segment, at most."""
 
 SMALLEST, LARGEST = 1e-3, 1e5
-"""Bounds of s, over the error with which the clearest knot alone is known."""
+"""Bounds of s, relative to the error of the best determined knot alone."""
 
 AT_BOUND, CURVED, FLAT = 1e-3, 1e-3, 1e-3
-"""Of log s and log τ: how close to a bound is at it, the step of differences, and the curvature that tells nothing."""
+"""Of log s and log τ: the distance that counts as at a bound, the step of differences, and the curvature that counts as
+flat."""
 
 
 class Wander(NamedTuple):
@@ -41,7 +42,7 @@ class Wander(NamedTuple):
 
 @dataclass(frozen=True)
 class Knots:
-    """`labels`: of the components. `places`, `component`: which numbers of the parameters each of them moves.
+    """`labels`: of the components. `places`, `component`: the numbers of the parameters that each of them moves.
     `spacing`: Δ, s; `count`: of a segment."""
 
     labels: tuple[str, ...]
@@ -52,7 +53,7 @@ class Knots:
 
     @property
     def size(self) -> int:
-        """How many unknowns of a segment x are, knot after knot."""
+        """The number of unknowns x of a segment, knot after knot."""
         return self.count * len(self.labels)
 
     def roots(self, wander: Wander) -> np.ndarray:
@@ -76,8 +77,8 @@ class Knots:
 
 
 class Normal(NamedTuple):
-    """Normal equations of what the sensors say, at x = 0: H (segments, q, q), g (segments, q), with columns of starts,
-    then of knots `x`, which end the d that are each segment's own, then of what all share."""
+    """Normal equations of the measurements, at x = 0: H (segments, q, q), g (segments, q), with columns of starts, then
+    of knots `x`, which end the d unknowns of each segment, then of shared ones."""
 
     H: np.ndarray
     g: np.ndarray
@@ -109,7 +110,7 @@ def likeliest(given: Normal, knots: Knots, longest: float, begin: Wander | None 
 
 
 def _bounds(given: Normal, knots: Knots, longest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of log s and log τ; s over the error with which the clearest knot alone is known."""
+    """Bounds of log s and log τ; s relative to the error of the best determined knot alone."""
     n = len(knots.labels)
     seen = np.einsum("skk->k", given.H)[given.x].reshape(knots.count, n).max(axis=0)
     error = 1 / np.sqrt(np.maximum(seen / len(given.H), 1e-300))
@@ -123,8 +124,8 @@ def _bounds(given: Normal, knots: Knots, longest: float) -> tuple[np.ndarray, np
 def wander_errors(given: Normal, knots: Knots, longest: float, wander: Wander) -> Wander:
     """Standard errors of log s and log τ, from the curvature of the restricted likelihood, cov = 2 (∂²(−2 log L))⁻¹.
 
-    Infinite of what stands at a bound, as of an s next to zero or of the τ of a random walk; errors of the others hold
-    where that stays. Infinite too where the likelihood is flat.
+    Infinite for values at a bound, such as an s next to zero or the τ of a random walk; errors of the others hold with
+    these fixed. Infinite also where the likelihood is flat.
     """
     n = len(knots.labels)
     place, (low, high) = np.log(np.concatenate(wander)), _bounds(given, knots, longest)
@@ -142,7 +143,7 @@ def wander_errors(given: Normal, knots: Knots, longest: float, wander: Wander) -
 
 
 class Posterior(NamedTuple):
-    """What the sensors tell at s and τ: −2 log L up to a constant, and of the knots of every segment the likeliest x,
+    """The posterior at s and τ: −2 log L up to a constant, and of the knots of every segment the most likely x,
     (segments, size), and their covariance, (segments, size, size)."""
 
     unlikely: float
@@ -151,7 +152,7 @@ class Posterior(NamedTuple):
 
 
 def posterior(given: Normal, knots: Knots, wander: Wander) -> Posterior:
-    """What is known at s and τ, with starts and what all share eliminated."""
+    """The posterior at s and τ, with starts and shared unknowns eliminated."""
     H, g, x, d = given
     L = knots.roots(wander)
     own = H[:, :d, :d].copy()
@@ -192,10 +193,10 @@ def _unlikely(given: Normal, knots: Knots, wander: Wander) -> tuple[float, np.nd
 
 
 def prediction_errors(r: np.ndarray, F: np.ndarray, precision: np.ndarray) -> np.ndarray:
-    """What each sample, (segments, samples, channels), says that those before did not, over its deviation: the
-    innovations of a Kalman filter of which x, (size,) with the precision P, is the state.
+    """The innovation of each sample, (segments, samples, channels), over its deviation: that of a Kalman filter whose
+    state is x, (size,), with the precision P.
 
-    r: residuals over the noise where x = 0; F: (segments, samples, size, channels), what x does to them.
+    r: residuals over the noise where x = 0; F: (segments, samples, size, channels), their derivatives by x.
     """
     covariance = np.repeat(np.linalg.inv(precision)[None], len(r), axis=0)
     mean, found = np.zeros(covariance.shape[:2]), np.empty_like(r)

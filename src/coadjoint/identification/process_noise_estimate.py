@@ -16,13 +16,13 @@ from coadjoint.mechanics.system import System
 
 
 class ProcessNoise(NamedTuple):
-    """What wanders: its standard deviation, in the `unit` of what it is, "" where nobody told it, its correlation time,
-    s, and what it was at the times of the log, as the whole log tells; NaN where the log is not fitted.
+    """One component of process noise: its standard deviation, in its `unit`, "" if unknown, its correlation time, s,
+    and its values at the times of the log, smoothed over the complete log; NaN where the log is not fitted.
 
-    `errors`: standard deviations of `values` at the strength that was found. `deviation_interval`,
+    `errors`: standard deviations of `values` at the estimated strength. `deviation_interval`,
     `correlation_time_interval`: (low, high) at the level of the identification, from the curvature of the restricted
-    likelihood by the logarithms; 0 to infinite of what stands at the end of what is sought, as the time of a random
-    walk and the deviation of what does not wander.
+    likelihood by the logarithms; 0 to infinity at the ends of the search range, as for the time of a random walk and
+    for a vanishing deviation.
     """
 
     deviation: float
@@ -35,7 +35,7 @@ class ProcessNoise(NamedTuple):
 
 
 def wandered(fit: Fit, place: Estimates, level: float) -> dict[str, ProcessNoise]:
-    """What each component was, from the knots of all segments, and how sure that is."""
+    """The course of each component, from the knots of all segments, and its uncertainty."""
     knots, wander, samples = fit.shooting.knots, fit.wander, fit.shooting.samples
     given = fit.normal_equations(place)
     if knots is None or wander is None or given is None:
@@ -59,7 +59,7 @@ def wandered(fit: Fit, place: Estimates, level: float) -> dict[str, ProcessNoise
 
 
 def _units(system: System, knots: Knots) -> list[str]:
-    """Of each component, as the system knows them."""
+    """The unit of each component, as the system knows it."""
     assert system.parameters is not None
     first = _arrays(system.parameters).get(NAME, (-6, None))[0]
     pushed = dict(enumerate(["N"] * 3 + ["N m"] * 3, start=first))

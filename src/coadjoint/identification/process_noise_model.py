@@ -1,4 +1,4 @@
-"""What wanders in an identification: a force that the model lacks, or parameters."""
+"""The model of process noise: an unmodelled force, or parameters, that vary randomly."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
 
 NAME = "process_noise"
-"""Of the parameter and of the force that a system is given."""
+"""The name of the parameter and of the force that a system is given."""
 
 AXES = ("X", "Y", "Z", "K", "M", "N")
 GROUPS = {"force": AXES[:3], "torque": AXES[3:]}
 
 
 class Moved(NamedTuple):
-    """`labels`: what wanders. `places`, `component`: the numbers of the parameters, and by which of them each is
-    moved."""
+    """`labels`: of the components. `places`, `component`: the numbers of the parameters, and the component that moves
+    each."""
 
     labels: tuple[str, ...]
     places: np.ndarray
@@ -44,7 +44,7 @@ def _on_poses(motion: Any, p: Any) -> Force:
 
 
 def wandering(system: System, names: Sequence[str]) -> tuple[System, Moved | None]:
-    """The system, with a force that wanders where one is named, and what wanders; raises ArgumentError."""
+    """The system, with an additional force where one is named, and the moved parameters; raises ArgumentError."""
     if isinstance(names, str):
         raise ArgumentError(f"Argument `process_noise` must be a list of names, such as [{names!r}], not {names!r}.")
     if not names or system.parameters is None:
@@ -68,7 +68,7 @@ def wandering(system: System, names: Sequence[str]) -> tuple[System, Moved | Non
 
 
 def without(system: System) -> System:
-    """The system without the force that wanders."""
+    """The system without the additional force."""
     parameters = system.parameters
     if parameters is None or NAME not in parameters:
         return system
@@ -81,10 +81,10 @@ def without(system: System) -> System:
 
 
 def _pushed(system: System) -> System:
-    """With a force and a torque in the body, of six numbers that are zero."""
+    """The system with a force and a torque in the body, of six numbers that are zero."""
     if not is_vehicle(system):
         raise ArgumentError(
-            "Argument `process_noise` names a force, but the system is no vehicle on SO(3) × ℝ³ or SE(3): give it a "
+            "Argument `process_noise` names a force, but the system is not a vehicle on SO(3) × ℝ³ or SE(3): give it a "
             "parameter that acts as one, and name that."
         )
     old, p = system.forces, system.parameters
@@ -108,8 +108,8 @@ def _entries(name: str, known: dict[str, tuple[int, np.ndarray]]) -> dict[str, i
 
 
 def _places(name: str, known: dict[str, tuple[int, np.ndarray]]) -> list[int]:
-    whole, index = _parsed(name, known)
-    first, array = known[whole]
+    parameter, index = _parsed(name, known)
+    first, array = known[parameter]
     if array.ndim > 1:
-        raise ArgumentError(f"Process noise moves numbers and entries of lists, but `{whole}` has shape {array.shape}.")
+        raise ArgumentError(f"Process noise acts on numbers and lists, but `{parameter}` has shape {array.shape}.")
     return list(range(first, first + array.size)) if index is None else [first + (index[0] if index else 0)]

@@ -22,20 +22,21 @@ from coadjoint.identification.unknowns import Estimate
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
-"""Directions with this singular value or less are not determined at all; 1 is a parameter that no start can undo."""
+"""Directions with this singular value or less are not determined at all; 1 is a parameter that no start can
+compensate."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Identification:
-    """What `identify` returns; `print` it for the card.
+    """The result of `identify`; `print` shows its summary.
 
     `estimates` by name; `correlation` (m, m) in their order; `noise` by column, those in `assumed` as given;
     `system` has the values that were found. `correlation_times` of coloured noise, s, by column; 0 where it is white.
-    `process_noise`: what wandered, by name. `innovations`: measured less simulated, less what the coloured noise before
-    and what wandered tell, over the noise; NaN where nothing was measured. `misfits`: columns whose innovations follow
-    a command. `whiteness`: their lag-one correlation.
-    `settled`: whether the noise that was estimated stayed as it was in the last round of least squares.
-    `warnings`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
+    `process_noise`: its components, by name. `innovations`: measured less simulated, less the prediction from previous
+    coloured noise and process noise, over the noise; NaN where nothing was measured. `misfits`: columns whose
+    innovations follow a command. `whiteness`: their lag-one correlation. `settled`: whether the estimated noise was
+    unchanged in the last round of least squares. `warnings`: sentences on problems of the log and the fit. `residuals`
+    and `simulated`: columns at the log's times.
     """
 
     system: System
@@ -67,7 +68,7 @@ class Identification:
         return summary_table(self)
 
     def __repr__(self) -> str:
-        return f"<Identification of {', '.join(self.estimates)}; print it for the card>"
+        return f"<Identification of {', '.join(self.estimates)}; print it for the summary>"
 
     @property
     def residuals(self) -> dict[str, np.ndarray]:
@@ -93,7 +94,7 @@ class Identification:
 
 
 class Spread(NamedTuple):
-    """How sure the coordinates of parameters are.
+    """The uncertainty of the coordinates of parameters.
 
     `hidden`: those that are not determined. `values`, `V`: singular values and directions of the Jacobian with columns
     of length one, of which those `lost` are too small.
@@ -180,7 +181,7 @@ def _spread(J: np.ndarray, d: int) -> Spread:
 
 
 def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimate]:
-    """Values with intervals by Student's t, in the coordinates that are sought and turned back."""
+    """Values with intervals by Student's t, computed in the coordinates of the search and transformed back."""
     shooting = found.fit.shooting
     freedom = int(found.fit.there.sum()) - shooting.size * shooting.runs - len(spread.error)
     quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
@@ -208,7 +209,7 @@ def _lag_one(off: np.ndarray, there: np.ndarray) -> float:
 
 
 def summary_table(found: Identification) -> str:
-    """What `print(found)` shows."""
+    """The summary that `print(found)` shows."""
     log = found.log
     width = max(9, *map(len, (*found.estimates, *found.process_noise)))
     lines = [

@@ -1,4 +1,4 @@
-"""How a log is cut into segments, what drives each step of them, and how nodes become samples."""
+"""Segments of a log, the inputs of each of their steps, and the interpolation from nodes to samples."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from coadjoint.errors import ArgumentError
 from coadjoint.identification.log import Log
 
 Between = Literal["held", "linear"]
-"""How inputs run between samples."""
+"""The interpolation of inputs between samples."""
 
 ON_NODE = 1e-6
 """A sample this part of a step away from a node is at the node."""
 
 
 BREAK = 0.25
-"""A gap of this part of a segment, or more, ends it: the next begins after the gap from a start of its own."""
+"""A gap of this part of a segment, or more, ends it: the next begins after the gap from a separate start."""
 
 FEWEST = 4
-"""Samples of a segment, at least."""
+"""The fewest samples of a segment."""
 
 FEWEST_STEPS = 3
-"""StepsBetween that the longest segment lasts, at least."""
+"""The fewest steps of the longest segment."""
 
 GAP_STEPS = 1000
 """The most steps in which actuators are followed over a gap."""
 
 
 class Interpolation(NamedTuple):
-    """Between which nodes each number of the record is read, (segments, samples, numbers, 4), with their weights and
-    the derivatives of the weights by time, 1/s."""
+    """The nodes between which each number of the record is interpolated, (segments, samples, numbers, 4), with their
+    weights and the derivatives of the weights by time, 1/s."""
 
     nodes: np.ndarray
     weights: np.ndarray
@@ -40,8 +40,8 @@ class Interpolation(NamedTuple):
 
 
 class StepsBetween(NamedTuple):
-    """The steps from the start of the first segment to that of the last, (steps,): when they begin, how long they last,
-    and the mean of the inputs, (steps, numbers); `begins`: at which of them each segment starts."""
+    """The steps from the start of the first segment to that of the last, (steps,): their start times, their lengths,
+    and the mean of the inputs, (steps, numbers); `begins`: the step at which each segment starts."""
 
     times: np.ndarray
     lengths: np.ndarray
@@ -54,11 +54,11 @@ class Samples:
     """Segments of a log on grids of step h.
 
     `starts`: (segments,) s. `table`: (steps, segments, numbers), the mean of the inputs over each step. `rows`:
-    (segments, samples), which sample of the log, −1 where there is none. `nodes`, `weights`: (segments, samples, 1 or
-    4), the nodes that a sample lies between and their parts in it: cubic interpolation. `turning`: the channels that
-    are angles. `nodes_to_next`: at which node the next segment starts. `steps_away`: (segments, samples), from the
-    start of the segment. `early`: samples that a delay would put before the start. `after_gap`: segments before which
-    the log has a gap that ended the one before.
+    (segments, samples), the sample of the log, −1 for none. `nodes`, `weights`: (segments, samples, 1 or 4), the nodes
+    that a sample lies between and their parts in it: cubic interpolation. `turning`: the channels that are angles.
+    `nodes_to_next`: the node at which the next segment starts. `steps_away`: (segments, samples), from the start of the
+    segment. `early`: samples that a delay would put before the start. `after_gap`: segments before which the log has a
+    gap that ended the one before.
     """
 
     h: float
@@ -80,7 +80,7 @@ class Samples:
         return records
 
     def reading(self, delays: np.ndarray, steps: int) -> Interpolation:
-        """Where each number of the record is read that is `delays` s old in the log; records have so many steps."""
+        """The places of each number of the record for `delays` s in the log; records have so many steps."""
         x = self.steps_away[..., None] - delays / self.h
         nodes = _around(x, steps)
         return Interpolation(nodes, _lagrange(x, nodes), _lagrange_slopes(x, nodes) / self.h)
@@ -107,9 +107,9 @@ def samples(
 ) -> Samples:
     """Segments of about `segment` s, or one; raises ArgumentError where one would hold fewer than four samples.
 
-    A gap in the log of BREAK segments ends a segment; what is left of fewer than four samples between gaps is not
-    taken. `reach`: how long before and after its samples a segment is simulated, for sensors with delays, s; the first
-    one, and one after a gap, starts at its first sample.
+    A gap in the log of BREAK segments ends a segment; parts of fewer than four samples between gaps are not used.
+    `reach`: the time before and after its samples for which a segment is simulated, for sensors with delays, s; the
+    first one, and one after a gap, starts at its first sample.
     """
     first, last, continued = _cuts(log, segment)
     count, number = len(first), np.arange(len(log))
@@ -142,7 +142,7 @@ def samples(
 
 
 def steps_between(log: Log, cut: Samples, between: Between) -> StepsBetween:
-    """Those of each segment's own grid, the last before the next start shorter; over a gap, no more than GAP_STEPS."""
+    """The steps of each segment's grid, the last before the next start shorter; over a gap, no more than GAP_STEPS."""
     starts, last = np.maximum.accumulate(cut.starts), cut.starts + cut.h * cut.steps_away.max(axis=1)
     edges, begins = [starts[:1]], [0]
     for start, end, following, gap in zip(starts, last, starts[1:], cut.after_gap[1:], strict=False):
@@ -239,7 +239,7 @@ def _lagrange_slopes(x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
 
 
 def _integral(time: np.ndarray, values: np.ndarray, at: np.ndarray, between: Between) -> np.ndarray:
-    """∫ u dt from the first sample to `at`; the first and the last value go on outside."""
+    """∫ u dt from the first sample to `at`; the first and the last value extend outside."""
     gaps = np.diff(time)[:, None]
     slopes = np.diff(values, axis=0) / gaps if between == "linear" else np.zeros((len(time) - 1, values.shape[1]))
     pieces = values[:-1] * gaps + 0.5 * slopes * gaps**2

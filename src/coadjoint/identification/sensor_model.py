@@ -1,4 +1,4 @@
-"""What is sought of the sensors beside the parameters of the system: biases and delays."""
+"""The unknowns of the sensors: biases and delays."""
 
 from __future__ import annotations
 
@@ -19,14 +19,13 @@ GROUPS = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY, "rat
 """Names that stand for three columns of a vehicle."""
 
 Attitude = Literal["angles", "rotation"]
-"""How a measured attitude is compared: each Euler angle, or log of R_measuredᵀR_simulated, along the body axes."""
+"""The comparison of a measured attitude: each Euler angle, or log of R_measuredᵀR_simulated, along the body axes."""
 
 STEEP = np.radians(60.0)
-"""From which pitch on a log is compared by rotations, where nothing else is asked for: at 90° Euler angles are
-singular."""
+"""The pitch from which on a log is compared by rotations by default: at 90° Euler angles are singular."""
 
 SENSORS = ("bias.", "delay.")
-"""How the names of what is sought of sensors begin."""
+"""The prefixes of the names of the unknowns of sensors."""
 
 TOGETHER = 0.9
 """Rotations need all three angles in this part of the rows that have one of them."""
@@ -34,10 +33,10 @@ TOGETHER = 0.9
 
 @dataclass(frozen=True)
 class Sensing:
-    """y(t) = h(state(t − τ)) + b + noise for every channel: the biases b and delays τ that are sought.
+    """y(t) = h(state(t − τ)) + b + noise for every channel: the unknown biases b and delays τ.
 
     `names`: the channels. `biased`: those with a bias. `delayed`: groups of channels with a delay each, none longer
-    than `longest` s. `coloured`: those whose noise follows itself, a Gauss–Markov process of the first order.
+    than `longest` s. `coloured`: those with coloured noise, a Gauss–Markov process of the first order.
     `rotation`: whether attitude is compared as a rotation.
     """
 
@@ -56,12 +55,12 @@ class Sensing:
 
     @property
     def reach(self) -> float:
-        """How far before and after a sample the simulation must tell the state, s."""
+        """The time before and after a sample for which the simulation must give the state, s."""
         return self.longest if self.delayed else 0.0
 
     @property
     def attitude(self) -> tuple[int, ...]:
-        """Where roll, pitch and heading stand, if attitude is compared as a rotation."""
+        """The places of roll, pitch and heading, if attitude is compared as a rotation."""
         return tuple(self.names.index(name) for name in ATTITUDE) if self.rotation else ()
 
     def bias(self, own: np.ndarray) -> np.ndarray:
@@ -71,7 +70,7 @@ class Sensing:
         return found
 
     def delay(self, own: np.ndarray) -> np.ndarray | None:
-        """τ of all channels, s; None where none is sought."""
+        """τ of all channels, s; None if none is estimated."""
         if not self.delayed:
             return None
         found = np.zeros(len(self.names))
@@ -94,7 +93,7 @@ def sensing(
     coloured: Sequence[str] = (),
     attitude: Attitude | None = None,
 ) -> Sensing:
-    """What is sought of the sensors, checked; raises ArgumentError."""
+    """The unknowns of the sensors from the checked arguments; raises ArgumentError."""
     if delays and not (np.isfinite(longest_delay) and 0 < longest_delay < log.duration / 4):
         raise ArgumentError(
             f"Argument `longest_delay` must be positive and below a quarter of the log's {log.duration:g} s, but is "
@@ -133,7 +132,7 @@ def _listed(argument: str, given: Sequence[str]) -> Sequence[str]:
 
 
 def _channels(argument: str, given: Sequence[str], names: tuple[str, ...]) -> tuple[int, ...]:
-    """Where the columns stand that are named, alone or as a group; raises ArgumentError where none is there."""
+    """The places of the named columns, alone or as a group; raises ArgumentError if none exists."""
     found: dict[int, None] = {}
     known = [*names, *GROUPS]
     for name in _listed(argument, given):
@@ -148,14 +147,14 @@ def _channels(argument: str, given: Sequence[str], names: tuple[str, ...]) -> tu
 
 
 def _rotation(log: Log, names: tuple[str, ...], attitude: Attitude | None) -> bool:
-    """Whether attitude is compared as a rotation: where it is asked for, or where the log pitches steeply."""
+    """Whether attitude is compared as a rotation: on request, or if the log pitches steeply."""
     if attitude is not None:
         checks.choice(attitude, "attitude", ("angles", "rotation"))
-    whole = all(name in names for name in ATTITUDE)
-    if attitude == "rotation" and not whole:
+    complete = all(name in names for name in ATTITUDE)
+    if attitude == "rotation" and not complete:
         missing = ", ".join(name for name in ATTITUDE if name not in names)
         raise ArgumentError(f'attitude="rotation" needs roll, pitch and heading, but the log holds no {missing}.')
-    if attitude is not None or not whole:
+    if attitude is not None or not complete:
         return attitude == "rotation"
     there = np.stack([np.isfinite(log.columns[name]) for name in ATTITUDE])
     if there.all(axis=0).sum() < TOGETHER * there.any(axis=0).sum():

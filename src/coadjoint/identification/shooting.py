@@ -1,8 +1,9 @@
-"""Multiple shooting: a log in segments, each a run of its own from a start of its own, all simulated at once.
+"""Multiple shooting: a log in segments, each a run from a separate start, all simulated together.
 
 The start of a segment is a reference, g₀ exp(δ_g), q₀ + δ_q, ξ₀ + δ_ξ, ν₀ + δ_ν, with momenta by the Legendre transform
-of the parameters that are sought, and with actuators where their commands have brought them (`actuators`). Derivatives
-of what sensors would say, by δ and by the parameters, are exact, except through internal states that the motion moves.
+with the current parameters, and with actuators in the states to which their commands have brought them (`actuators`).
+Derivatives of the simulated measurements, by δ and by the parameters, are exact, except through internal states that
+the motion moves.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ from coadjoint.methods.program import Constants
 from coadjoint.spaces.named import Named
 
 KEPT = 16
-"""How many functions that start segments stay in memory."""
+"""The number of functions for starts of segments kept in memory."""
 
 _starts: dict[Any, NativeFunction] = {}
 
 
 class Reference(NamedTuple):
-    """From where the segments start, before δ; a leading axis of segments."""
+    """The references of the starts of segments, before δ; a leading axis of segments."""
 
     g: Any
     q: np.ndarray
@@ -48,10 +49,10 @@ class Reference(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the sensors would say at the samples, (segments, samples, numbers), with the path that led there.
+    """The simulated measurements at the samples, (segments, samples, numbers), with their trajectory.
 
-    `reading`: where they were read, with delays; None at the times of the samples. `wandering`: parameters that did not
-    stay the same. `standing`: where actuators stood at the starts.
+    `reading`: their places, with delays; None at the times of the samples. `wandering`: piecewise parameters.
+    `standing`: the states of actuators at the starts.
     """
 
     values: np.ndarray
@@ -64,7 +65,7 @@ class Prediction(NamedTuple):
 
 @dataclass(frozen=True)
 class Shooting:
-    """Segments of a log as runs. `template`: the state of one of them, for what the log does not tell."""
+    """Segments of a log as runs. `template`: the state of one of them, for quantities that the log lacks."""
 
     unknowns: Unknowns
     channels: Channels
@@ -73,7 +74,7 @@ class Shooting:
     template: State
     program: Any
     begun: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Where actuators stand at the first sample of each segment, (segments, …), as far as the log tells."""
+    """States of actuators at the first sample of each segment, (segments, …), as far as they are logged."""
     knots: Knots | None = None
     """What wanders."""
     steps: StepsBetween | None = None
@@ -81,7 +82,7 @@ class Shooting:
 
     @property
     def size(self) -> int:
-        """How many numbers δ are."""
+        """The number of coordinates δ."""
         return 2 * self.unknowns.system.unknowns
 
     @property
@@ -90,7 +91,7 @@ class Shooting:
 
     @property
     def own(self) -> int:
-        """How many numbers are each segment's own: δ and the knots of what wanders."""
+        """The number of unknowns of each segment: δ and the knots of process noise."""
         return self.size + (self.knots.size if self.knots else 0)
 
     @cached_property
@@ -106,26 +107,26 @@ class Shooting:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """Where the inputs stand among the numbers of a state."""
+        """The places of the inputs among the numbers of a state."""
         shape, numbers = pack(self.template)
         inputs = jax.tree.leaves(shape.unpack(np.arange(len(numbers))).inputs)
         return np.concatenate([np.zeros(0, int), *(np.ravel(leaf).astype(int) for leaf in inputs)])
 
     @cached_property
     def table(self) -> np.ndarray:
-        """What drives every step, in groups of lanes."""
+        """The inputs of every step, in groups of lanes."""
         return batch.grouped(self.samples.table)
 
     @cached_property
     def held(self) -> Any:
-        """The internal state with which all segments start as long as nothing better is known."""
+        """The internal state with which all segments start until a better one is known."""
         begun = self.template.internal
         return self._after_gaps(
             jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), begun)
         )
 
     def _after_gaps(self, internal: Any) -> Any:
-        """Internal states with actuators where the log has them, in those segments that a gap comes before."""
+        """Internal states with actuators as logged, in the segments after a gap."""
         after = self.samples.after_gap
         if not isinstance(internal, Named) or not after.any():
             return internal
@@ -139,7 +140,7 @@ class Shooting:
 
     @cached_property
     def actuators(self) -> Actuators | None:
-        """What the inputs alone drive of the internal state; None where there is no such thing."""
+        """The part of the internal state that only the inputs drive; None if there is none."""
         if self.steps is None:
             return None
         begun = self.template.internal
@@ -160,7 +161,7 @@ class Shooting:
 
     @cached_property
     def handed(self) -> tuple[str, ...]:
-        """Parts of the internal state that depend on the motion: a segment hands them to the next."""
+        """Parts of the internal state that depend on the motion: a segment passes them to the next."""
         begun = self.template.internal
         if self.runs == 1 or begun is None:
             return ()
@@ -170,12 +171,12 @@ class Shooting:
 
     @cached_property
     def inner(self) -> tuple[int, ...]:
-        """The numbers of the internal state at starts that depend on parameters that are sought."""
+        """The numbers of the internal state at starts that depend on estimated parameters."""
         return tuple(self.actuators.places.tolist()) if self.actuators and self.actuators.moving else ()
 
     @cached_property
     def begin(self) -> NativeFunction:
-        """(δ, active parameters, `inner`), what is known of a segment ↦ the numbers of the state at its start."""
+        """(δ, active parameters, `inner`), the data of a segment ↦ the numbers of the state at its start."""
         one = jax.tree.map(lambda leaf: leaf[0], self._known(self.held))
         key = self.program, layout(self.template), layout(one), self.active, self.inner
         if key not in _starts:
@@ -227,7 +228,7 @@ class Shooting:
     def predict(
         self, coordinates: np.ndarray, own: np.ndarray, internal: Any = None, delays: np.ndarray | None = None
     ) -> Prediction | None:
-        """What the sensors would say, each number of the record `delays` s late; None where a step fails.
+        """The simulated measurements, each number of the record `delays` s late; None if a step fails.
 
         own: (segments, own), δ and knots.
         """
@@ -252,7 +253,7 @@ class Shooting:
         return Prediction(values, path, slopes, reading, wandering, standing)
 
     def _standing(self, numbers: np.ndarray, internal: Any) -> tuple[ActuatorsAtStarts | None, Any]:
-        """Where actuators stand at the starts, and the internal states there."""
+        """The states of actuators at the starts, and the internal states there."""
         if self.actuators is None:
             return None, internal
         found, numbers_within = self.actuators.at_starts(numbers), rows(internal)
@@ -268,7 +269,7 @@ class Shooting:
         return batch.PiecewiseParameters(self.knots.places, len(self.knots.labels), steps, values)
 
     def speeds(self, found: Prediction) -> np.ndarray:
-        """d/dt of what the sensors would say, (segments, samples, numbers)."""
+        """d/dt of the simulated measurements, (segments, samples, numbers)."""
         assert found.reading is not None
         records = self.samples.unwrapped(found.path.records)
         return self.samples.read(records, found.reading.nodes, found.reading.slopes)
@@ -302,8 +303,8 @@ class Shooting:
         return found
 
     def internal(self, found: Prediction) -> Any:
-        """The internal state from which each segment starts: that with which the segment before came there, and after
-        a gap what the log tells of actuators."""
+        """The internal state from which each segment starts: that at the end of the previous segment, and after a gap
+        the logged states of actuators."""
         first = self.held
         if self.template.internal is None:
             return first

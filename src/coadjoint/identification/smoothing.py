@@ -1,4 +1,4 @@
-"""Where segments of a log start: states by polynomials fitted to the samples around."""
+"""Starts of segments of a log: states by polynomials fitted to the samples around."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def fitted(log: Log, name: str, times: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def poses(log: Log, times: np.ndarray) -> Pose:
-    """States of a vehicle at times; what the log does not hold of roll, pitch and position counts as zero.
+    """States of a vehicle at times; roll, pitch and position that the log lacks count as zero.
 
-    Raises ArgumentError where it does not tell the velocity.
+    Raises ArgumentError if the log does not determine the velocity.
     """
     zero = np.zeros((2, len(times)))
     roll, pitch, heading = (fitted(log, name, times) if name in log.columns else zero for name in ATTITUDE)
@@ -56,7 +56,9 @@ def poses(log: Log, times: np.ndarray) -> Pose:
     omega = _measured(log, RATES, times, attitude.zyx_angular_velocity(heading[0], pitch[0], roll[0], turned))
     known = all(name in log.columns for name in POSITION)
     if not known and not all(name in log.columns for name in VELOCITY):
-        raise ArgumentError("The log must hold north, east and depth, or u, v and w: nothing tells the velocity.")
+        raise ArgumentError(
+            "The log must hold north, east and depth, or u, v and w: it does not determine the velocity."
+        )
     places = [fitted(log, name, times) if name in log.columns else zero for name in POSITION]
     q, qdot = (np.stack([place[i] for place in places], axis=-1) for i in (0, 1))
     return Pose(R, q, omega, _measured(log, VELOCITY, times, np.einsum("kji,kj->ki", R, qdot)))
@@ -84,13 +86,13 @@ def at_origin(pose: Pose, log: Log) -> Pose:
 
 
 def _measured(log: Log, names: Sequence[str], times: np.ndarray, instead: np.ndarray) -> np.ndarray:
-    """The columns at times; `instead` of those that were not logged."""
+    """The columns at times; `instead` for those that were not logged."""
     columns = [fitted(log, n, times)[0] if n in log.columns else instead[:, i] for i, n in enumerate(names)]
     return np.stack(columns, axis=-1)
 
 
 def noise(log: Log, name: str) -> float:
-    """A first guess of a column's noise: third differences, which take out what is smooth, over √20."""
+    """A first guess of a column's noise: third differences, which remove the smooth part, over √20."""
     values = log.columns[name][np.isfinite(log.columns[name])]
     values = np.unwrap(values) if log.units.get(name) == "rad" else values
     if len(values) < 8:

@@ -1,4 +1,4 @@
-"""A log as sensors would have written it of a run, with their noise."""
+"""A synthetic log of a run, with the noise of sensors."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def synthetic_log(
 ) -> Log:
     """The records of a run of a vehicle as a log: `columns` with normal noise, and the inputs of the run.
 
-    noise: standard deviations by column, SI units; 0 for those not given. Raises ArgumentError for systems that are no
-    vehicle and for columns that no vehicle has.
+    noise: standard deviations by column, SI units; 0 for those not given. Raises ArgumentError for systems other than
+    vehicles and for columns that no vehicle has.
     """
     if not is_vehicle(run.system):
-        raise ArgumentError(f"{run.system.name} is no vehicle on SO(3) × ℝ³ or SE(3): make a Log of its records.")
+        raise ArgumentError(f"{run.system.name} is not a vehicle on SO(3) × ℝ³ or SE(3): make a Log of its records.")
     unknown = [name for name in (*columns, *(noise or {})) if name not in VEHICLE]
     if unknown:
         raise ArgumentError(f"A vehicle has no column `{unknown[0]}`; it has {', '.join(VEHICLE)}.")

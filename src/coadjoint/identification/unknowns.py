@@ -21,14 +21,14 @@ from coadjoint.mechanics.system import System
 _ENTRY = re.compile(r"^(?P<name>[^\[\]]+)(\[(?P<index>[\d,\s]+)\])?$")
 
 MOST = 40
-"""The most numbers that are sought at once: no log tells more, and each costs a simulation at every iteration."""
+"""The most numbers estimated together: no log determines more, and each costs a simulation at every iteration."""
 
 
 @dataclass(frozen=True)
 class Unknown:
     """One number: entries of a parameter array that are equal, found by its logarithm or by itself.
 
-    `places`: where the entries stand among all numbers of the parameters. `scale`: what is large, of its unit.
+    `places`: the places of the entries among all numbers of the parameters. `scale`: a large value in its unit.
     """
 
     label: str
@@ -93,14 +93,13 @@ class Unknowns:
 
 
 def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str]) -> Unknowns:
-    """The unknowns named `parameters`: whole arrays, `"damping"`, or entries, `"added_mass[0,0]"`; `"a = b"` is one
+    """The unknowns named `parameters`: arrays, `"damping"`, or entries, `"added_mass[0,0]"`; `"a = b"` is one
     unknown for both.
 
-    The name of a part of a craft stands for all its parameters: `"hull"` for `hull.axial_drag`, … Of a whole array
-    those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are
-    those named in `positive` and the diagonals of positive definite matrices.
-    Raises ArgumentError, with the nearest name there is, where `positive` names what is not sought, and for more than
-    MOST numbers.
+    The name of a part of a craft stands for all its parameters: `"hull"` for `hull.axial_drag`, … The nonzero entries
+    of an array are unknown. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are those named in
+    `positive` and the diagonals of positive definite matrices. Raises ArgumentError, with the nearest name there is,
+    where `positive` names other parameters, and for more than MOST numbers.
     """
     if system.parameters is None:
         raise ArgumentError("This system has no parameters to identify: give it co.Parameters(…).")
@@ -131,8 +130,8 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
 
 
 def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict[int, int]) -> list[NamedEntry]:
-    """The entries that a name stands for, those of a whole array that are not zero; adds to `matrices`, first place →
-    size, what is positive definite."""
+    """The entries that a name stands for, the nonzero ones of an array; adds positive definite matrices to `matrices`,
+    first place → size."""
     name, index = _parsed(text, known)
     first, array = known[name]
     paired = array.ndim == 2 and array.shape[0] == array.shape[1] and bool(np.allclose(array, array.T, rtol=1e-9))
@@ -155,12 +154,13 @@ def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict
 
 
 def _require_few(labels: Sequence[str]) -> None:
-    """Raise ArgumentError for more numbers than any log tells, with how many there are of each name."""
+    """Raise ArgumentError for more numbers than any log determines, with the count of each name."""
     if len(labels) > MOST:
         names = [label.partition("[")[0] for label in labels]
         counts = ", ".join(f"{name} {names.count(name)}" for name in dict.fromkeys(names))
         raise ArgumentError(
-            f"Argument `parameters` stands for {len(names)} numbers ({counts}), but at most {MOST} are sought at once: "
+            f"Argument `parameters` stands for {len(names)} numbers ({counts}), but at most {MOST} are estimated "
+            "together: "
             f"name those that matter, or entries such as `{labels[-1]}`."
         )
 
@@ -169,7 +169,8 @@ def _require_sought(positive: Sequence[str], labels: Sequence[str]) -> None:
     for given in positive:
         if given not in labels and given not in {label.partition("[")[0] for label in labels}:
             raise ArgumentError(
-                f"Argument `positive` names `{given}`, which is not among what is sought: {', '.join(labels)}."
+                f"Argument `positive` names `{given}`, which is not among the estimated parameters: "
+                f"{', '.join(labels)}."
             )
 
 
@@ -188,8 +189,8 @@ def _expanded(parameters: Sequence[str], known: dict[str, tuple[int, np.ndarray]
     found: list[str] = []
     for text in parameters:
         begins = f"{text}."
-        whole = [name for name, (_, array) in known.items() if name.startswith(begins) and np.any(array)]
-        found += whole if text not in known and whole else [text]
+        parts = [name for name, (_, array) in known.items() if name.startswith(begins) and np.any(array)]
+        found += parts if text not in known and parts else [text]
     return found
 
 
@@ -204,13 +205,13 @@ def _parsed(text: Any, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, t
         return name, None
     index = tuple(int(part) for part in match["index"].split(",") if part.strip())
     if len(index) != len(shape) or any(i >= size for i, size in zip(index, shape, strict=True)):
-        raise ArgumentError(f"`{text}` is no entry of `{name}`, which has shape {shape}, counted from 0.")
+        raise ArgumentError(f"`{text}` is not an entry of `{name}`, which has shape {shape}, counted from 0.")
     return name, index
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: what was found, its interval and standard error, and where the search began."""
+    """One parameter: its estimate, interval and standard error, and the prior value at which the search began."""
 
     name: str
     value: float

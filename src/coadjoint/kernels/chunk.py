@@ -1,4 +1,4 @@
-"""What a kernel returns: a stretch of a run."""
+"""The result of a kernel: a part of a run."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from coadjoint.kernels.program import Code
 
 @dataclass(frozen=True)
 class Chunk:
-    """A stretch of a run, NumPy throughout.
+    """A part of a run, NumPy throughout.
 
     `records`: states with a leading axis, record j at step j·save_every with the unknowns of the step that starts
     there; `final`: the state after the last good step; `monitors`: name → one row a record; `extrema`: name →
     (minimum, maximum) over every step, for certificates over the stages too; `iterations`: Newton's, over all steps
-    and stages; `code`: how the last step tried ended.
+    and stages; `code`: the outcome of the last step tried.
     """
 
     records: Any
@@ -33,10 +33,10 @@ class Chunk:
 
 @dataclass(frozen=True)
 class EnsembleChunk:
-    """A stretch of the runs of all members: as `Chunk`, with a leading axis of members everywhere.
+    """A part of the runs of all members: as `Chunk`, with a leading axis of members everywhere.
 
-    Members that failed have fewer records, `rows` (members,) of them; what would come after is NaN. `code` (members,)
-    are whole numbers of `Code`.
+    Members that failed have fewer records, `rows` (members,) of them; later rows are NaN. `code` (members,) are
+    integers of `Code`.
     """
 
     records: Any

@@ -1,4 +1,4 @@
-"""Python's garbage collector, off while much is made that lasts."""
+"""Python's garbage collector, switched off while many lasting objects are made."""
 
 from __future__ import annotations
 

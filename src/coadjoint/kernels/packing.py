@@ -28,7 +28,7 @@ class Layout(NamedTuple):
         return jax.tree.map(lambda leaf: leaf.copy(), self.views(numbers))
 
     def views(self, numbers: np.ndarray | jax.Array) -> Any:
-        """The same as views into the numbers, or of traced ones: for long rows that are copied later anyway."""
+        """The same as views into the numbers, also of traced ones: for long rows that are copied later anyway."""
         lead, leaves, start = numbers.shape[:-1], [], 0
         for shape in self.shapes:
             end = start + math.prod(shape)
@@ -44,7 +44,7 @@ def layout(tree: Any) -> Layout:
 
 
 def pack(tree: Any) -> tuple[Layout, np.ndarray]:
-    """The layout of a PyTree and its numbers (size,). Untraceable for leaves that are no real numbers."""
+    """The layout of a PyTree and its numbers (size,). Untraceable for leaves other than real numbers."""
     leaves, structure = jax.tree_util.tree_flatten(tree)
     arrays = [np.asarray(leaf) for leaf in leaves]
     for array in arrays:

@@ -1,4 +1,4 @@
-"""What a kernel runs: pure functions of arrays, with no knowledge of groups or Lagrangians.
+"""The program of a kernel: pure functions of arrays, independent of groups and Lagrangians.
 
 A step from t to t + h solves, stage by stage, residual(z) = 0 for the unknowns z of the stage and is then
 explicit; a composition runs the stages over each of its substeps in turn. A `Program` is a static, hashable object;
@@ -33,8 +33,8 @@ FLOOR = 1e-15
 MAX_ITERATIONS = 25
 
 MAX_UNKNOWNS = 60
-"""The most unknowns of a stage that native code takes: their elimination is written out, and of a
-larger one XLA does it as well."""
+"""The most unknowns of a stage that native code takes: their elimination is unrolled, and for more unknowns XLA is as
+fast."""
 
 
 class Code(enum.IntEnum):
@@ -61,7 +61,7 @@ class StatusFlag(enum.IntFlag):
 
 
 class Structure(Protocol):
-    """How the equations of a stage are solved: a static, hashable object."""
+    """The solver of the equations of a stage: a static, hashable object."""
 
     @property
     def native(self) -> bool:
@@ -75,7 +75,7 @@ class Structure(Protocol):
 
     @property
     def words(self) -> str:
-        """How XLA solves them, for cards and messages."""
+        """The description of the solver by XLA, for certificates and messages."""
         ...
 
     @property
@@ -102,7 +102,7 @@ class Stage(Protocol):
 
     @property
     def tolerant(self) -> bool:
-        """Whether the step goes on where this stage fails: then `advance` is given its guess and `sound` = 0."""
+        """Whether the step continues if this stage fails: then `advance` gets its guess and `sound` = 0."""
         ...
 
     @property
@@ -116,11 +116,13 @@ class Stage(Protocol):
         ...
 
     def carried(self, state: State) -> Any:
-        """What the solution of the last step left in the state for this one; () where nothing is carried over."""
+        """The data that the solution of the last step left in the state for this one; () where nothing is carried
+        over."""
         ...
 
     def carry(self, after: State, carried: Any) -> State:
-        """The state after a step with what its solution leaves for the next one; with None, as it is in records."""
+        """The state after a step with the data that its solution leaves for the next one; with None, the form in
+        records."""
         ...
 
     def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns:
@@ -136,7 +138,7 @@ class Stage(Protocol):
         ...
 
     def solved(self, state: State, found: Any) -> State:
-        """The state with what its solution found besides the unknowns, `Root.found`: `advance` starts from it."""
+        """The state with the further results of its solution, `Root.found`: `advance` starts from it."""
         ...
 
     def chart(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Scalar:
@@ -159,7 +161,7 @@ class Stage(Protocol):
 
 
 class Program(Protocol):
-    """A whole step: `prepare`, then over every substep every stage in turn.
+    """A complete step: `prepare`, then over every substep every stage in turn.
 
     The record of a step is that of the first stage, in the first substep, that is not tolerant.
     """
@@ -179,7 +181,7 @@ class Program(Protocol):
         ...
 
     def monitors(self, parameters: Parameters, record: State, h: Scalar) -> Mapping[str, Scalar]:
-        """What is observed at every record, scalars or arrays; a step where it is not finite fails."""
+        """The observations at every record, scalars or arrays; a step where one is not finite fails."""
         ...
 
     @property

@@ -69,8 +69,8 @@ def horizontal_lift(
     times: (N+1,), s, for a continuous connection only. It is integrated by Magnus' series of order 4, each interval cut
     into pieces until the elements stay to 1e-12.
 
-    Returns elements with a leading axis (N+1). Raises ArgumentError for what does not fit, and StepError where the
-    pieces do not suffice.
+    Returns elements with a leading axis (N+1). Raises ArgumentError for arguments that do not fit, and StepError where
+    the pieces do not suffice.
     """
     if isinstance(connection, DiscreteConnection):
         if times is not None:
@@ -88,7 +88,7 @@ def horizontal_lift(
 
 
 def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
-    """What a closed loop of shapes turns with 𝒜 = e: ∏ Ω(x_k, x_{k+1}), left to right, or its limit.
+    """The holonomy of a closed loop of shapes, its rotation with 𝒜 = e: ∏ Ω(x_k, x_{k+1}), left to right, or its limit.
 
     connection: a co.DiscreteConnection or a co.Connection.
     loop: of a discrete connection (N+1, m) with x_N = x_0; of a continuous one a function t → x (m,) on 0 ≤ t ≤ 1 with
@@ -163,7 +163,7 @@ def _times(times: ArrayLike | None) -> np.ndarray:
 
 
 def _transports(connection: Connection, path: Callable[[Array], Array], times: np.ndarray) -> Element:
-    """What each interval turns, in so many pieces that twice as many change nothing over 1e-12."""
+    """The increment over each interval, in so many pieces that twice as many change nothing over 1e-12."""
     if not callable(path):
         raise ArgumentError("A continuous connection lifts a function t → x (m,): give `shapes` as such, with `times`.")
     found = results(trace(path, "The path of shapes", (times[0],)))

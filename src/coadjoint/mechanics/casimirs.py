@@ -1,4 +1,4 @@
-"""Casimir functions of a group and its advected parameters: what every motion keeps, whatever ℋ is."""
+"""Casimir functions of a group and its advected parameters: every motion conserves them, whatever ℋ is."""
 
 from __future__ import annotations
 
@@ -77,10 +77,10 @@ def casimirs(system: System) -> dict[str, Casimir]:
     system: of it only the group and the advected parameters matter. Returns names and functions of a state, a basis of
     those that generate all others up to degree 4. They are found from the structure constants of 𝔤 and its action on V:
     C is a Casimir where it is constant along m ↦ ad*_ξ m, a ↦ −ξ·a and along m ↦ w⋄a, for every ξ ∈ 𝔤 and w ∈ V.
-    Unforced steps move (m, a) by Ad*_F (m + w⋄a), F⁻¹a and so keep every one of them, whatever the step.
-    Casimirs that are no polynomials of degree ≤ 4, as those of a group without enough invariants, are not found, and a
-    degree with more than 1500 monomials is not computed: a warning says so where functions are missing for it, as
-    with the quartic one of so(6), sl(4) and sp(6).
+    Unforced steps move (m, a) by Ad*_F (m + w⋄a), F⁻¹a and so conserve all of them, whatever the step.
+    Casimirs other than polynomials of degree ≤ 4 are not found, and a degree with more than 1500 monomials is not
+    computed: a warning lists the degrees that are missing for this reason, as the quartic one of so(6), sl(4) and
+    sp(6).
     """
     found, stopped = _casimirs(system.group, system.advected)
     if stopped:
@@ -255,7 +255,7 @@ def _independent(found: list[tuple[np.ndarray, np.ndarray]]) -> int:
 
 
 def _tidy(monomials: np.ndarray, row: np.ndarray, dim: int) -> Casimir:
-    """Without round-off: whole numbers where they are so."""
+    """The polynomial without round-off in its coefficients: multiples of 1/12 are exact."""
     nearest = np.round(row * 12) / 12
     clean = np.where(np.abs(row - nearest) <= 1e-8, nearest, row)
     kept = np.flatnonzero(clean)

@@ -1,4 +1,4 @@
-"""What is wrong with a Lagrangian or a Hamiltonian, said before a run."""
+"""Checks of a Lagrangian or a Hamiltonian before a run."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def check(system: ReducedFunctions, start: State, regular: bool = True) -> list[
 
 
 def given(system: ReducedFunctions) -> tuple[str, Callable[..., Any]]:
-    """What the user gave, in words, and as a function (ξ, n, ν, a, t, inputs, internal) or that of (μ, n, π, …)."""
+    """The user's function, by name, and as a function of (ξ, n, ν, a, t, inputs, internal) or of (μ, n, π, …)."""
     if system.hamiltonian is not None:
         return "The Hamiltonian", system.reduced_hamiltonian
     return "The Lagrangian", system.reduced_lagrangian
@@ -108,7 +108,7 @@ def _check_forces(system: ReducedFunctions, start: State) -> None:
     try:
         require_float64(at, "The forces", (velocities, start.t))
     except CoadjointError:
-        for i, name in enumerate(what):  # One by one, to identify which.
+        for i, name in enumerate(what):  # Forces are checked separately, to name the one that fails.
             require_float64(lambda *given, i=i: at(*given)[i], name, (velocities, start.t))
         raise
     if traced(system.parameters, start):
@@ -162,7 +162,7 @@ def _require_derivative_of_discrete(
 
 
 def _require_symmetric(system: ReducedFunctions, start: State) -> None:
-    """A matrix whose antisymmetric part is lost in ℓ was meant to be symmetric: say so instead of dropping it."""
+    """A matrix whose antisymmetric part is lost in ℓ was meant to be symmetric: raise instead of dropping that part."""
     if system.parameters is None:
         return
     paths = jax.tree_util.tree_leaves_with_path(system.parameters)

@@ -134,7 +134,7 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
 def _integrate(
     rate: Callable[[float, np.ndarray], np.ndarray], first: float, y: np.ndarray, times: np.ndarray, tolerance: float
 ) -> np.ndarray:
-    """y at the times, a row each; the start itself where there is no way to go."""
+    """y at the times, a row each; the start itself where all times equal the first."""
     if times[-1] == first:
         return y[None]
     from scipy.integrate import solve_ivp  # a fifth of what co.simulate takes to load

@@ -1,4 +1,4 @@
-"""Copies of a system with something replaced, which is not checked again."""
+"""Copies of a system with some attributes replaced, which are not checked again."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from coadjoint.spaces import Several, Space
 
 
 def structure(places: Places) -> Structure:
-    """That of equations for (ξ, y), (dim G + dim Q,): of links that are coupled, unless all of them are."""
+    """The structure of equations for (ξ, y), (dim G + dim Q,): coupled links, or dense where every pair is coupled."""
     group, Q, _ = places
     return structure_of_links(group, tuple(_dims(Q, group))) if isinstance(group, Power) else Dense()
 
@@ -32,7 +32,7 @@ def _dims(Q: Space, group: LieGroup) -> list[int]:
 
 @lru_cache(maxsize=256)
 def structure_of_links(group: Power, sizes: tuple[int, ...] = ()) -> Structure:
-    """That of equations for ξ and parts of y of these sizes, each of all links."""
+    """The structure of equations for ξ and parts of y of these sizes, each of all links."""
     if group.coupling == "all" or any(size % group.count for size in sizes):
         return Dense()
     found = Coupled(group.count, (group.factor.dim, *(size // group.count for size in sizes)), group.pairs)
@@ -49,7 +49,7 @@ def jacobian_solve(places: Places, function: Callable[[Array], Array], z: Array,
 
 
 def large(group: LieGroup) -> bool:
-    """Whether a group is of so many links that nothing may be formed for each pair of its coordinates."""
+    """Whether a group has so many links that no array may hold a number for each pair of its coordinates."""
     return isinstance(group, Power) and group.dim > 60
 
 
@@ -69,7 +69,7 @@ def require_room(group: LieGroup) -> None:
     if not isinstance(group, Power):
         return
     link, m, power = group.factor, group.dim, 1
-    if group.coupling in ("chain", "ring"):  # without the list of their pairs, which may be what does not fit
+    if group.coupling in ("chain", "ring"):  # without the list of their pairs, which itself may not fit
         needed = OF_A_LINK * 3 * m * link.matrix_size**2 if link.matrix_size <= SMALL else 0.0
     elif isinstance(structure_of_links(group), Dense):
         needed, power = OF_A_PAIR * m**2, 2

@@ -1,8 +1,8 @@
 """Whether the derivative that JAX takes of ℓ, ℋ or Λ is that of its value, which the equations of motion assume.
 
-`jax.lax.stop_gradient` and a wrong `jax.custom_jvp` change a derivative and leave the value: differences of values
-find them. Rounding and tables that are read at a whole number have the derivative 0 wherever a short difference is
-taken, and jump in between: where a function holds such an operation, its jumps are searched for.
+`jax.lax.stop_gradient` and a wrong `jax.custom_jvp` change a derivative and leave the value: differences of values find
+them. Rounding and tables that are read at integers have the derivative 0 wherever a short difference is taken, and jump
+in between: where a function contains such an operation, a search looks for its jumps.
 """
 
 from __future__ import annotations
@@ -186,8 +186,7 @@ def _require_no_jumps(slopes: Slopes, what: str, line: Line, operation: str) -> 
             raise LagrangianError(
                 f"{what} must be continuous, but it holds the operation `{operation}` and jumps: {line}, "
                 f"{s:.6g} from the start, the value changes by {change:.6g} and the derivative gives {derivative:.2g}. "
-                "Interpolate tables (jnp.interp), leave out rounding, and hand in what switches by `internal` or "
-                "`inputs`."
+                "Interpolate tables (jnp.interp), leave out rounding, and pass what switches by `internal` or `inputs`."
             )
 
 

@@ -20,7 +20,7 @@ from coadjoint.spaces.named import Named
 
 UNNAMED = "forces"
 TIME, INPUTS, INTERNAL = "time", "inputs", "internal"
-"""The lines of an energy budget for explicit time and for jumps of what is held; no force may have their names."""
+"""The lines of an energy budget for explicit time and for jumps of held inputs and internal states; reserved names."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Forces(Portable):
         return iter(zip(self.names, self.functions, strict=True))
 
     def each(self, places: Places, *arguments: Any) -> list[tuple[Array, Array]]:
-        """(T, f) of every function, (dim G,) and (ambient,); raises LagrangianError for what is no force."""
+        """(T, f) of every function, (dim G,) and (ambient,); raises LagrangianError unless it returns a force."""
         return [_checked(places, name, _called(name, function, arguments)) for name, function in self]
 
 
@@ -61,13 +61,14 @@ def _whose(name: str) -> str:
 
 
 def _called(name: str, function: Callable[..., Force], arguments: tuple[Any, ...]) -> Any:
-    """What a force returns; inputs that are not there become a sentence."""
+    """The value of a force; missing inputs raise an error that says so."""
     try:
         return function(*arguments)
     except AttributeError as error:
         if error.obj is None and arguments[0].inputs is None:
             raise LagrangianError(
-                f"{_whose(name)} reads `{error.name}` of None, and there are no inputs: if that is one, give `inputs` "
+                f"{_whose(name)} reads `{error.name}` of None, and the run has no inputs: if it is an input, give "
+                "`inputs` "
                 "to co.simulate or co.trajectory, or constants to system.state."
             ) from error
         raise

@@ -29,12 +29,12 @@ _UNREAD = {
 
 
 def version(system: System, state: State, *more: Callable[[State], Any], pure: bool = True) -> str:
-    """A digest of what the user's functions do now, `more` functions of a state included.
+    """A digest of what the user's functions compute now, including `more` functions of a state.
 
     A function that reads a global number is another function when that number has changed: what has been traced and
     compiled for it must not be used again. Unless they are known to be `pure`, forces and Λ are read twice: raises
-    LagrangianError where the readings differ. It ends in OPAQUE where a function holds another, such as a derivative of
-    its own, that is not seen by tracing it.
+    LagrangianError where the readings differ. It ends in OPAQUE where a function holds another one, such as a custom
+    derivative, that tracing does not see.
     """
     s = state
     arguments = (s.g, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal, system.parameters)
@@ -57,7 +57,7 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
 
         return function
 
-    # A function of its own each time: JAX remembers what it has traced, and a function may have changed.
+    # A new function each time: JAX caches traces by function, and a function may have changed.
     others = [jaxpr_of(lambda at, function=function: function(at), state)[0] for function in more]
     functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces", "internal")
     given = [name for name in functions if getattr(system, name) is not None]
@@ -71,7 +71,7 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
 
 
 NUMBERS = ("parameters", "checks")
-"""The fields of a system that say nothing of what its functions do."""
+"""The fields of a system on which its functions do not depend."""
 FUNCTIONS = ("lagrangian", "discrete_lagrangian", "group_lagrangian", "hamiltonian")
 
 

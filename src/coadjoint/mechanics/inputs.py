@@ -1,4 +1,4 @@
-"""What drives a system from outside: signals, taken at every node, and functions of the motion, held over a step."""
+"""Inputs that drive a system: signals, taken at every node, and functions of the motion, held over a step."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class Inputs:
         return not all(isinstance(source, Signal) for source in self.sources)
 
     def held(self, motion: NodeMotion, before: Any = None) -> Any:
-        """What is held over the step that starts with this motion; None where all are signals.
+        """The inputs held over the step that starts with this motion; None where all are signals.
 
-        Commands are taken from `before`, what is held until then.
+        Commands are taken from `before`, the inputs held until then.
         """
         if not self.holds:
             return None
@@ -77,7 +77,7 @@ def _now(source: Any, t: Array, held: Any) -> Any:
 
 
 def inputs_from(given: Any) -> Inputs | None:
-    """The argument `inputs` of a run; raises ArgumentError for what is neither a signal, a number nor a function."""
+    """The argument `inputs` of a run; raises ArgumentError unless each input is a signal, a number or a function."""
     if given is None or isinstance(given, Inputs):
         return given
     sources = dict(given) if isinstance(given, Mapping) else {"": given}
@@ -98,6 +98,6 @@ def _source(name: str, given: Any) -> Signal | Command | Callable[[NodeMotion], 
     except (ArgumentError, TypeError, ValueError):
         where = f"Argument `inputs` under {shown(name)}" if name else "Argument `inputs`"
         raise ArgumentError(
-            f"{where} must be a signal such as co.Linear(times, values), a number or an array that stays as it is, or "
+            f"{where} must be a signal such as co.Linear(times, values), a constant number or array, or "
             f"a function of the motion, held over each step, but is {shown(given)}."
         ) from None

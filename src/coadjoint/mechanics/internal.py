@@ -1,4 +1,4 @@
-"""Internal states: what actuators, filters and digital controllers remember, advanced by a rule of their own."""
+"""Internal states: the memory of actuators, filters and digital controllers, advanced by a rule."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from coadjoint.spaces.named import Named, named
 
 
 def starting_values(given: Any) -> Any:
-    """The argument `internal` of a start: a dictionary of numbers, nested where one likes, of float64 or `Each`."""
+    """The argument `internal` of a start: a dictionary of numbers, possibly nested, of float64 or `Each`."""
     if given is None:
         return None
     if not isinstance(given, (Mapping, Named)) or not list(given):
@@ -39,12 +39,12 @@ def _values(value: Any, name: str) -> Any:
 
 
 def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
-    """The start of what `co.sampled` advances: `values`, in force from t on; the first sample is at t itself.
+    """The start of a state that `co.sampled` advances: `values`, in force from t on; the first sample is at t itself.
 
         start = system.state(…, internal={"controller": co.sampling({"rudder": 0.0, "integral": 0.0}), …})
 
-    values: numbers and arrays by name. t: s, by default 0. Returns what becomes `motion.internal.controller`, with the
-    parts `value`, which forces read, `pending`, `sample` and `release` (s).
+    values: numbers and arrays by name. t: s, by default 0. Returns a dictionary that becomes
+    `motion.internal.controller`, with the parts `value`, which forces read, `pending`, `sample` and `release` (s).
     """
     return {"value": dict(values), "pending": dict(values), "sample": t, "release": t}
 
@@ -62,8 +62,8 @@ def sampled(
 
         controller = co.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2, delay=0.05)
 
-    motion, h: those of the rule; h is one number, s. held: what `co.sampling` began. update: from the values computed
-    last to the next ones. What it returns jumps at the node: `controller["value"]` is in force over the step from
+    motion, h: those of the rule; h is one number, s. held: the state that `co.sampling` began. update: from the values
+    computed last to the next ones. Its result jumps at the node: `controller["value"]` is in force over the step from
     there, for the actuators that follow it. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the
     node nearest to its time, so that a period need not be a multiple of dt; one shorter than dt samples at every node.
     Raises ArgumentError for a delay beyond the period.

@@ -1,4 +1,4 @@
-"""The rule of an internal state as a class: the next state, and what else runs need of it."""
+"""The rule of an internal state as a class: the next state, its limits, warnings and recorded quantities."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from coadjoint.mechanics.state import NodeMotion
 class InternalRule(ABC):
     """The rule of an internal state, for `System(…, internal=rule)`: (motion, h, p) → the state after h.
 
-    A plain function (motion, h [, p]) is a rule too, about which nothing else is known. A subclass gives `__call__`,
-    and of the others what it can say; p are the parameters of the system, None where it has none.
+    A plain function (motion, h [, p]) is a rule as well, without the other members. A subclass defines `__call__`, and
+    those of the other members that apply; p are the parameters of the system, None where it has none.
     """
 
     @abstractmethod
@@ -25,7 +25,7 @@ class InternalRule(ABC):
 
     @property
     def title(self) -> str:
-        """What it is, at the beginning of a sentence."""
+        """The subject of sentences about the rule."""
         return "The rule `internal`"
 
     def warnings(self, h: Array, p: Parameters | None) -> list[str]:
@@ -41,11 +41,12 @@ class InternalRule(ABC):
         return None
 
     def report(self, motion: NodeMotion, p: Parameters | None) -> dict[str, Any]:
-        """What datasets hold of a node in addition to the state, by name, such as the current that a vehicle feels."""
+        """The quantities at a node that datasets hold in addition to the state, by name, such as the current at a
+        vehicle."""
         return {}
 
     def limits(self, p: Parameters | None) -> dict[str, tuple[float | None, float | None]]:
-        """Lowest and highest value of parts of the internal state, by their names; None where there is no end."""
+        """The lowest and highest value of parts of the internal state, by their names; None for no limit."""
         return {}
 
     def command_limits(self, p: Parameters | None) -> dict[str, tuple[Any, Any]]:
@@ -61,5 +62,5 @@ class _Plain(InternalRule):
 
 
 def declared(rule: Callable[..., Any] | None) -> InternalRule:
-    """What a rule says of itself; a plain function, or none, says nothing."""
+    """The declaration of a rule; that of a plain function, or of none, is empty."""
     return rule if isinstance(rule, InternalRule) else _Plain()

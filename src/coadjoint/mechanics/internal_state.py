@@ -1,4 +1,4 @@
-"""What an internal state is over a step: at its beginning, on the mean, and at its end."""
+"""The internal state over a step: at its beginning, its mean, and at its end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Course(NamedTuple):
-    """What a part of an internal state does over a step, for the rule that returns it.
+    """The course of a part of an internal state over a step, for the rule that returns it.
 
         x, late = motion.internal.fin, jnp.exp(-h / p.lag)  # τ ẋ = u − x with u held: x(s) = u + (x − u) exp(−s/τ)
         return {"fin": co.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
@@ -31,8 +31,8 @@ class Course(NamedTuple):
     Each is a number, an array or a dictionary in the structure of that part.
 
     end: at the end of the step. mean: (1/h) ∫ x ds over the step, which forces, ℓ, ℋ and Λ read; by default halfway
-    between begin and end, which is the mean to O(h²). begin: at the node where the step starts; by default what it was
-    there, another one where it jumps.
+    between begin and end, which is the mean to O(h²). begin: at the node where the step starts; by default the value
+    before the node, another one where it jumps.
     """
 
     end: Any
@@ -41,7 +41,7 @@ class Course(NamedTuple):
 
 
 def jumped(value: Any) -> Course:
-    """The course of what jumps at the node where the step starts and is held to its end, such as a command.
+    """The course of a value that jumps at the node where the step starts and is held to its end, such as a command.
 
     value: a number, an array or a dictionary, in the structure of that part of the internal state.
     """
@@ -49,10 +49,10 @@ def jumped(value: Any) -> Course:
 
 
 def at_node(system: System, state: State) -> State:
-    """The state with the velocities (ξ, ν) of its momenta, ∂_ξℓ = μ and ∂_νℓ = π, for what is seen at a node.
+    """The state with the velocities (ξ, ν) of its momenta, ∂_ξℓ = μ and ∂_νℓ = π, for functions of a node.
 
-    Those of a state between two steps belong to the step that ended there, and are half a step old. They stay where
-    there is no ℓ or ℋ, where the momenta are not known, and where no velocities are found.
+    The velocities of a state between two steps belong to the step that ended there, and are half a step old. They stay
+    if the system has neither ℓ nor ℋ, if the momenta are not known, or if no velocities are found.
     """
     if not system.continuous or state.mu is None or state.g is None:
         return state
@@ -66,8 +66,9 @@ def at_node(system: System, state: State) -> State:
 def advanced(system: System, state: State, h: Array, renewed: Any = None) -> State:
     """The state at a node with the course of its internal state over the step of h from there.
 
-    The rule is applied once where it is due: at the start of a run and after every step. A record, of which it has been
-    applied, stays as it is, and so does any other where `renewed` is given and does not hold. h: one number, s.
+    The rule is applied once where it is due: at the start of a run and after every step. A record, to which it has been
+    applied already, stays unchanged, and so does any other state where `renewed` is given and does not hold. h: one
+    number, s.
     """
     if system.internal is None:
         return state
@@ -131,7 +132,7 @@ def applied(system: System, state: State, h: Array) -> Course:
 
 
 HELD = frozenset({"value", "pending", "sample", "release"})
-"""The parts of what `co.sampled` advances, which jump at nodes."""
+"""The parts of a state that `co.sampled` advances, which jump at nodes."""
 
 
 def _jumps(tree: Any) -> bool:
@@ -168,7 +169,8 @@ def _fitting(tree: Any, like: Any) -> Any:
     )
     if sorted(given) != sorted(found) or not isinstance(tree, Named):
         raise LagrangianError(
-            f"The rule `internal` must return what it advances, {_shown(given)}, but returned {_shown(found)}."
+            f"The rule `internal` must return the state that it advances, {_shown(given)}, but returned "
+            f"{_shown(found)}."
         )
     return ordered(tree, like)
 
@@ -224,5 +226,5 @@ def driven_warnings(system: System, begin: float, end: float) -> list[str]:
 
 
 def failure(system: System, t: float, h: float) -> str | None:
-    """What the rule says of the step of length h from t that has failed."""
+    """The explanation of the rule for a failed step of length h from t."""
     return declared(system.internal).failure(t, h)

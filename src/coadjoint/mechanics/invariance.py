@@ -18,8 +18,8 @@ Invariance = Literal["left", "right"]
 def places_of(group: LieGroup, additional: Space, advected: Space, invariance: Invariance) -> Places:
     """Where the equations of left invariance hold: on G, or on Gᵒᵖ, which acts on its spaces by inverses.
 
-    On Gᵒᵖ, g⁻¹·ġ is ġg⁻¹, and the actions of g⁻¹ that give n, ν and a are those of g. Raises ArgumentError for what is
-    neither "left" nor "right".
+    On Gᵒᵖ, g⁻¹·ġ is ġg⁻¹, and the actions of g⁻¹ that give n, ν and a are those of g. Raises ArgumentError unless
+    `invariance` is "left" or "right".
     """
     checks.choice(invariance, "invariance", get_args(Invariance))
     if invariance == "left":
@@ -37,7 +37,7 @@ def places_of(group: LieGroup, additional: Space, advected: Space, invariance: I
 
 
 def group_of(places: Places) -> LieGroup:
-    """G, of a right-invariant system, too."""
+    """G, also of a right-invariant system."""
     return places.group.group if is_right(places) else places.group  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -47,7 +47,7 @@ def is_right(places: Places) -> bool:
 
 
 def in_words(places: Places) -> str:
-    """The group, and the invariance where it is not that on the left, as cards say it."""
+    """The group, and the invariance if it is right, as printed on certificates."""
     return f"{group_of(places)!r}" + (", right-invariant" if is_right(places) else "")
 
 

@@ -23,13 +23,13 @@ from coadjoint.mechanics.traced_once import traced_once
 
 TRIPS = 192
 """Newton's iterations where ℓ is not quadratic in the velocities, divided by the square of their number, 2 to 12:
-native code writes them out. Each is cut down where it does not help."""
+native code unrolls them. Each is damped where it does not help."""
 
 FRACTIONS = (1.0, 0.25, 1 / 16, 1 / 64)
 """The parts of an increment that are tried: Newton's own overshoots by far where the inertia all but vanishes."""
 
 NEAR, PLAIN_TRIPS = 1e-3, 2
-"""Plain iterations from a residual that is near: convergence is quadratic, and what is found has the derivatives of the
+"""Plain iterations from a residual that is near: convergence is quadratic, and the result has the derivatives of the
 solution."""
 
 SOLVED = 1e-9
@@ -39,7 +39,7 @@ SOLVED = 1e-9
 class Velocities(NamedTuple):
     """ξ, ν, and the residual of ∂_ξℓ = μ, ∂_νℓ = π; None where it is round-off.
 
-    It is relative to |μ|∞ and |π|∞, or where what ξ and ν give cancels, to what either alone would give.
+    It is relative to |μ|∞ and |π|∞, or, where the contributions of ξ and ν cancel, to the size of either alone.
 
     xi: (dim G,). nu: (ambient,). residual: one number.
     """
@@ -98,7 +98,7 @@ class _Problem(NamedTuple):
         return jnp.concatenate([mu - state.mu, Q.coordinates(group, state.n, pi - state.pi)])
 
     def sizes(self, z: Array) -> Sizes:
-        """The size of μ and of π, or where what ξ and ν give cancels, what either alone would give."""
+        """The size of μ and of π, or, where the contributions of ξ and ν cancel, the size of either alone."""
         by_xi, by_nu = alone(self.system, self.state, *self.unpack(z))
         mu, pi = jnp.maximum(by_xi.mu, by_nu.mu), jnp.maximum(by_xi.pi, by_nu.pi)
         return Sizes(jnp.maximum(largest(self.state.mu), mu), jnp.maximum(largest(self.state.pi), pi))
@@ -108,7 +108,7 @@ class _Problem(NamedTuple):
         return Sizes(largest(rows[:dim]), largest(rows[dim:]))
 
     def residual(self, z: Array, begun: Sizes) -> Array:
-        """The relative residual; round-off of what the iteration began with is no more than that, also at zero."""
+        """The relative residual, at least the round-off of the first iterate, also at zero."""
         parts = zip(self.errors(z), self.sizes(z), begun, strict=True)
         return jnp.maximum(*(above(error, size, size + first) for error, size, first in parts))
 
@@ -120,7 +120,7 @@ def _newton(places: Places, mismatch: Callable[[Array], Array], z: Array) -> Arr
 def _improved(problem: _Problem, z: Array) -> Array:
     """The best of z − fδ over the fractions f of Newton's increment δ, or z where none is better.
 
-    Errors are relative to the sizes at z: relative to their own, what is far away would look near.
+    Errors are relative to the sizes at z: relative to their own, a distant point would look near.
     """
     scale = problem.sizes(z)
 
@@ -145,7 +145,7 @@ def _is_affine(system: System, function: Callable[[Array], Array], z: Array) -> 
 
 
 def _affine(function: Callable[[Array], Array], z: Array) -> bool:
-    """Whether the derivative of the function as it is traced does not depend on z."""
+    """Whether the derivative of the function, as traced, is independent of z."""
     return not any(depends(jax.jacfwd(function), np.zeros(np.shape(z))))
 
 

@@ -68,7 +68,8 @@ def _lagrangian_slope(primals, tangents):
 def momenta(place: Place, near: Array | None) -> Array:
     """p = (μ, π), (dim G + ambient,), with ∂_pℋ(p) = z, from `near` or from zero; NaN where no solution was found.
 
-    One linear solve where ℋ is quadratic in p, else Newton's iteration. NaN, so that nothing goes on with a wrong one.
+    One linear solve where ℋ is quadratic in p, else Newton's iteration. NaN, so that no computation continues with
+    wrong momenta.
     """
     start = jnp.zeros_like(place.z) if near is None else near
     if quadratic(place):
@@ -113,7 +114,7 @@ def curvature(p: Array, place: Place) -> Array:
 
 
 def quadratic(place: Place) -> bool:
-    """Whether ∂²ℋ/∂p² as it is traced does not depend on p."""
+    """Whether ∂²ℋ/∂p², as traced, is independent of p."""
     return not any(depends(lambda p: curvature(p, place), np.zeros(np.shape(place.z))))
 
 

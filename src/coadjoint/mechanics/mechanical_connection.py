@@ -50,9 +50,9 @@ def _require_linear(momentum: Callable[..., Array], dim: int, size: int) -> None
     xi, (x, v) = random.normal(size=dim), random.normal(scale=0.5, size=(2, size))
 
     def measure(xi, x, v):
-        whole = momentum(xi, x, v)
+        total = momentum(xi, x, v)
         _, straight = jax.jvp(lambda xi, v: momentum(xi, x, v), (jnp.zeros(dim), jnp.zeros(size)), (xi, v))
-        return jnp.max(jnp.abs(whole - straight)), jnp.max(jnp.abs(whole))
+        return jnp.max(jnp.abs(total - straight)), jnp.max(jnp.abs(total))
 
     trace(measure, "The Lagrangian", (xi, x, v))
     bent, scale = map(float, evaluate(measure, xi, x, v))
@@ -84,7 +84,7 @@ def shape_size(system: System) -> int:
         )
     if system.advected.ambient(system.group):
         raise ArgumentError(
-            f"A bundle has the whole group as its symmetry, but this system has advected={system.advected!r}."
+            f"The symmetry of a bundle is the full group, but this system has advected={system.advected!r}."
         )
     return system.additional.ambient(system.group)
 

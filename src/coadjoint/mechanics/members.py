@@ -38,7 +38,7 @@ def each(values: Any) -> Each:
     """One value for each member of an ensemble, in the place of a single value.
 
         fleet = vehicle.replace(mass=co.each(np.linspace(110.0, 140.0, 1000)))
-        co.simulate(fleet, start, dt=0.05, duration=60.0)  # 1000 members at once
+        co.simulate(fleet, start, dt=0.05, duration=60.0) # 1000 members together
 
     values: an array with a leading axis of members, (members, …); for group elements that are tuples, such as SE3's
     (R, x), a tuple of such arrays. It may stand for any parameter and any argument of `system.state`; all `co.each` of

@@ -1,4 +1,4 @@
-"""How large momenta are before they cancel, and what of a residual is round-off of that size."""
+"""The size of momenta before they cancel, and the round-off of that size in a residual."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Sizes(NamedTuple):
 def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Sizes]:
     """The sizes of (μ, π), one number each, that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at this place.
 
-    μ = ∂_ξℓ may be small where what ξ and ν give cancels. 0 where ℓ is not differentiable there. Of ℋ the momenta are
-    looked for from μ alone and from π alone, by as many iterations as native code writes out; 0 where these do not
-    find them, so that a residual is relative to μ and π as they are.
+    μ = ∂_ξℓ may be small where the contributions of ξ and ν cancel. 0 where ℓ is not differentiable there. With ℋ the
+    momenta are solved from μ alone and from π alone, by as many iterations as native code unrolls; 0 where these do not
+    converge, so that a residual is relative to μ and π themselves.
     """
     at_rest, still = jnp.zeros_like(xi), jnp.zeros_like(nu)
     by_xi = _momenta(system, state, (xi, still), (state.mu, jnp.zeros_like(state.pi)))
@@ -40,7 +40,7 @@ def _momenta(system: System, state: State, velocities: tuple[Array, Array], near
 
 
 def above(error: Array, size: Array, terms: Array, least: Array | float = 0.0) -> Array:
-    """error/size, of any shape; of what is round-off of the terms, or of the least momentum, no more than 16 ε."""
+    """error/size, of any shape; at most 16 ε for round-off of the terms or of the least momentum."""
     roundoff = 16 * np.finfo(float).eps
     beyond = jnp.maximum(error - roundoff * terms - least, 0.0)
     scale = jnp.where(size > 0, size, terms)

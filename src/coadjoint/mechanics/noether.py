@@ -35,7 +35,7 @@ def spatial_momentum(system: System, state: State) -> Array:
 
 
 def momentum_scale(system: System, state: State) -> Array:
-    """|μ| + |π⋄n| or |μ| + |π||n|, the larger, one number: to this size round-off in m is relative.
+    """|μ| + |π⋄n| or |μ| + |π||n|, the larger, one number: round-off in m is relative to this size.
 
     The product counts where n and π are parallel, so that π⋄n vanishes.
     """
@@ -154,7 +154,7 @@ def isotropy_algebras(system: System, states: State) -> list[np.ndarray]:
 
 
 def _directions(group: LieGroup) -> np.ndarray:
-    """The c₀ (k, dim) that are looked through: all of 𝔤, on many links those that move all of them alike."""
+    """The candidates c₀ (k, dim): all of 𝔤, on many links those that move all of them alike."""
     if not large(group):
         return np.eye(group.dim)
     assert isinstance(group, Power)

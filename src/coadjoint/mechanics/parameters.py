@@ -35,7 +35,7 @@ class Parameters(Named):
         super().__init__(**_checked(values))
 
     def replace(self, **values: Any) -> Parameters:
-        """A copy with some values replaced; a dictionary replaces what it names and leaves the others as they are.
+        """A copy with some values replaced; a dictionary replaces the values that it names and keeps the others.
 
         Raises ArgumentError for a name that is not there, and for one number in the place of several.
         """
@@ -53,7 +53,7 @@ def _checked(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         elif not isinstance(value, (Each, Parameters)):
             value = float64(value, f"Parameter `{prefix}{name}`")
             if isinstance(value, np.ndarray):
-                value.flags.writeable = False  # of a copy: who changes it in place would change a system
+                value.flags.writeable = False  # a copy: a change of it in place would change a system
         found[name] = value
     return found
 
@@ -77,7 +77,7 @@ def _merged(old: Parameters, values: Mapping[str, Any], prefix: str = "") -> dic
 
 
 def _unknown(name: str, old: Parameters, prefix: str) -> str:
-    """What to say of a name that is not there: how the number is replaced that it means, or which names there are."""
+    """The error for an unknown name: how to replace the number that it means, or the names that exist."""
     known = paths(old)
     meant = name if name in known else respelled(name.replace(".", "_"), known)
     if "." in meant:

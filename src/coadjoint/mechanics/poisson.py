@@ -38,8 +38,8 @@ def poisson_bracket(f: Function, k: Function) -> Function:
              + ⟨π, k_μ·f_π − f_μ·k_π⟩ − ⟨f_a, k_μ·a⟩ + ⟨k_a, f_μ·a⟩.
 
     f, k: functions of a state that return one number, by its mu, n, pi, a and places.
-    Raises LagrangianError for what is no such function, ArgumentError for one of g, q or velocities, and on a curved
-    space of additional dynamics.
+    Raises LagrangianError for other functions, ArgumentError for functions of g, q or velocities, and on a curved space
+    of additional dynamics.
     """
     for given in (f, k):
         if not callable(given):
@@ -83,7 +83,7 @@ def vector_field(k: Function, state: State) -> Phase:
 
 
 def _require_phase(f: Function, state: State) -> None:
-    """Raise ArgumentError where f changes with g or the velocities, which the reduced bracket knows nothing of."""
+    """Raise ArgumentError where f changes with g or the velocities, which the reduced bracket does not contain."""
     if traced(state) or not state.places.additional.flat:
         return
     others = {"g": state.g, "xi": state.xi, "nu": state.nu}

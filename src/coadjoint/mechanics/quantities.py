@@ -18,7 +18,7 @@ Quantities = tuple[tuple[str, Callable[..., Any]], ...]
 
 
 def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None) -> Quantities:
-    """Names and functions; raises ArgumentError for what is neither."""
+    """Names and functions; raises ArgumentError for anything else."""
     try:
         found = () if given is None else tuple(dict(given).items())
     except Exception as error:
@@ -40,7 +40,7 @@ def value(system: ReducedFunctions, function: Callable[..., Any], state: State) 
 
 
 def meaning(function: Callable[..., Any]) -> str | None:
-    """What a dataset says of a quantity: its formula, or the first sentence of its docstring."""
+    """The description of a quantity in a dataset: its formula, or the first sentence of its docstring."""
     if not inspect.isfunction(function):
         return str(function)
     return function.__doc__.strip().split("\n")[0].rstrip(".") if function.__doc__ else None

@@ -1,4 +1,4 @@
-"""How the functions that a user writes, ℓ, ℋ or Λ, are called: with what they take, by position and by keyword."""
+"""Calls of the user's functions ℓ, ℋ and Λ, with the arguments that they take by position and by keyword."""
 
 from __future__ import annotations
 
@@ -60,8 +60,9 @@ class ReducedFunctions:
     ) -> Array:
         """ℓ(ξ, n, ν, a), one number, with this system's parameters; of a Hamiltonian its Legendre transform (P8).
 
-        xi: (dim G,). n, nu: (ambient,). a: (dim V*,). t: s. inputs, internal: what is held. near: (μ, π), from which
-        the Legendre transform is solved; by default from zero. Raises LagrangianError for a system without ℓ and ℋ.
+        xi: (dim G,). n, nu: (ambient,). a: (dim V*,). t: s. inputs, internal: those held over the step. near: (μ, π),
+        from which the Legendre transform is solved; by default from zero. Raises LagrangianError for a system without ℓ
+        and ℋ.
         """
         if self.hamiltonian is not None:
             place = legendre.Place(self, jnp.concatenate([xi, nu]), n, a, t, inputs, internal)
@@ -77,7 +78,7 @@ class ReducedFunctions:
     def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
         """ℋ(μ, π, n, a), one number, with this system's parameters; raises LagrangianError for a system without ℋ.
 
-        mu: (dim G,). n, pi: (ambient,). a: (dim V*,). t: s. inputs, internal: what is held.
+        mu: (dim G,). n, pi: (ambient,). a: (dim V*,). t: s. inputs, internal: those held over the step.
         """
         if self.hamiltonian is None:
             raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
@@ -88,7 +89,7 @@ class ReducedFunctions:
     def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(ξ, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
 
-        xi: (dim G,). n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: what is held.
+        xi: (dim G,). n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: those held over the step.
         """
         if self.discrete_lagrangian is None:
             raise LagrangianError(
@@ -100,7 +101,7 @@ class ReducedFunctions:
     def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(F, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
 
-        F: an element of G. n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: what is held.
+        F: an element of G. n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: those held over the step.
         """
         if self.group_lagrangian is None:
             raise LagrangianError(

@@ -1,4 +1,4 @@
-"""Where a record comes from, and what of it stays when a run goes on from it with other parameters."""
+"""Restarts from a record: its origin, and the quantities that stay when the parameters change."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Keep = Literal["momentum", "velocity"]
 
 
 def continued(system: System, start: State, keep: Keep | None) -> tuple[State, str | None]:
-    """The start of a run of `system`, and in words what of it was kept, None where nothing changed.
+    """The start of a run of `system`, and a sentence on the quantities that were kept, None where nothing changed.
 
-    A record of a run with other parameters has other velocities with the same momentum: `keep="momentum"` lets
-    (μ, π) stay, as where nothing acts while the parameters change; `keep="velocity"` lets (ξ, ν) of the node stay, as
-    where what is dropped takes its own momentum along. Raises ArgumentError where neither is said.
+    A record of a run with other parameters has other velocities with the same momentum: `keep="momentum"` keeps (μ, π),
+    as where nothing acts while the parameters change; `keep="velocity"` keeps (ξ, ν) of the node, as where a dropped
+    mass takes its momentum along. Raises ArgumentError where neither is given.
     """
     if keep is not None:
         checks.choice(keep, "keep", get_args(Keep))
@@ -43,7 +43,7 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
             f'The start is a record of a run with other parameters, {changed}: say what stays, keep="momentum" for '
             'μ and π, so that velocities change, or keep="velocity" for ξ and ν.'
         )
-    kept = f"The run goes on with the {keep} of a record; {changed}."
+    kept = f"The run continues with the {keep} of a record; {changed}."
     if keep == "momentum":
         return plain, kept
     xi, nu = _velocities(before, plain)
@@ -51,9 +51,10 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
 
 
 def going_on(start: State) -> State:
-    """The state from which a run goes on: a record that shows the velocities of the node has those of the step again.
+    """The state from which a run continues: a record that shows the velocities of the node gets those of the step
+    again.
 
-    They are Newton's next guess, with which the run goes on to the same bits as one that was never divided.
+    They are Newton's next guess, with which the run continues bitwise identically to an undivided one.
     """
     plain, unknowns = start.replace(origin=Origin()), start.origin.unknowns
     if unknowns is None or start.from_velocities or traced(start):

@@ -20,7 +20,7 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.kernels.trace.jaxprs import Tracer
 
 EARLY = 1e-9
-"""A jump comes this part of the shortest interval early, so that a node at a jump is after it whatever rounding did."""
+"""A jump comes this part of the shortest interval early, so that rounding never puts a node at a jump before it."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Signal:
     quadrature, so that the method keeps its order where u is smooth enough. A plain function given as an input is a
     function of the motion instead, held over each step.
 
-    Raises ArgumentError for what is no function, and for values that are no numbers.
+    Raises ArgumentError unless it is a function whose values are numbers.
     """
 
     function: Callable[[Any], Any]
@@ -83,7 +83,7 @@ class _Table(Signal):
         return np.concatenate([borders, np.full(size - len(borders), np.inf)]), columns
 
     def _time(self, t: Any) -> Any:
-        """A time as it is, several as an array; raises ArgumentError for what is no time."""
+        """A time unchanged, several as an array; raises ArgumentError for anything else."""
         plain = isinstance(t, float) and abs(t) < inf
         return t if plain or isinstance(t, Tracer) else float64(t, f"The time of co.{type(self).__name__}")
 
@@ -154,7 +154,7 @@ class Linear(_Table):
 
 @jax.jit
 def _row_by_bisection(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
-    """Row i of every column, borders[i − 1] ≤ t < borders[i], among 2ᵏ − 1 borders by k looks at them.
+    """Row i of every column, borders[i − 1] ≤ t < borders[i], among 2ᵏ − 1 borders by k comparisons.
 
     Compiled, so that JAX traces it once for a shape.
     """

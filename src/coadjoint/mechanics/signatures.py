@@ -15,7 +15,7 @@ def keyword_only(known: Mapping[str, inspect.Parameter], key: str) -> bool:
 
 
 GIVEN = frozenset(("xi", "mu", "n", "nu", "pi", "a", "p", "t", "inputs", "internal", "state", "motion"))
-"""What functions may be given: an argument of such a name is no constant, whatever its default."""
+"""The arguments that functions may take: an argument of such a name is not a constant, whatever its default."""
 
 
 COMES_WITH = {"n": "additional", "nu": "additional", "pi": "additional", "a": "advected", "p": "parameters"}

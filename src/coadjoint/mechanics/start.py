@@ -1,4 +1,4 @@
-"""From what a person knows at the start — configuration and velocities in the space frame — to a state."""
+"""The state at the start, from configuration and velocities in the space frame."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from coadjoint.mechanics.trace_checks import in_words, require_scalar
 from coadjoint.spaces.named import Named, require_names
 
 FROM_REST = 25
-"""Newton's iterations for the velocities of momenta that are given."""
+"""Newton's iterations for the velocities for given momenta."""
 
 
 _given: ContextVar[bool] = ContextVar("starts are kept as they are given", default=False)
@@ -40,7 +40,7 @@ _given: ContextVar[bool] = ContextVar("starts are kept as they are given", defau
 
 @dataclass(frozen=True, eq=False)
 class StartGiven:
-    """What `System.state` was given, for a state that is to be made later, of several members together."""
+    """The arguments of `System.state`, for a state that is made later, with those of other members."""
 
     system: ReducedFunctions
     arguments: tuple[Any, ...]
@@ -53,7 +53,7 @@ class StartGiven:
 
 @contextmanager
 def starts_given(wanted: bool = True) -> Iterator[None]:
-    """While this lasts, `System.state` returns what it was given, or states again."""
+    """Inside this context `System.state` returns its arguments, or, with False, states again."""
     token = _given.set(wanted)
     try:
         yield

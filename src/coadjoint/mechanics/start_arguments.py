@@ -153,14 +153,14 @@ def checked_element(group: LieGroup, g: Element) -> Element:
 def _require_inside(group: LieGroup, element: Element) -> None:
     if float(evaluate(group.outside, element)) <= ON_GROUP:
         return
-    whole, of = group, ""
+    given, of = group, ""
     while isinstance(group, DirectProduct):
         parts = zip(group.factors, element, strict=True)
         group, element = next(pair for pair in parts if float(evaluate(pair[0].outside, pair[1])) > ON_GROUP)
         of = f" in its factor {group!r}"
     off = float(evaluate(group.defect if group.constrained else group.outside, element))
     why = "the determinant is −1" if off <= ON_GROUP else f"the defining equations fail by {off:.2g}"
-    raise ArgumentError(f"Argument `g` must lie in {whole!r}, but{of} {why}; for a rotation, make it by co.attitude.")
+    raise ArgumentError(f"Argument `g` must lie in {given!r}, but{of} {why}; for a rotation, make it by co.attitude.")
 
 
 def _pair(system: ReducedFunctions, q: Any, qdot: Any) -> tuple[Any, Any]:

@@ -52,18 +52,18 @@ class State:
     t: s. g: an element of G. n, nu, pi: ambient coordinates of Q, (ambient,). a: those of V*. mu, xi: (dim G,). Records
     have a leading axis of nodes in every leaf. `q`, `qdot` and `named` are derived.
 
-    In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
+    In a state from which a run continues, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
     unknowns of the step that starts at it.
-    inputs: held over the step. internal: what actuators, filters and noise are and remember at t. memory: what the
-    method does.
-    internal_mean, internal_end: of a record, what `internal` is on the mean of the step that starts at it, which forces
-    and ℓ read, and at its end. internal_due: 1 where the system's rule is still to be applied at t, as in a start and
-    after a step, 0 in a record. All are None where there is no rule.
+    inputs: held over the step. internal: the state and memory of actuators, filters and noise at t. memory: that of the
+    method.
+    internal_mean, internal_end: of a record, the mean of `internal` over the step that starts at it, which forces and ℓ
+    read, and its value at the end. internal_due: 1 where the system's rule is still to be applied at t, as in a start
+    and after a step, 0 in a record. All are None where there is no rule.
     ledger: energy and momentum from forces since the start (`mechanics.work_balance`); None without monitors.
-    t_rest: what rounding has cut off t (Kahan's summation), so that the error of t does not grow with the steps.
+    t_rest: the rounding error of t (Kahan's summation), so that the error of t does not grow with the steps.
     places: G, Q and V*.
     from_velocities: whether this is a start given by its velocities. The run that starts there takes μ, π from (ξ, ν)
-    with its own parameters; a record goes on with its own momenta.
+    with its own parameters; a record continues with its own momenta.
     origin: the system whose run a record is of.
     """
 
@@ -98,12 +98,12 @@ class State:
         return replace(self, internal=internal, internal_mean=mean, internal_end=end, internal_due=due)
 
     def holding(self, internal: Any) -> State:
-        """A copy that has this internal state, as it is, at t and over the step."""
+        """A copy that has this internal state, unchanged, at t and over the step."""
         return self.with_course(internal, None, None, None)
 
     @property
     def at_place(self) -> State:
-        """What ℓ and ℋ read at the node itself, with momenta and velocities: a copy without g and all else."""
+        """The part that ℓ and ℋ read at the node itself, with momenta and velocities: a copy without g and the rest."""
         alone = {"g": None, "memory": None, "ledger": None, "t_rest": None, "from_velocities": False}
         return replace(self.holding(self.internal), **alone, origin=Origin())
 
@@ -114,7 +114,7 @@ class State:
 
     def __getattr__(self, name: str) -> Any:
         if name in ("q", "qdot", "named"):
-            # Python comes here where the property itself raised an AttributeError: raise that one.
+            # Python calls this where the property itself raised an AttributeError: raise that one.
             return getattr(type(self), name).fget(self)
         there = "t", "g", "q", "qdot", "n", "nu", "xi", "a", "mu", "pi", "inputs", "internal", "named"
         raise _lacking("A state", name, there)
@@ -165,7 +165,7 @@ class Parts(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What forces and inputs may depend on, in the body frame.
+    """The motion that forces and inputs may depend on, in the body frame.
 
     xi: ξ = g⁻¹ġ, (dim G,). n, nu: g⁻¹q and ν = g⁻¹q̇, (ambient,), or by the names of the spaces, `motion.n.name`.
     a: advected parameters, as n. t: s. inputs: those of the run, `motion.inputs.name`. internal: the mean of the
@@ -185,7 +185,7 @@ class Motion(NamedTuple):
 
 
 class NodeMotion(NamedTuple):
-    """What functions may depend on that are evaluated once a step, at the node where it starts: `Motion`, g and q.
+    """The motion at the node where a step starts, for functions that are evaluated once a step: `Motion`, g and q.
 
         def rule(motion: co.NodeMotion, h, p):  # advances an internal state, once a step
 
@@ -211,7 +211,7 @@ class NodeMotion(NamedTuple):
 
 
 def _lacking(what: str, name: str, there: Iterable[str]) -> AttributeError:
-    """An error for an attribute that is not there, with those that are."""
+    """The error for a missing attribute, with those that exist."""
     if name.startswith("__"):
         return AttributeError(name)
     return AttributeError(f"{what} has no `{name}`: it has {', '.join(there)}.")

@@ -58,15 +58,15 @@ class System(ReducedFunctions, Portable):
             h·ℓᵈ); integrated by `co.Variational`.
         group_lagrangian: the discrete Lagrangian in group form, Λ(F, n, s, a, p, h) of the increment F = g_k⁻¹g_{k+1};
             integrated by `co.GroupVariational`.
-        hamiltonian: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre
-            transform, for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
+        hamiltonian: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre transform,
+            for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
         quantities: name → function (state) or (state, p) to a number that runs observe at every step.
         internal: the rule (motion, h [, p]) → the internal state after h, a dictionary like the start's, applied at
-            each node for the step of h from there; `co.Course` says what a part of it is on the mean of the step, and
-            `co.jumped` that it jumps at the node. Forces read that mean as `motion.internal.name`, ℓ, ℋ or Λ as
+            each node for the step of h from there; `co.Course` gives the mean of a part of it over the step, and
+            `co.jumped` makes it jump at the node. Forces read that mean as `motion.internal.name`, ℓ, ℋ or Λ as
             `internal.name`; μ and π are continuous at the nodes. A `co.InternalRule` declares warnings, datasets and
             random numbers as well.
-        name: for cards, files and figures, by default the name of the function.
+        name: for certificates, files and figures, by default the name of the function.
         units: units of dataset variables, as in {"q": "m", "energy": "J"}, and of parameters by their names, as in
             {"hull.length": "m"}; by default none.
         verify: whether what user-defined groups, spaces and difference maps override is compared with its derivation;
@@ -161,8 +161,8 @@ class System(ReducedFunctions, Portable):
     def replace(self, **values: Any) -> System:
         """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`.
 
-        Raises ArgumentError for what is no parameter, and, of models and vehicles, for what they refuse when they are
-        made, as a mass of −15 kg.
+        Raises ArgumentError for unknown parameters, and, of models and vehicles, for values that they reject when they
+        are made, such as a mass of −15 kg.
         """
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
@@ -230,14 +230,14 @@ class System(ReducedFunctions, Portable):
         return starting_state(self, g, q, mu, pi, a0, t, inputs, internal, by_momenta=True)
 
     def check(self, start: State, regular: bool = True) -> list[str]:
-        """Raise where ℓ cannot be integrated from `start`; return warnings: what is unusual, a sentence each.
+        """Raise where ℓ cannot be integrated from `start`; return warnings, one sentence each.
 
         regular: whether the method needs an invertible Legendre transform.
         """
         return check(self, start, regular)
 
 
-# Rebuilt without being checked again; what is static is the skeleton.
+# Rebuilt without being checked again; the static part is the skeleton.
 jax.tree_util.register_pytree_node(
     System,
     lambda system: ((system.parameters,), replace_parameters(system, None)),

@@ -15,7 +15,7 @@ from coadjoint.spaces.named import require_names
 
 
 def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
-    """A space of a space, of a dictionary of spaces or of None; raises ArgumentError."""
+    """The space given by a space, a dictionary of spaces or None; raises ArgumentError."""
     if space is None:
         return TRIVIAL
     if isinstance(space, Mapping):
@@ -25,7 +25,7 @@ def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
 
 
 def parameters_from(parameters: Parameters | Mapping[str, Any] | None) -> Parameters | None:
-    """Parameters, also of a dictionary of values; raises ArgumentError."""
+    """Parameters, also from a dictionary of values; raises ArgumentError."""
     if isinstance(parameters, Mapping):
         require_names(parameters)
         parameters = Parameters(**parameters)

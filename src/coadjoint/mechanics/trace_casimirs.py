@@ -1,4 +1,4 @@
-"""Casimir functions of matrix algebras as traces of products, of which large groups have no other."""
+"""Casimir functions of matrix algebras as traces of products: the only ones that large groups have."""
 
 from __future__ import annotations
 
@@ -54,9 +54,8 @@ def trace_casimirs(system: System, degree: int = 4) -> dict[str, TraceCasimir]:
     Returns functions of a state by name for `system.watching`: `trace_mu_k`, or of advected=co.Coadjoint() `trace_a_k`
     and `trace_mu_a_k`, of a dictionary by its names. With several advected parameters the spectrum of each is kept,
     and tr WΘᵏ⁻¹ is not. k goes from 2, and of tr WΘᵏ⁻¹ from 1 on U(n), to `degree`, on SO(n) over even numbers.
-    system: on co.Un, co.SUn, co.SOn or co.SO3, left- or right-invariant. degree: the largest k, a whole number from 2,
-    by default 4.
-    Raises ArgumentError for others.
+    system: on co.Un, co.SUn, co.SOn or co.SO3, left- or right-invariant. degree: the largest k ≥ 2, an integer, by
+    default 4. Raises ArgumentError for others.
     """
     checks.whole(degree, "degree", 2)
     group, V = group_of(system.places), system.advected

@@ -1,8 +1,8 @@
-"""How a user's function is read: traced by JAX, twice, with whatever goes wrong inside it as one sentence.
+"""Tracing of a user's function by JAX, twice, with every error inside it as one sentence.
 
-What is compiled is the function as it was read once. So it must be pure: what it does may depend on its arguments and
-on constants, and not on random numbers, clocks or values that it changes itself. Functions of the library are so, and
-are not read to see it.
+A compiled function is a snapshot of one trace. So it must be pure: its result may depend on its arguments and on
+constants, but not on random numbers, clocks or values that it changes itself. Functions of the library are pure, and
+are not traced for this check.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ from coadjoint.mechanics.state import State
 from coadjoint.spaces.named import Named
 
 IMPURE = (
-    "{} must be pure, but two readings of it differ: it takes random numbers, a clock or values that it changes; "
-    "hand such things in, by co.Parameters, `t`, `inputs` or `internal`."
+    "{} must be pure, but two readings of it differ: it takes random numbers, a clock or values that it changes; pass "
+    "such things by co.Parameters, `t`, `inputs` or `internal`."
 )
 _KEPT = (
-    "{} keeps a value of an earlier call, which is over: let it compute everything from its arguments, or make tables "
+    "{} keeps a value of an earlier call, which has ended: let it compute everything from its arguments, or make "
+    "tables "
     "with NumPy."
 )
 _known: ContextVar[bool] = ContextVar("known", default=False)
@@ -35,7 +36,7 @@ _known: ContextVar[bool] = ContextVar("known", default=False)
 
 @contextmanager
 def functions_known(known: bool) -> Iterator[None]:
-    """Inside, where `known`, all functions are the library's own as its files have them: pure, and in float64."""
+    """Inside this context, if `known`, all functions are the library's own, unchanged: pure, and in float64."""
     token = _known.set(known)
     try:
         yield
@@ -45,7 +46,7 @@ def functions_known(known: bool) -> Iterator[None]:
 
 @contextmanager
 def in_words(what: str, arguments: tuple[Any, ...] = ()) -> Iterator[None]:
-    """Whatever is raised inside a user's function, or by JAX about it, as a LagrangianError of one sentence."""
+    """Turn every error inside a user's function, or by JAX about it, into a LagrangianError of one sentence."""
     try:
         yield
     except CoadjointError:
@@ -102,7 +103,7 @@ def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any
 
 
 def _shown(result: Any) -> str:
-    """What a function returned, in words."""
+    """The result of a function, in words."""
     if hasattr(result, "shape"):
         return str(result.shape)
     if result is None:

@@ -1,4 +1,4 @@
-"""Functions that JAX traces once for all that a program asks of them."""
+"""Functions that JAX traces once for all uses in a program."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 Traced = dict[Callable[..., Any], Callable[..., Any]]
-"""Functions, and what JAX keeps of their traces."""
+"""Functions, and the traces that JAX keeps of them."""
 
 _traced: ContextVar[Traced | None] = ContextVar("traced", default=None)
 
@@ -23,8 +23,8 @@ _traced: ContextVar[Traced | None] = ContextVar("traced", default=None)
 def tracing_once(known: Traced | None = None) -> Iterator[None]:
     """Inside, functions that are marked `traced_once` are traced once for each kind of arguments.
 
-    known: takes up what is traced, and gives it to another block that is given the same. What the functions of a system
-    do must not change meanwhile.
+    known: collects the traces, and shares them with other blocks that are given the same dictionary. The functions of a
+    system must not change meanwhile.
     """
     token = _traced.set({} if known is None else known)
     try:

@@ -1,9 +1,9 @@
-"""What forces and explicit time have given to a system since the start: energy by name, and momentum.
+"""The energy and momentum that forces and explicit time have put into a system since the start.
 
 A ledger is an array (2, lines + dim G). Its first row: the energy that each force has put in, Σ hw(⟨T, ξ⟩ + ⟨f, ν⟩),
-and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where what is held, inputs or internal
-states, enters it; and the spatial momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is what rounding has cut off the
-first (Kahan's summation).
+and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where held inputs or internal states enter
+it; and the spatial momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is the rounding error of the first (Kahan's
+summation).
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from coadjoint.mechanics.system import System
 
 
 def energy_lines(system: System) -> tuple[str, ...]:
-    """The names of what changes the energy: forces, `time`, and held `inputs` and `internal` states that reach ℓ."""
+    """The names of the energy terms: forces, `time`, and held `inputs` and `internal` states that reach ℓ."""
     forces = system.forces.names if system.forces is not None else ()
     time = (TIME,) if system.depends_on_time else ()
     return (*forces, *time, *_jumping(system))
 
 
 def _jumping(system: System) -> tuple[str, ...]:
-    """What changes in jumps, from step to step, and enters ℓ or ℋ."""
+    """The held quantities that jump from step to step and enter ℓ or ℋ."""
     sources = {
         INPUTS: system.inputs is not None and system.inputs.holds,
         INTERNAL: system.internal is not None,
@@ -41,9 +41,9 @@ def with_ledger(system: System, state: State, asked: bool) -> State:
 
 
 def with_jump(system: System, held: str, before: State, after: State) -> State:
-    """`after`, which differs from `before` in what is `held`, with the change of ℋ in its ledger.
+    """`after`, which differs from `before` in its `held` quantities, with the change of ℋ in its ledger.
 
-    The momenta are continuous, so that what makes the jump puts in ℋ(μ, π, n, a; after) − ℋ(μ, π, n, a; before).
+    The momenta are continuous, so that the jump adds ℋ(μ, π, n, a; after) − ℋ(μ, π, n, a; before).
     """
     if before.ledger is None or held not in _jumping(system):
         return after
@@ -73,7 +73,7 @@ def _added(ledger: Array, step: Array) -> Array:
 def energy_put_in(system: System, state: State) -> dict[str, Array]:
     """The work of each force, and of explicit time, since the start, one number each; negative where energy is lost.
 
-    The ledger has gone on to the mean of the internal state over the step from here; its line is of that at t.
+    The ledger refers to the mean of the internal state over the step from here; its line refers to that at t.
     """
     found = {name: state.ledger[0, i] for i, name in enumerate(energy_lines(system))}
     if INTERNAL in _jumping(system):

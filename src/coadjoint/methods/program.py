@@ -110,7 +110,7 @@ class StepProgram:
         Functions that are not the library's own are told by `version`, while they are known to do what it was read of.
         """
         found = identity(parts(self.skeleton), self.method, self.observed, self.events, self.until, self.direction)
-        if found is None or found.whole:
+        if found is None or found.library_only:
             return None if found is None else found.digest
         told = self.version == _current.get() and not self.version.endswith(OPAQUE)
         return f"{found.digest} {self.version}" if told else None

@@ -29,9 +29,9 @@ def lagrangian(xi, x, v, p):
 def make(*, body: Any, cap: Any, stiffness: Any) -> System:
     """A body that turns in the plane with a cap on it, on SO(2) with the angle ψ of the cap against it as its shape.
 
-    ℓ = ½ I₁ω² + ½ I₂(ω + ψ̇)² − ½kψ². The mechanical connection A = I₂/(I₁ + I₂) is flat: with momentum zero, a whole
-    turn of the cap turns the body by −2πI₂/(I₁ + I₂).
-    body, cap: I₁, I₂, kg m². stiffness: k of the spring between them, N m. Raises ArgumentError for what no body has.
+    ℓ = ½ I₁ω² + ½ I₂(ω + ψ̇)² − ½kψ². The mechanical connection A = I₂/(I₁ + I₂) is flat: with momentum zero, a full
+    turn of the cap turns the body by −2πI₂/(I₁ + I₂). body, cap: I₁, I₂, kg m². stiffness: k of the spring between
+    them, N m. Raises ArgumentError for what no body has.
     """
     p = Parameters(**checked(CHECKS, {"body": body, "cap": cap, "stiffness": stiffness}))
     kept = {"units": WITH_ANGLES, "checks": partial(checked, CHECKS)}

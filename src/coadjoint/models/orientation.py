@@ -1,4 +1,4 @@
-"""How a run begins to turn: an attitude and an angular velocity, in the ways in which people state them."""
+"""Attitude and angular velocity at the start of a run, in the usual parametrisations."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ def _circulations(value: Any, name: str, count: int | None = None) -> Any:
     if not traced(found) and np.any(found == 0):
         raise ArgumentError(
             f"Argument `{name}` must have no zero, but that of vortex {int(np.argmin(np.abs(found))) + 1} is 0: "
-            "what moves no others is no vortex."
+            "leave that vortex out, because it moves no others."
         )
     return found
 

@@ -91,8 +91,8 @@ def gravitating(*, mass: Any, radius: Any, gravitational_constant: Any = 6.6743e
     circulation. Steady motions F = R(t)AQ(t)ᵀ are the ellipsoids of Maclaurin, Jacobi, Dedekind and Riemann.
     The group needs a map that keeps volumes: co.Midpoint(co.Exponential()). The integral is that of 24 points of
     Gauss and Legendre in √(r²/(r² + u)), good to 1e-13 where no axis is below a quarter of another, to 1e-8 at a tenth;
-    it is not for flatter bodies. `start` refuses those below a twentieth; of a run that comes to be as flat nothing
-    tells but the axes, np.linalg.svd(run.records.g, compute_uv=False).
+    it is not for flatter bodies. `start` refuses those below a twentieth; only the axes, np.linalg.svd(run.records.g,
+    compute_uv=False), show whether a run becomes that flat.
 
     mass: m, kg. radius: r, m. gravitational_constant: G, by default 6.6743e-11 m³/(kg s²). Raises ArgumentError for
     others. Source: Chandrasekhar, Ellipsoidal Figures of Equilibrium (Yale 1969), chapters 4, 5, 7.

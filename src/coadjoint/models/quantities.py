@@ -1,4 +1,4 @@
-"""Physical quantities as arguments of models: checked once, with a sentence for what cannot be."""
+"""Physical quantities as arguments of models: checked once, with an error for impossible values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SINGULAR = 1e-13
 
 
 Check = Callable[[Any, str], Any]
-"""(value, name) → the value as it is kept, or ArgumentError."""
+"""(value, name) → the value in its final form, or ArgumentError."""
 
 
 def checked(checks: Mapping[str, Check], given: Mapping[str, Any]) -> dict[str, Any]:

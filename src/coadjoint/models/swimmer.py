@@ -77,7 +77,7 @@ def lagrangian(xi, x, v, p):
 def make(*, semi_axes: Any, density: Any, stiffness: Any) -> System:
     """Three equal ellipses, hinged in a row, in an ideal fluid at rest of their own density: SE(2) with two angles.
 
-    The fluid adds to the inertia of each ellipse what it adds to one alone; its flow from one to the next is left out.
+    The fluid adds to each ellipse the inertia that it adds to a single one; the flow between ellipses is neglected.
     semi_axes: (a, b), along the row and across it, m. density: of bodies and fluid, per metre of depth, kg/m³.
     stiffness: k of springs that straighten the row, N. Raises ArgumentError for what no body can have.
     """

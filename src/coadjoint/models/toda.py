@@ -25,12 +25,11 @@ def lattice(*, particles: Any) -> System:
     """The open lattice of n particles, H = ½ Σ p_i² + Σ e^{q_i − q_{i+1}}, unit masses, free ends.
 
     In Flaschka's variables, L symmetric and tridiagonal with L_ii = −p_i/2, L_{i,i+1} = ½ e^{(q_i − q_{i+1})/2}, it is
-    dL/dt = [B, L] with B skew, of the entries of L beside the diagonal, and that is the Lie–Poisson
-    equation on the group of lower triangular matrices: ⟨μ, ξ⟩ = 4 tr(L ξ̂) and ℋ = 2 tr L² = H. The trace of L is a
-    Casimir function, kept to round-off, and each eigenvalue stays in a band; as t → ∞ L becomes diagonal with the
-    eigenvalues in order.
+    dL/dt = [B, L] with B skew, of the entries of L next to the diagonal, and that is the Lie–Poisson equation on the
+    group of lower triangular matrices: ⟨μ, ξ⟩ = 4 tr(L ξ̂) and ℋ = 2 tr L² = H. The trace of L is a Casimir function,
+    kept to round-off, and each eigenvalue stays in a band; as t → ∞ L becomes diagonal with the eigenvalues in order.
 
-    particles: n, a whole number from 2 to 12. Raises ArgumentError for another one.
+    particles: n, an integer from 2 to 12. Raises ArgumentError for other values.
     Source: Flaschka, The Toda lattice II, Prog. Theor. Phys. 51 (1974); Moser (1975).
     """
     number = isinstance(particles, (int, float, np.integer)) and not isinstance(particles, bool)

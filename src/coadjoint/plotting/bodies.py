@@ -22,12 +22,12 @@ from coadjoint.plotting.scene import POINTS, Body, Member, Readout, Scene, Shape
 from coadjoint.plotting.style import COLOURS
 
 _BOX = (1.0, 0.6, 0.36)
-"""The sides of a body that nobody described, in proportion."""
+"""The sides of a body without a description, in proportion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A body: what it looks like in its own axes, and where it is.
+    """A body: its shapes in its own axes, and its place.
 
     shapes: of `box`, `ellipsoid`, `rod`, `mesh`. place: (nodes, 3) m, by default the run's x or q, else the origin.
     turn: (nodes, 3, 3), from the body to space, by default the run's rotation. track: whether its path is drawn, by
@@ -70,14 +70,14 @@ def mesh(path: str | os.PathLike[str], unit: str = "m", at: Any = (0.0, 0.0, 0.0
 
 
 def scene(runs: Sequence[Entry], solids: Sequence[Solid] | None = None, z_down: bool = False) -> Scene:
-    """The scene of these runs; `solids` describe the bodies of the first, whose shapes the others have, too.
+    """The scene of these runs; `solids` describe the bodies of the first, whose shapes the others share.
 
     Raises ArgumentError where a run has neither rotations nor places in space.
     """
     members = [_member(run, solids, max(POINTS // len(runs), 50), len(runs) == 1) for run in runs]
     name = str(runs[0].dataset.attrs.get("system", "")) or "run"
-    told = (f"{one.label}: {len(one.bodies)} bodies over {one.time[-1] - one.time[0]:.6g} s." for one in members)
-    return Scene(name if len(runs) == 1 else f"{len(runs)} runs of {name}", " ".join(told), members, down=z_down)
+    sentences = (f"{one.label}: {len(one.bodies)} bodies over {one.time[-1] - one.time[0]:.6g} s." for one in members)
+    return Scene(name if len(runs) == 1 else f"{len(runs)} runs of {name}", " ".join(sentences), members, down=z_down)
 
 
 def _member(run: Entry, solids: Sequence[Solid] | None, capacity: int, alone: bool) -> Member:
@@ -135,17 +135,17 @@ def poses(run: Entry) -> list[tuple[np.ndarray, np.ndarray]]:
             return [(part, level) for part in np.split(run.values(name), run.values(name).shape[1] // 3, axis=1)]
     held = ", ".join(sorted(map(str, run.dataset.data_vars)))
     raise ArgumentError(
-        f"A scene shows rotations R or places q in space, but the run of {run.label or 'this system'} has {held}: say "
-        "where its bodies are by `bodies`."
+        f"A scene shows rotations R or places q in space, but the run of {run.label or 'this system'} has {held}: give "
+        "the places of its bodies by `bodies`."
     )
 
 
 def _rotation(values: np.ndarray) -> np.ndarray:
     """Rotations of space, (nodes, 3, 3), also of those of the plane about the vertical."""
     if values.shape[1:] == (2, 2):
-        whole = np.tile(np.eye(3), (len(values), 1, 1))
-        whole[:, :2, :2] = values
-        return whole
+        spatial = np.tile(np.eye(3), (len(values), 1, 1))
+        spatial[:, :2, :2] = values
+        return spatial
     return values
 
 
@@ -158,7 +158,7 @@ def _place(run: Entry, rotation: str, otherwise: np.ndarray) -> np.ndarray:
 
 
 def _shape_of_joints(run: Entry, name: str) -> bool:
-    """Whether q has two numbers beside a rotation of space: joints then, and no place."""
+    """Whether q has two numbers next to a rotation of space: these are joints, not a place."""
     return name == "q" and run.values(name).shape[1] == 2
 
 

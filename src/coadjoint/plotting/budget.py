@@ -1,4 +1,4 @@
-"""Where the energy came from and went, and how well this closes."""
+"""The energy budget: sources and sinks of the energy, and the gap in their sum."""
 
 from __future__ import annotations
 

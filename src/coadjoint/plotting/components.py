@@ -15,7 +15,7 @@ from coadjoint.plotting.entries import Entry, require
 from coadjoint.plotting.style import COLOURS, COLUMN, canvas, legend, time_axis
 
 WIDTH = 1.25 * COLUMN
-"""Room for a column of text next to the panels, which name their components there."""
+"""Space for a column of text next to the panels, with the names of their components."""
 
 _PANEL = 1.9
 _SYMBOLS = {"xi": r"\xi", "xi_spatial": r"\xi", "nu": r"\nu", "mu": r"\mu", "pi": r"\pi", "qdot": r"\dot q"}
@@ -56,7 +56,7 @@ def _body(runs: Sequence[Entry], first: str, second: str, what: str, sentence: s
 
 
 def variable(runs: Sequence[Entry], name: str) -> Figure:
-    """One variable of the datasets, whatever it is; matrices row by row."""
+    """Any variable of the datasets; matrices row by row."""
     for run in runs:
         require(run, [name], f"There is no variable `{name}` to draw.")
         if run.dataset[name].dims[:1] != ("time",):
@@ -88,7 +88,7 @@ def _unit(run: Entry, panel: Panel) -> str:
 
 
 def component_legend(axes: Axes, labels: Sequence[str]) -> None:
-    """Which colour is which component, next to the axes."""
+    """The legend of colours by component, next to the axes."""
     if len(labels) > 1:
         handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=text) for i, text in enumerate(labels)]
         axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)

@@ -1,4 +1,4 @@
-"""How well conserved quantities are conserved, on a logarithmic axis."""
+"""Errors of conserved quantities, on a logarithmic axis."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HEIGHT = 2.3
 
 
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
-    """|E_k/E₀ − 1| over time: an error where no force acts, else what the forces change.
+    """|E_k/E₀ − 1| over time: an error where no force acts, otherwise the change by forces.
 
     `definition`: "discrete" is E_k = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
@@ -41,7 +41,8 @@ def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
 def kelvin_noether(runs: Sequence[Entry]) -> Figure:
     """|I_k − I₀|/|I₀| over time; the norm over the quantities where there are several."""
     sentence = (
-        "No Kelvin–Noether quantity was recorded: nothing leaves all advected parameters alone, or monitors=False."
+        "No Kelvin–Noether quantity was recorded: the common isotropy algebra of the advected parameters is trivial, "
+        "or monitors=False."
     )
     driven = any("kelvin_noether_budget" in run.dataset for run in runs)
     what = "Kelvin–Noether change" if driven else "Kelvin–Noether error"
@@ -101,7 +102,7 @@ def _finish(figure: Figure, axes: Axes, runs: Sequence[Entry], label: str) -> No
     heights = [np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()]
     heights = [values for values in heights if len(values)]
     if heights:
-        # A factor of two on either side, and a decade at least, so that a nearly constant error does not look wild.
+        # A factor of two on either side, and a decade at least, so that a nearly constant error does not look erratic.
         low, high = min(map(np.min, heights)) / 2, max(map(np.max, heights)) * 2
         axes.set_ylim(min(low, high / 10), high)
     else:

@@ -33,7 +33,7 @@ def thin(*series: np.ndarray, capacity: int = CAPACITY) -> np.ndarray:
 
 
 def some(count: int, most: int) -> np.ndarray:
-    """The indices of `most` of so many members, or of all, increasing: a random choice, the same each time.
+    """The indices of `most` of so many members, or of all, increasing: a random choice, reproducible.
 
     Members are often in an order, as those of a grid or of Sobol' points, of which every k-th shows a part alone.
     """

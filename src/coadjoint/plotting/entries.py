@@ -1,4 +1,4 @@
-"""What is drawn: datasets of runs, each with the label of its curve."""
+"""The entries of a figure: datasets of runs, each with the label of its curve."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class Entry:
     """A dataset of one run, the label of its curve, and its place among the runs of a figure.
 
-    `crowd` is the number of members of an ensemble that share a label and a place, where they are too many for labels
-    of their own.
+    `crowd` is the number of members of an ensemble that share a label and a place, where they are too many for separate
+    labels.
     """
 
     dataset: xarray.Dataset
@@ -61,7 +61,8 @@ class Entry:
 
 
 def entries(runs: Sequence[Any], labels: Sequence[str] | None) -> list[Entry]:
-    """Runs, saved runs or datasets with their labels: by default what tells them apart. Ensembles give all members.
+    """Runs, saved runs or datasets with their labels: by default the properties that distinguish them. Ensembles give
+    all members.
 
     Raises ArgumentError for anything without a dataset over time, without nodes, and for a wrong number of labels.
     """
@@ -93,7 +94,7 @@ def _dataset(run: Any) -> xarray.Dataset:
 
 
 def _members(ensemble: xarray.Dataset, label: str, place: int) -> list[Entry]:
-    """The members of an ensemble as far as they went: a few with labels of their own, many as one crowd."""
+    """The members of an ensemble as far as they ran: a few with separate labels, many as one crowd."""
     went = [_until_failure(ensemble.isel(member=index)) for index in range(ensemble.sizes["member"])]
     went = [member for member in went if member.sizes["time"]]
     if not went:
@@ -115,7 +116,7 @@ def _until_failure(member: xarray.Dataset) -> xarray.Dataset:
 
 
 def _labels(datasets: Sequence[xarray.Dataset]) -> list[str]:
-    """System, method and step size, as far as they differ; the method where nothing does."""
+    """System, method and step size, as far as they differ; otherwise the method."""
     said = [{key: d.attrs.get(key, "") for key in ("system", "method", "dt")} for d in datasets]
     differ = [key for key in ("system", "method", "dt") if len({str(words[key]) for words in said}) > 1] or ["method"]
     texts = [", ".join(_words(key, words[key]) for key in differ if words[key] != "") for words in said]
@@ -142,7 +143,7 @@ def require(entry: Entry, names: Sequence[str], sentence: str) -> str:
 
 
 def tell_apart(figure: Figure, runs: Sequence[Entry]) -> None:
-    """Which line style is which run where there are several, and how many members are drawn alike."""
+    """The legend of line styles by run, where there are several, and the number of members with one style."""
     named = [run for run in runs if not run.label.startswith("_")]
     handles = [Line2D([], [], **{"color": "#444444", **run.line, "alpha": 1.0}) for run in named]
     legend(figure, handles, [run.label for run in named], fewest(runs))

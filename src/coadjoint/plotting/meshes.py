@@ -32,7 +32,7 @@ MOST, LARGEST = 40_000, 32_000_000
 
 
 def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") -> dict[str, Any]:
-    """The vertices, one number after the other, m, and the faces, three vertices each, of a surface.
+    """The vertices, flat, m, and the faces, three vertices each, of a surface.
 
     Raises FileError for a file that cannot be read or is damaged, ArgumentError for another format, unit or axes and
     for more than `MOST` triangles.
@@ -49,13 +49,13 @@ def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") 
         vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
         faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
     except FileNotFoundError as error:
-        raise FileError(f"There is no file {source}{_named(error, source)}.") from error
+        raise FileError(_missing(error, source)) from error
     except CoadjointError:
         raise
     except OSError as error:
         raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise FileError(f"The file {source} is damaged, or no mesh of its format.") from error
+        raise FileError(f"The file {source} is damaged, or not a mesh of its format.") from error
     _check(vertices, faces, source)
     turned = UNITS[unit] * vertices @ AXES[axes].T
     return {"kind": "mesh", "vertices": np.round(turned, 6).ravel(), "faces": faces.ravel()}
@@ -69,9 +69,9 @@ def _content(path: Path, most: int = LARGEST) -> bytes:
     return data
 
 
-def _named(error: FileNotFoundError, source: Path) -> str:
+def _missing(error: FileNotFoundError, source: Path) -> str:
     other = Path(str(error.filename or source))
-    return f" has beside it: {other.name}" if other != source else ""
+    return f"There is no file {other}" + (f", which {source.name} needs." if other != source else ".")
 
 
 def _check(vertices: np.ndarray, faces: np.ndarray, source: Path) -> None:
@@ -142,24 +142,26 @@ def _gltf(data: bytes, source: Path) -> tuple[Any, Any]:
     return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
 
 
-def _buffers(told: list[dict[str, Any]], own: bytes, source: Path) -> list[bytes]:
+def _buffers(spec: list[dict[str, Any]], own: bytes, source: Path) -> list[bytes]:
     """All buffers; those of files and addresses are together no larger than a mesh."""
     found, left = [], LARGEST
-    for one in told:
+    for one in spec:
         found.append(_buffer(one, own, source, left))
         left -= len(found[-1]) if "uri" in one else 0
     return found
 
 
-def _buffer(told: dict[str, Any], own: bytes, source: Path, most: int) -> bytes:
-    address = told.get("uri")
+def _buffer(spec: dict[str, Any], own: bytes, source: Path, most: int) -> bytes:
+    address = spec.get("uri")
     if address is None:
         return own
     if address.startswith("data:"):
         return base64.b64decode(address.partition(",")[2])
     name = Path(address)
     if name.is_absolute() or ".." in name.parts or ":" in address:
-        raise ArgumentError(f"The mesh {source} names {address}, which is not beside it: put all of it into one .glb.")
+        raise ArgumentError(
+            f"The mesh {source} names {address}, which is not in its folder: export everything as one .glb."
+        )
     return _content(source.parent / name, most)
 
 
@@ -175,34 +177,34 @@ class _Scene:
     rows: int = 0
 
     def node(self, number: int, above: np.ndarray) -> None:
-        """What a node holds, and those below it: each is below one other at most, as the format demands."""
+        """The contents of a node and of those below it: each is below at most one other, as the format demands."""
         if number in self.seen:
             raise ValueError("a node below two others, or below itself")
         self.seen.add(number)
         node = self.held["nodes"][number]
-        whole = above @ _placed(node)
+        placed = above @ _placed(node)
         for piece in self.held["meshes"][node["mesh"]]["primitives"] if "mesh" in node else ():
             if piece.get("mode", 4) == 4:
                 vertices = self.accessor(piece["attributes"]["POSITION"])
                 faces = self.accessor(piece["indices"]) if "indices" in piece else np.arange(len(vertices))
-                self.parts.append((vertices @ whole[:3, :3].T + whole[:3, 3], faces.astype(np.int64).reshape(-1, 3)))
+                self.parts.append((vertices @ placed[:3, :3].T + placed[:3, 3], faces.astype(np.int64).reshape(-1, 3)))
         for child in node.get("children", ()):
-            self.node(child, whole)
+            self.node(child, placed)
 
     def accessor(self, number: int) -> np.ndarray:
         """The rows of an accessor; raises ArgumentError where pieces share so many that no page takes them."""
-        told = self.held["accessors"][number]
-        width = {"SCALAR": 1, "VEC3": 3}[told["type"]]
-        view, kind = self.held["bufferViews"][told["bufferView"]], np.dtype(_KINDS[told["componentType"]])
-        start = view.get("byteOffset", 0) + told.get("byteOffset", 0)
+        spec = self.held["accessors"][number]
+        width = {"SCALAR": 1, "VEC3": 3}[spec["type"]]
+        view, kind = self.held["bufferViews"][spec["bufferView"]], np.dtype(_KINDS[spec["componentType"]])
+        start = view.get("byteOffset", 0) + spec.get("byteOffset", 0)
         stride = view.get("byteStride", width * kind.itemsize)
         data = np.frombuffer(self.buffers[view["buffer"]], np.uint8)
-        if stride < width * kind.itemsize or not 0 <= start + stride * (told["count"] - 1) < len(data):
+        if stride < width * kind.itemsize or not 0 <= start + stride * (spec["count"] - 1) < len(data):
             raise ValueError("an accessor beyond its buffer, or of rows that overlap")
-        self.rows += told["count"]
+        self.rows += spec["count"]
         if self.rows > 100 * MOST:
             raise ArgumentError(f"The mesh {self.source} has far more than {MOST:,} triangles: make it coarser.")
-        rows = data[start + stride * np.arange(told["count"])[:, None] + np.arange(width * kind.itemsize)]
+        rows = data[start + stride * np.arange(spec["count"])[:, None] + np.arange(width * kind.itemsize)]
         found = np.ascontiguousarray(rows).view(kind)
         return found.astype(float) if width == 3 else found.ravel()
 

@@ -28,10 +28,10 @@ class Player:
 
     scene: Scene
     height: int = 480
-    """In a notebook, in dots."""
+    """Height in a notebook, in pixels."""
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the page, whole or not at all; raises ArgumentError for a name that does not end in .html."""
+        """Write the page atomically; raises ArgumentError for a name that does not end in .html."""
         target = Path(path)
         if target.suffix.lower() not in (".html", ".htm"):
             raise ArgumentError(f"A scene's file must end in .html, but is {target.name}.")
@@ -54,7 +54,7 @@ def page(scene: Scene) -> str:
 
 @cache
 def _frame() -> tuple[str, str, str]:
-    """The page before its scene, between that and its scripts, and its scripts to the end."""
+    """The page before its scene, between the scene and its scripts, and its scripts to the end."""
     html, _, end = _text("player.html").partition("<script>/*SCRIPT*/</script>")
     before, _, between = html.partition("/*SCENE*/")
     licence = f"/*! three.js, https://threejs.org\n\n{_text('three.LICENSE')}*/\n"
@@ -68,8 +68,8 @@ def _text(name: str) -> str:
 
 def cell(card: str, run: Any) -> str:
     """The HTML of a cell; without a player where nothing of the run moves in space."""
-    told = f'<pre style="white-space:pre-wrap">{escape(card)}</pre>'
+    certificate = f'<pre style="white-space:pre-wrap">{escape(card)}</pre>'
     try:
-        return told + Player(scene(entries([run], None)))._repr_html_()
+        return certificate + Player(scene(entries([run], None)))._repr_html_()
     except ArgumentError:
-        return told
+        return certificate

@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 
 class Plots:
-    """Figures of a dataset, for print: a matplotlib Figure each, which no pyplot state knows of.
+    """Figures of a dataset, for print: each is a matplotlib Figure outside pyplot's state.
 
     Every figure takes further runs or datasets to compare with, `labels` for all of them, and `path`, which writes the
-    figure in the format of its ending (.png, .pdf, .svg). ArgumentError says where a dataset lacks what is drawn.
+    figure in the format of its ending (.png, .pdf, .svg). Raises ArgumentError where a dataset lacks the variables of a
+    figure.
     """
 
     def __init__(self, dataset: Any):
@@ -47,7 +48,7 @@ class Plots:
         return self._draw(conservation.kelvin_noether, others, labels, path)
 
     def budget(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
-        """The energy stored, and what each force has put in since the start; below, how well this closes."""
+        """The energy stored, and the energy from each force since the start; below, the gap between the two."""
         from coadjoint.plotting import budget
 
         return self._draw(budget.budget, others, labels, path)
@@ -108,7 +109,7 @@ class Plots:
         labels: Sequence[str] | None = None,
         path: Path | None = None,
     ) -> Any:
-        """The bodies moving in space: a `Player`, which notebooks show, and a page with everything inside as `path`.
+        """The bodies moving in space: a `Player`, which notebooks show, and a self-contained page as `path`.
 
         `bodies`: a `coadjoint.plotting.bodies.Solid` each, by default a vehicle with its parts, or a box for each
         rotation and a point for each place. `hull`: another shape of the hull, as of `bodies.mesh`. `z_down` has the z
@@ -181,7 +182,7 @@ def figure_names(films: bool = True) -> list[str]:
 
 
 def available(dataset: Any, films: bool = False) -> list[str]:
-    """The names of the figures that this dataset has what to draw for, with or without films."""
+    """The names of the figures that can be drawn of this dataset, with or without films."""
     held = {str(name) for name in dataset.data_vars}
     held |= {"q" for name in held if name.startswith("q_")}
     own = [name for name, needed in OWN.items() if held.intersection(needed)]
@@ -199,8 +200,8 @@ def save_figures(
 ) -> list[str]:
     """Write the wanted figures of the datasets as folder/name.ending, by default all that every dataset has.
 
-    A film, such as `animation`, is one, too, as .html or else .gif. Returns the file names; raises ArgumentError for a
-    name that is none, and as the figures do.
+    A film, such as `animation`, counts as a figure, as .html or else .gif. Returns the file names; raises ArgumentError
+    for an unknown name, and as the figures do.
     """
     common = [name for name in figure_names() if all(name in available(dataset) for dataset in datasets)]
     chosen = common if wanted is None else list(wanted)

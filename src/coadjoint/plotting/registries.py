@@ -13,9 +13,9 @@ class AddedFigure:
     """A figure of `run.plot` by a function of its owner.
 
     draw: "module:function", (runs, **options) → Figure; of a `film`, (runs, path, **options) → the path written.
-    fits: "module:function", a dataset → whether it has what is drawn. doc: what it shows, for help. rank: its place in
-    a report, the smallest first; the library's own have 10 and more. caption: what it shows, for readers of a report,
-    by default `doc`.
+    fits: "module:function", a dataset → whether it has the variables of the figure. doc: its description, for help.
+    rank: its place in a report, the smallest first; the library's own have 10 and more. caption: its description for
+    readers of a report, by default `doc`.
     """
 
     draw: str
@@ -35,7 +35,8 @@ class AddedScene:
     """A scene by a function of its owner.
 
     make: "module:function", (runs, hull) → a Scene, with another shape of the hull where one is given.
-    fits: "module:function", a dataset → whether it has what is shown. down: whether the third axis points down there.
+    fits: "module:function", a dataset → whether it has the variables of the scene. down: whether the third axis points
+    down there.
     """
 
     make: str
@@ -44,7 +45,7 @@ class AddedScene:
 
 
 SCENES: Registry[AddedScene] = Registry("SCENES")
-"""By what they show."""
+"""Scenes by their subject."""
 
 
 def points_down(dataset: Any) -> bool:

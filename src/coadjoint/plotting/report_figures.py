@@ -1,4 +1,4 @@
-"""Figures of a report: which, in which order, and what readers are told of them who do not have the library."""
+"""The figures of a report: their choice, their order, and captions for readers without the library."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ OWN = {
     "attitude": "Yaw, pitch and roll in degrees over time.",
     "velocities": "The velocities in the axes of the body over time: angular ξ, linear ν.",
     "momenta": "The momenta in the axes of the body over time: angular μ, linear π.",
-    "budget": "The energy stored since the start, and what each force has put in or taken out; below, the gap between "
+    "budget": "The energy stored since the start, and the energy that each force has put in or taken out; below, the "
+    "gap between "
     "the two, which is the error of the computation.",
     "energy": "The energy, relative to that at the start: no force acts, so any change is an error of the computation.",
     "kelvin_noether": "The Kelvin–Noether quantity, a component of the momentum in space, relative to that at the "
@@ -22,14 +23,16 @@ OWN = {
     "group_defect": "How far the configuration is from its group over time; of a rotation matrix R the largest entry "
     "of |RᵀR − I|.",
 }
-"""What the library's own figures show, from what tells most of a run to what is said of the computation."""
-_DRIVEN = "The energy, relative to that at the start. Forces act and change it: this is no error of the computation."
+"""The captions of the library's own figures, from those on the motion to those on the computation."""
+_DRIVEN = (
+    "The energy, relative to that at the start. Forces act and change it: this is not an error of the computation."
+)
 _FINE = ("velocities", "momenta")
-"""Figures that a report of a vehicle leaves out by itself: its speeds and rates are there."""
+"""Figures that a report of a vehicle omits by default, because its speeds and rates are shown."""
 
 
 def chosen(datasets: Sequence[Any]) -> list[str]:
-    """The figures of a report where nobody lists any, in their order: those of the owner of the datasets first.
+    """The default figures of a report, in their order: those of the owner of the datasets first.
 
     Where forces act the energy budget takes the place of the energy.
     """
@@ -44,9 +47,9 @@ def chosen(datasets: Sequence[Any]) -> list[str]:
 def svgs(
     datasets: Sequence[Any], wanted: Sequence[str] = (), labels: Sequence[str] | None = None
 ) -> list[tuple[str, str, str]]:
-    """The wanted figures, by default those `chosen`: name, what it shows, and the figure as SVG text.
+    """The wanted figures, by default those `chosen`: name, caption, and the figure as SVG text.
 
-    Raises ArgumentError for a name that is none, and as the figures do.
+    Raises ArgumentError for an unknown name, and as the figures do.
     """
     from coadjoint.plotting.style import svg
 
@@ -60,7 +63,7 @@ def svgs(
 
 
 def caption(name: str, datasets: Sequence[Any]) -> str:
-    """What a figure of these datasets shows, for readers who do not have the library."""
+    """The caption of a figure of these datasets, for readers without the library."""
     if name in ADDED:
         return ADDED[name].caption or " ".join(ADDED[name].doc.split())
     if name == "energy" and any("energy_budget" in dataset for dataset in datasets):

@@ -1,4 +1,4 @@
-"""What a player shows: bodies that move in space, with parts that move on them, and what is around them."""
+"""The scene of a player: bodies that move in space, with moving parts and their surroundings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ POINTS = 8000
 """The most nodes of a scene, of all members together."""
 
 Shape = Mapping[str, Any]
-"""What a body or a part looks like, in the axes of the body, m: `kind` and its sizes.
+"""The shape of a body or a part, in the axes of the body, m: `kind` and its sizes.
 
 box (size), ellipsoid (axes: its semi-axes), rod (from, to, radius), torpedo (length, diameter), mesh (vertices, faces),
 plate (chord, span), blades, duct and jet (diameter). `at`: where its middle is; `axis`: where its x axis points, and
@@ -26,7 +26,7 @@ plate (chord, span), blades, duct and jet (diameter). `at`: where its middle is;
 class Moving:
     """A part that moves on its body.
 
-    shape: as it looks at rest. at, axis, span_axis: (3,), where it is, where its x axis points and its y axis. motion:
+    shape: that at rest. at, axis, span_axis: (3,), its place, and the directions of its x axis and y axis. motion:
     "hinge", by the angle `values` about the y axis; "spin", about the x axis; "slide", by m along the x axis; "push",
     a jet against the x axis of `reach` m times `values`. values: (nodes,).
     """
@@ -57,7 +57,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Readout:
-    """A quantity that is read out, (nodes,); of one that wraps, as a heading does, no means are taken."""
+    """A displayed quantity, (nodes,); one that wraps, as a heading does, is not averaged."""
 
     name: str
     unit: str
@@ -83,11 +83,11 @@ class Member:
 
 @dataclass(frozen=True)
 class Scene:
-    """All of it. down: whether the third axis of space points down. surface: whether z = 0 is that of water.
+    """The complete scene. down: whether the third axis of space points down. surface: whether z = 0 is that of water.
 
     bottom: its depth, m. way_points: (k, 3) m. follow: the number of the member that the camera follows at first, −1
-    for all. enlarge: whether bodies are drawn larger where they would be dots. description: what a reader who does not
-    see it is told.
+    for all. enlarge: whether bodies are drawn larger where they would be dots. description: the text for readers who
+    cannot see it.
     """
 
     title: str
@@ -113,9 +113,9 @@ def plain(scene: Scene) -> dict[str, Any]:
 
 def _plain(name: str, value: Any) -> Any:
     if isinstance(value, np.ndarray):
-        whole = name in ("vertices", "faces", "current")
+        full = name in ("vertices", "faces", "current")
         digits = _DIGITS.get(name, _digits(value))
-        return np.round(value.T if name == "current" else value, 6 if whole else digits).tolist()
+        return np.round(value.T if name == "current" else value, 6 if full else digits).tolist()
     if isinstance(value, Mapping):
         return {key: _plain(key, inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Which scene a dataset has: of who owns what it shows, such as a vehicle, or else of its bodies alone."""
+"""The scene of runs: that of the package that owns the dataset, such as vehicles, or else one of its bodies."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def scene(
 ) -> Scene:
     """The scene of runs; of more than `MOST` a random choice is shown, with a warning.
 
-    Raises ArgumentError where nothing of them moves in space.
+    Raises ArgumentError if nothing in them moves in space.
 
-    solids: the bodies, where they are not those that the owner of the scene knows. z_down: whether z points down where
-    nobody knows it. hull: the shape of a vehicle's hull, or of the first body, in place of the one that is known.
+    solids: the bodies, unless the owner of the scene knows them. z_down: whether z points down, if the datasets do not
+    say. hull: the shape of a vehicle's hull, or of the first body, instead of the known one.
     """
     shown = [runs[place] for place in some(len(runs), MOST)]
     if len(shown) < len(runs):

@@ -1,4 +1,4 @@
-"""Figures of fields on a sphere: maps, animations and spectra of what `co.models.fluids.fields` makes."""
+"""Figures of fields on a sphere: maps, animations and spectra of the datasets of `co.models.fluids.fields`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def vorticity_map(
     variable: str = "vorticity",
     path: Target | None = None,
 ) -> Figure:
-    """A map of the whole sphere, north up, longitude 0 in the middle; colours are symmetric about 0.
+    """A map of the full sphere, north up, longitude 0 in the middle; colours are symmetric about 0.
 
     fields: a dataset of `co.models.fluids.fields`, over (time, latitude, longitude). time: s, of which the nearest node
     is drawn, within those of the fields, by default the last one. projection: "mollweide" or "hammer", both of equal

@@ -1,4 +1,4 @@
-"""The look of all figures: column widths, colours that colour-blind readers tell apart, no pyplot."""
+"""The style of all figures: column widths, colours that colour-blind readers distinguish, no pyplot."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ PAGE = 7.2
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's palette (2008), without its yellow, which is too pale for lines."""
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
-"""Line styles, so that curves which coincide, or are printed in grey, stay apart."""
+"""Line styles that distinguish curves which coincide or are printed in grey."""
 
 WANTED: dict[str, Any] = {"color": "#555555", "linestyle": (0, (4, 2)), "linewidth": 0.8, "zorder": 1.5}
-"""The look of set points and commands."""
+"""The style of set points and commands."""
 
 _SETTINGS: Any = {
     "figure.dpi": 300,
@@ -65,7 +65,7 @@ _SETTINGS: Any = {
 
 
 class PlotFigure(Figure):
-    """A matplotlib Figure that notebooks show without pyplot and that no global state knows of."""
+    """A matplotlib Figure that notebooks show without pyplot, outside its global state."""
 
     def _repr_png_(self) -> bytes:
         stream = BytesIO()
@@ -76,7 +76,7 @@ class PlotFigure(Figure):
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The shared settings, for as long as a figure is made or written; the user's own are back afterwards."""
+    """The shared settings while a figure is made or written; afterwards the user's own are restored."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_SETTINGS)
@@ -91,7 +91,7 @@ def canvas(width: float, height: float) -> PlotFigure:
 
 
 def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str], least: int = 2) -> None:
-    """A legend above everything, where it hides nothing, if there are at least so many curves to tell apart."""
+    """A legend above the axes, where it hides nothing, if there are at least so many curves to distinguish."""
     if len(handles) < least:
         return
     longest = max(map(len, labels))
@@ -120,7 +120,7 @@ def svg(figure: Figure) -> str:
 
 
 def save(figure: Figure, path: str | os.PathLike[str], dpi: int | None = None) -> Path:
-    """Write a figure, whole or not at all, in the format of the name's ending; raises ArgumentError, FileError.
+    """Write a figure atomically, in the format of the name's ending; raises ArgumentError, FileError.
 
     `dpi`: dots an inch of a picture, by default those of print.
     """
@@ -138,7 +138,7 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int | None = None) -
 
 @contextmanager
 def laid_out(figure: Figure, once: bool) -> Iterator[None]:
-    """The layout, computed `once` for what is written inside; matplotlib draws everything a second time for it."""
+    """The layout, computed `once` for the files written inside; matplotlib draws everything a second time for it."""
     engine = figure.get_layout_engine()
     if engine is None or not once:
         yield

@@ -1,4 +1,4 @@
-"""Where the body goes: the path in space on the left, its coordinates over time on the right."""
+"""The trajectory of the body: the path in space on the left, its coordinates over time on the right."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that an input file needs beside it: what a vehicle file names, modules that a Python file imports."""
+"""Files that an input file needs in its folder: those that a vehicle file names, modules that a Python file imports."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ _opened: ContextVar[set[str] | None] = ContextVar("files that are opened", defau
 
 
 def keep_beside(source: Path, name: str, other: Path) -> None:
-    """Let copies of the file `source` have `other` beside them; `name` is its place from there."""
+    """Copy `other` along with copies of the file `source`; `name` is its relative path."""
     _FOUND.setdefault(source.resolve(), {})[name] = other
 
 
-def beside(source: Path) -> dict[str, Path]:
-    """The files that `source` needs beside it, by their places from there.
+def companions(source: Path) -> dict[str, Path]:
+    """The files that `source` needs in its folder, by their relative paths.
 
-    Raises FileError for one in another folder, which could not be found beside a copy.
+    Raises FileError for one in another folder, which a copy of `source` could not find.
     """
     found = _FOUND.get(source.resolve(), {})
     for name in found:
         if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
             raise FileError(
                 f"The file {source} names {name}, which is not in its folder, so that results cannot keep it: put it "
-                "beside the file, or into a folder there."
+                "next to the file, or into a subfolder."
             )
     return found
 
 
 @contextmanager
 def kept_that_is_read(source: Path) -> Iterator[None]:
-    """Let copies of a Python file have beside them what it reads in its folder while this lasts."""
+    """Inside this context, note the files that a Python file reads in its folder, for its copies."""
     _listen()
     token = _opened.set(set())
     try:
@@ -60,7 +60,7 @@ def kept_that_is_read(source: Path) -> Iterator[None]:
 
 @cache
 def _listen() -> None:
-    """Hear of files that are opened, from now on: a hook of Python cannot be taken back."""
+    """Install an audit hook for opened files; Python cannot remove such a hook."""
     sys.addaudithook(_heard)
 
 

@@ -1,4 +1,4 @@
-"""Two runs side by side: what was set, what was conserved, and how far apart they are."""
+"""Comparison of two runs: their settings, their conserved quantities, and the distance between them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CONSERVED = (
     "newton_residual_max",
     "group_defect_max",
 )
-"""Numbers of the certificate that tell how well a run keeps what the mechanics keep."""
+"""Numbers of the certificate that measure the conservation of mechanical quantities."""
 SET = ("system", "group", "method", "dt", "steps")
 LEFT_OUT = ("internal_controller_sample", "internal_controller_release", "internal_controller_pending")
 
@@ -29,7 +29,7 @@ class Comparison:
     """Two runs: `setting` and `conserved` numbers of both, and the differences of variables.
 
     `final`, `largest`: |x_a − x_b| at the last common time, and over all common times, of every variable that both
-    have, with its unit; `common`: how many times are common, `last` the latest of them (s).
+    have, with its unit; `common`: the number of common times, `last` the latest of them (s).
     """
 
     names: tuple[str, str]
@@ -57,7 +57,7 @@ class Comparison:
 
 
 def compare(first: Any, second: Any, names: tuple[str, str] = ("first", "second")) -> Comparison:
-    """Compare the datasets of two runs; raises ArgumentError where they do not fit.
+    """Compare the datasets of two runs; raises ArgumentError unless they fit.
 
     They fit if they are of one group with states of one shape, and have times in common.
     """

@@ -1,9 +1,9 @@
 """Output folders: one run each, never overwritten by another one, complete with a manifest.
 
-A folder holds `run.toml` (what is run), `inputs/` (copies of the files that it names, each in a folder of its own),
+A folder holds `run.toml` (the configuration), `inputs/` (copies of the files that it names, each in a separate folder),
 the results, `summary.json` and `manifest.json`. The order of writes: run.toml, the copies, a manifest of these, which
-claims the folder; the run; all results under a hidden name, forced to the disk and then moved into place, the summary
-last; the manifest of everything, with which the folder is complete; then what was left of the run is removed.
+claims the folder; the run; all results under a hidden name, synced to disk and then moved into place, the summary last;
+the manifest of everything, which completes the folder; then temporary data of the run are removed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
-from coadjoint.report.companion_files import beside
+from coadjoint.report.companion_files import companions
 from coadjoint.simulation.lock import Lock
 from coadjoint.texts import read_table, text_of, told_text
 
@@ -29,9 +29,9 @@ RUN_FILE = "run.toml"
 SUMMARY = "summary.json"
 """The certificate of the run."""
 INPUTS = "inputs"
-"""Where copies are of the files that the run file names."""
+"""The folder of copies of the files that the run file names."""
 UNFINISHED = "unfinished"
-"""Where the records of a run are until its results are written."""
+"""The folder of the records of a run until its results are written."""
 
 _LOCK, _STAGE = ".lock", "results"
 
@@ -48,11 +48,11 @@ class Claim:
 
     @property
     def complete(self) -> bool:
-        """Whether it holds the results already."""
+        """Whether it already holds the results."""
         return bool(self.manifest.facts.get("complete"))
 
     def results(self, write: Callable[[Path], Any]) -> Any:
-        """What `write` returns, which puts results into the folder that it is given; with them this one is complete."""
+        """Put results into the folder by `write`, whose value is returned; the folder is then complete."""
         self._require_held()
         stage = disk.partial(self.folder / _STAGE)
         try:
@@ -76,24 +76,24 @@ class Claim:
             self._require_held()
             raise FileError(
                 f"The results could not be written to {self.folder}: {error.strerror or error}; the same command again "
-                "goes on from there."
+                "continues from there."
             ) from error
         return found
 
     def tidy(self) -> None:
-        """Remove what is left of the run, as its results are there."""
+        """Remove temporary data of the run, whose results exist."""
         disk.sweep(self.folder)
         disk.remove(self.folder / UNFINISHED)
 
     def begin(self, configuration: str, inputs: Mapping[str, Path]) -> None:
-        """Put what is run into the folder, and a manifest of it."""
+        """Put the configuration of the run into the folder, and a manifest of it."""
         self.manifest = Manifest(self.folder, {"kind": "results", "complete": False, "inputs": {}})
         disk.remove(self.folder / SUMMARY)
         self._put(RUN_FILE, configuration.encode())
         for number, (name, source) in enumerate(inputs.items(), 1):
             copy = f"{INPUTS}/{number}/{source.name}"
             self._put(copy, source.read_bytes())
-            for other, path in beside(source).items():
+            for other, path in companions(source).items():
                 self._put(f"{INPUTS}/{number}/{other}", path.read_bytes())
             self.manifest.facts["inputs"][name] = copy
         self.manifest.write()
@@ -111,7 +111,7 @@ class Claim:
 
 
 def require_free(folder: Path, configuration: str, inputs: Mapping[str, Path] | None = None) -> None:
-    """Raise FileError if `folder` holds another run, and say what differs.
+    """Raise FileError if `folder` holds another run, with the difference.
 
     `configuration` is the text of the run's run.toml; two runs are the same if their TOML means the same, and their
     input files are the same.
@@ -123,7 +123,7 @@ def require_free(folder: Path, configuration: str, inputs: Mapping[str, Path] | 
     except OSError as error:
         raise FileError(f"The folder {folder} cannot be looked at: {error.strerror or error}.") from error
     except ValueError as error:
-        raise FileError(f"No folder can have the name {folder}, for it holds a NUL: choose another one.") from error
+        raise FileError(f"No folder can have the name {folder}, which holds a NUL: choose another one.") from error
     if not folder.is_dir():
         raise FileError(f"{folder} is a file, not a folder: choose another output folder with --out.")
     held = held_manifest(folder)
@@ -162,7 +162,7 @@ def held_manifest(folder: Path) -> Manifest | None:
 
 
 def make(folder: Path) -> None:
-    """Make a folder, unless it is there; raises FileError where it cannot be made."""
+    """Make a folder unless it exists; raises FileError if it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -175,7 +175,7 @@ def claimed(
 ) -> Iterator[Claim]:
     """`folder`, made and marked by its run.toml; left as it was found if the block raises before it wrote anything.
 
-    Where it holds this very run, it is given as it stands, unless `overwrite` begins it again. Raises FileError as
+    If it holds this very run, it is returned unchanged, unless `overwrite` begins it again. Raises FileError as
     `require_free` does, and where the folder cannot be made or written to, or another process has it.
     """
     require_free(folder, configuration, inputs)
@@ -205,14 +205,14 @@ def claimed(
 
 
 def kept_inputs(run_file: Path) -> dict[str, Path]:
-    """Where the files are that the run file of an output folder names; none for another run file."""
+    """The places of the files that the run file of an output folder names; none for another run file."""
     found = held_manifest(run_file.parent) if run_file.name == RUN_FILE else None
     return {} if found is None else {name: found.path(copy) for name, copy in found.facts["inputs"].items()}
 
 
 @contextmanager
 def held(folder: Path) -> Iterator[Claim]:
-    """An output folder that holds a run, whatever it is; raises FileError where there is none."""
+    """An output folder that holds any run; raises FileError where there is none."""
     if not folder.is_dir():
         raise FileError(f"There is no folder {folder}.")
     found = held_manifest(folder)
@@ -232,7 +232,7 @@ def require_writable(folder: Path, configuration: str, inputs: Mapping[str, Path
 
 
 class _Released(Exception):
-    """A folder was claimed only to see whether it can be."""
+    """Signals that a folder was claimed only as a test."""
 
 
 def _locked(folder: Path) -> Claim:
@@ -241,7 +241,7 @@ def _locked(folder: Path) -> Claim:
         try:
             lock = Lock(folder, _LOCK)
             break
-        except FileNotFoundError:  # A process that began here at the same time has just taken its empty folder away.
+        except FileNotFoundError:  # A process that began here at the same time has just removed its empty folder.
             continue
     try:
         return Claim(folder, held_manifest(folder) or Manifest(folder), lock)
@@ -251,7 +251,7 @@ def _locked(folder: Path) -> Claim:
 
 
 def _discard(claim: Claim) -> None:
-    """Let a folder no longer count as holding results, and remove what is left of its run."""
+    """Mark a folder as without results, and remove temporary data of its run."""
     claim.manifest.facts["complete"] = False
     claim.manifest.write()
     place = claim.folder / UNFINISHED
@@ -274,7 +274,7 @@ def _withdraw(claim: Claim) -> None:
 
 
 def _differing(held: Path, configuration: str) -> str:
-    """Where two configurations differ first, in words; nothing where they mean the same."""
+    """The first difference of two configurations, in words; empty where they mean the same."""
     try:
         there = dict(_leaves(read_table(text_of(held), held)))
     except (OSError, UnicodeDecodeError):
@@ -317,7 +317,7 @@ def _missing(folder: Path) -> list[Path]:
 
 
 def _clean(folder: Path, made: list[Path]) -> None:
-    """Remove the empty folders that were made for nothing."""
+    """Remove empty folders that turned out to be unnecessary."""
     for path in made:
         with contextlib.suppress(OSError):
             os.rmdir(path)

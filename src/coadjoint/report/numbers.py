@@ -1,4 +1,4 @@
-"""Where the numbers of a run are from: its run file, the catalogue, and what packages above know, such as vehicles."""
+"""The sources of the numbers of a run: its run file, the catalogue, and packages above, such as vehicles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from coadjoint.texts import read_table, text_of
 
 
 class Sourced(NamedTuple):
-    """A number: its name, what it is, its unit, where it is from, and a note."""
+    """A number: its name, value, unit, source, and a note."""
 
     name: str
     value: str
@@ -27,7 +27,7 @@ NUMBERS: Registry[str] = Registry("NUMBERS")
 
 
 def numbers(folder: Path) -> dict[str, list[Sourced]]:
-    """The numbers of the run that a folder holds, by where they are from; raises FileError, ArgumentError."""
+    """The numbers of the run in a folder, by source; raises FileError, ArgumentError."""
     file = folder / RUN_FILE
     table = read_table(text_of(file), file)
     found = {f"of the run file, {RUN_FILE}": list(_given(table))}
@@ -41,7 +41,7 @@ def numbers(folder: Path) -> dict[str, list[Sourced]]:
 
 
 def _given(table: Mapping[str, Any], prefix: str = "") -> Iterator[Sourced]:
-    """What a run file gives, in its own words; units are at the ends of keys."""
+    """The numbers in a run file, under its keys; units are at the ends of keys."""
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from _given(value, f"{prefix}{key}.")
@@ -50,7 +50,7 @@ def _given(table: Mapping[str, Any], prefix: str = "") -> Iterator[Sourced]:
 
 
 def _defaults(model: str, table: Mapping[str, Any]) -> Iterator[Sourced]:
-    """What the catalogue gives where the run file gives nothing."""
+    """The numbers of the catalogue that the run file does not set."""
     entry = catalogue[model]
     for section, held in (("parameters", entry.parameters), ("initial", entry.initial)):
         given = [str(key) for key in table.get(section, {})]

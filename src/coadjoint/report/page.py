@@ -1,4 +1,4 @@
-"""A report of a folder of results: one page with everything inside, for people who do not have the library."""
+"""A report of a folder of results: one self-contained page, for readers without the library."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ figcaption { padding: .25rem .5rem; } .warning { border-left: 4px solid #b35900;
 
 @dataclass(frozen=True)
 class Contents:
-    """What a report says.
+    """The contents of a report.
 
-    cards: certificates by the names of runs. summary: the numbers of summary.json. figures: (title, what it shows, SVG
-    text). numbers: where they are from. settings: the text of the run file. files: (name, bytes, SHA-256). state:
-    whether they are what was written. player: HTML of the scene, if any.
+    cards: certificates by the names of runs. summary: the numbers of summary.json. figures: (title, caption, SVG text).
+    numbers: their sources. settings: the text of the run file. files: (name, bytes, SHA-256). state: whether they are
+    unchanged. player: HTML of the scene, if any.
     """
 
     title: str
@@ -49,7 +49,7 @@ class Contents:
 
 
 def page(held: Contents) -> str:
-    """The report as HTML; nothing of it comes from a network."""
+    """The report as HTML, without any network access."""
     sections = [
         ("Certificate", "".join(_certificate(held))),
         ("In space", held.player),
@@ -73,7 +73,7 @@ def page(held: Contents) -> str:
 
 
 def results(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """The numbers of a summary one by one, under joined names; texts that stand elsewhere are left out."""
+    """The numbers of a summary one by one, under joined names; texts that appear elsewhere are left out."""
     found: list[tuple[str, str]] = []
     for key, value in summary.items():
         if isinstance(value, Mapping):
@@ -95,8 +95,8 @@ def _certificate(held: Contents) -> Iterator[str]:
 
 def _figure(title: str, words: str, svg: str) -> str:
     points = float(svg.partition('width="')[2].partition("pt")[0] or 500.0)
-    told = f'role="img" aria-label="{escape(f"{title}: {words}")}" style="max-width:{1.9 * points:.0f}px"'
-    named = svg[svg.index("<svg") :].replace("<svg", f"<svg {told}", 1)
+    attributes = f'role="img" aria-label="{escape(f"{title}: {words}")}" style="max-width:{1.9 * points:.0f}px"'
+    named = svg[svg.index("<svg") :].replace("<svg", f"<svg {attributes}", 1)
     return f"<figure>{named}<figcaption><b>{escape(title)}</b>: {escape(words)}</figcaption></figure>"
 
 
@@ -130,5 +130,5 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "
         return ""
     top = "".join(f'<th scope="col">{escape(head)}</th>' for head in heads)
     lines = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>\n" for row in rows)
-    told = f"<p>{escape(caption)}</p>" if caption else ""
-    return f'{told}<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>\n{lines}</tbody></table></div>'
+    intro = f"<p>{escape(caption)}</p>" if caption else ""
+    return f'{intro}<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>\n{lines}</tbody></table></div>'

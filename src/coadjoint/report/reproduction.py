@@ -1,4 +1,4 @@
-"""Section 5 of Ono, Fiori and Peng (2025), run again with both difference maps, and what its figures mean."""
+"""Section 5 of Ono, Fiori and Peng (2025), run again with both difference maps, and the numbers behind its figures."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def run_summary(run: Run) -> dict[str, Any]:
-    """The certificate of a run, and where it ended."""
+    """The certificate of a run, and its final state."""
     found = dict(run.summary())
     if run.count:
         found["time_final"] = float(run.final.t)
@@ -27,7 +27,7 @@ def run_summary(run: Run) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """What computed it: the versions of Python and of the packages that numbers may depend on."""
+    """The versions of Python and of the packages that numbers may depend on."""
     found = {"python": platform.python_version()}
     for package in ("coadjoint", "jax", "numpy", "llvmlite"):
         try:

@@ -1,4 +1,5 @@
-"""The report of a reproduction: what the paper's figures show, what ours show, and why. Every number is measured."""
+"""The report of a reproduction: the paper's figures, ours, and the reasons for differences. Every number is
+measured."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-12
 """Below this a relative residual counts as round-off."""
 FIRST_ORDER = (1.9, 2.1)
-"""Where the ratio of the errors at h and h/2 lies for an error proportional to h."""
+"""The range of the ratio of the errors at h and h/2 for an error proportional to h."""
 
 
 def report(found: Reproduction) -> str:
@@ -41,7 +42,7 @@ r = {_vector(p.center_of_buoyancy)} m.
 The run of Table 2: h = {run.dt:g} s, T = {duration:g} s, {run.steps:,} steps; {kind}.
 Scheme: left rectangle rule, with the initial velocities as first discrete velocities, over both difference maps.
 The midpoint rule and runs at h/2 were added to find out where the energy error comes from.
-What the paper's figures show is quoted from its text: their curves cannot be compared digit by digit."""
+Descriptions of the paper's figures are quoted from its text: their curves cannot be compared digit by digit."""
 
 
 def _table(found: Reproduction) -> str:
@@ -107,12 +108,12 @@ def _explanation(found: Reproduction, errors: dict[str, float]) -> str:
     first_order = all(FIRST_ORDER[0] < ratio < FIRST_ORDER[1] for ratio in ratios)
     if solved and first_order:
         verdict = (
-            "So the growth is not truncation of the Newton iteration, of which nothing is left here: it is the error "
-            "of the left rectangle rule, which is of first order in h."
+            "So the growth does not come from truncation of the Newton iteration, which converges to round-off here: "
+            "it is the error of the left rectangle rule, which is of first order in h."
         )
     else:
         verdict = (
-            "These runs do not settle the cause: "
+            "These runs do not determine the cause: "
             + ("" if solved else "the equations of the steps were not solved to round-off. ")
             + ("" if first_order else "the error does not halve with h, as an error of first order does.")
         ).strip()
@@ -125,7 +126,7 @@ def _kelvin_noether(found: Reproduction) -> str:
     terms = float(np.max(np.linalg.norm(run.records.n, axis=1) * np.linalg.norm(run.records.pi, axis=1)))
     floor = np.finfo(float).eps * terms / abs(first["kelvin_noether_initial"])
     balance = max(first["balance_residual_max"], second["balance_residual_max"])
-    verdict = "so what is seen is round-off" if balance < ROUND_OFF else "which is more than round-off"
+    verdict = "so the error shown is round-off" if balance < ROUND_OFF else "which is more than round-off"
     return f"""## Figure 2: the Kelvin–Noether quantity
 
 ![Relative error of the Kelvin–Noether quantity]({FIGURES["kelvin_noether"]})

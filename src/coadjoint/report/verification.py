@@ -1,4 +1,4 @@
-"""Whether the files of a folder are what was written there."""
+"""Verification that the files of a folder are unchanged since they were written."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from coadjoint.report.folder import UNFINISHED
 
 @dataclass
 class Verification:
-    """What was found in a folder: how many files were compared, what is wrong, and files of which nothing is known."""
+    """The result for a folder: the number of files compared, the problems, and unknown files."""
 
     complete: bool
     unfinished_sweep: bool = False
@@ -22,14 +22,14 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """Whether every file is what was written."""
+        """Whether every file is unchanged."""
         return not self.problems
 
 
 def verify(folder: Path) -> Verification:
     """Compare every file of a folder of results, or of a run that streamed there, with the manifest.
 
-    An unfinished run in a folder of results is looked at, too. Raises FileError where there is no manifest, or it is
+    An unfinished run in a folder of results is checked as well. Raises FileError where there is no manifest, or it is
     damaged.
     """
     try:

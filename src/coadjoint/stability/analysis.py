@@ -15,7 +15,7 @@ from coadjoint.stability.steady import SteadyMotion
 
 @dataclass(frozen=True)
 class Stability:
-    """What is known of a steady motion; printed, a card."""
+    """The stability of a steady motion; `print` shows a summary."""
 
     motion: SteadyMotion
     linear: Linearisation

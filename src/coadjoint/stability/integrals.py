@@ -1,4 +1,4 @@
-"""What the reduced motion conserves: Casimir functions of its bracket, and integrals that somebody names."""
+"""Quantities that the reduced motion conserves: Casimir functions of its bracket, and integrals that the user names."""
 
 from __future__ import annotations
 
@@ -81,16 +81,16 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
         # In natural sizes: a coordinate may be an integral, whose slope and rate are round-off of the others alone.
         dC, y_z = dC * scales.z, y_z * scales.z / scales.y[:, None]
         directions = np.column_stack([rate, reduced.ignorable]) / scales.y[:, None]
-        # δy = rate, and δy = k of those k that the chart reaches: what it does not reach changes no orbit of a.
+        # δy = rate, and δy = k of those k that the chart reaches: the others do not change the orbit of a.
         z = np.linalg.lstsq(y_z, directions, rcond=None)[0]
         z = z * (np.linalg.norm(y_z @ z - directions, axis=0) <= IGNORABLE * np.linalg.norm(directions, axis=0))
         along = np.abs(dC @ z) > DRIFT * np.outer(np.linalg.norm(dC, axis=1), np.linalg.norm(z, axis=0))
         for i, does in enumerate(along):
             if np.any(does):
                 name = getattr(integrals[i], "__name__", "<lambda>")
-                what = "changes along the motion" if does[0] else "depends on what is ignorable"
+                what = "changes along the motion" if does[0] else "depends on ignorable variables"
                 raise ArgumentError(
-                    f"`{name}`, integral {i + 1} of those given, is no integral of the motion: it {what}."
+                    f"`{name}`, integral {i + 1} of those given, is not an integral of the motion: it {what}."
                 )
 
 

@@ -1,4 +1,4 @@
-"""What the steps of a method make of the modes of a steady motion: which a step size damps or excites."""
+"""The modes of a steady motion under the steps of a method: which of them a step size damps or excites."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reduced equations around a motion: what moves, what is ignorable, and their slopes."""
+"""The reduced equations around a motion: essential and ignorable variables, and their slopes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Natural sizes of the variables around a motion, so that no result depends on the units of a person."""
+"""Natural sizes of the variables around a motion, so that no result depends on the user's units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Scales(NamedTuple):
 
     `rate` ρ is the largest of |ad_ξ|, of the slopes of forces by velocities, and of the roots of those by positions,
     per inertia. `energy` E is that of turning at ρ or of the motion, the larger. Velocities are √(E/M_ii), momenta
-    √(E M_ii), positions √(E/M_ii)/ρ, angles 1, and an advected parameter is as large as it is. All of these change
+    √(E M_ii), positions √(E/M_ii)/ρ, angles 1, and an advected parameter has its own size. All of these change
     with the units as the variables do, but where nothing moves: a rate, an energy, an inertia or an advected parameter
     that vanishes counts as 1.
 

@@ -57,8 +57,8 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     vehicle P·P and P·Γ), the conserved ones among the system's `quantities`, and `integrals`, functions of a state.
     Where dC_i depend on one another, λ is not unique and one that makes the form definite is looked for. Then
     E − Σ λ_i C_i + c Σ(C_i − C_i⁰)² has a strict extremum for some c: nonlinear stability in the reduced space, up to
-    what is ignorable and to symmetries that carry the motion. Forces take that away, and the verdict is "undecided".
-    Raises ArgumentError for `integrals` that are none.
+    ignorable variables and to symmetries that carry the motion. Forces invalidate it, and the verdict is "undecided".
+    Raises ArgumentError for `integrals` that are not conserved.
     Source: Holm, Marsden, Ratiu and Weinstein (1985); Leonard (1997).
     """
     reduced = motion.reduced
@@ -67,7 +67,7 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     names, derivatives, units = _derivatives(reduced, (*reduced.symmetries, *integrals))
     first, second = derivatives(motion.state)
     if not _energy_is_reduced(reduced, motion.state, first[0]):
-        return _undecided("the energy depends on what is ignorable")
+        return _undecided("the energy depends on ignorable variables")
     charts = linear.charts
     slopes = first @ charts / units[:, None]
     forms = np.einsum("kij,ia,jb->kab", second, charts, charts) / units[:, None, None]
@@ -150,7 +150,7 @@ def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
     simplex = np.vstack([zero, np.diag(sizes)])
 
     def lack(t: np.ndarray) -> float:
-        """−margin; what is farther than FARTHEST is no better than anything, or the search would go on for ever."""
+        """−margin; points farther than FARTHEST count as the worst, or the search would never end."""
         return -margin(t) if np.all(np.abs(t) <= FARTHEST * sizes) else 1.0
 
     return minimize(lack, zero, method="Nelder-Mead", options={"initial_simplex": simplex}).x
@@ -228,7 +228,7 @@ def _energy_is_reduced(reduced: Reduced, state: State, dE: np.ndarray) -> bool:
     scales = reduced.scales
     y_z = reduced.slopes(state).y_z * scales.z / scales.y[:, None]
     k = reduced.ignorable / scales.y[:, None]
-    # δy = k: the part that the chart reaches; what it does not reach changes no orbit of a.
+    # δy = k: the part that the chart reaches; the other part does not change the orbit of a.
     z = np.linalg.lstsq(y_z, k, rcond=None)[0]
     z = z[:, np.linalg.norm(y_z @ z - k, axis=0) < IGNORABLE * np.linalg.norm(k, axis=0)]
     terms = scales.energy * np.linalg.norm(z, axis=0)

@@ -34,11 +34,11 @@ TRIPS = 40
 
 @dataclass(frozen=True)
 class SteadyMotion:
-    """A motion whose velocities and advected parameters stay as they are, but for what is ignorable.
+    """A motion whose velocities and advected parameters are constant, except for ignorable variables.
 
-    `state`: one state of it, a start for co.simulate. `residual`: the largest rate that is left, relative to its terms.
-    `free`: the values found for what was free. `reduced`: the equations around it, whose `rates` say how fast it goes
-    along the symmetries that were given.
+    `state`: one state of it, a start for co.simulate. `residual`: the largest remaining rate, relative to its terms.
+    `free`: the values found for free quantities. `reduced`: the equations around it, whose `rates` are the speeds along
+    the given symmetries.
     """
 
     system: System
@@ -68,8 +68,8 @@ def steady_motion(
     the internal state or the inputs, such as `("rudder",)`, or a dictionary of them with the sizes of change that count
     as one: where many motions do, the one of least change is found. symmetries: integrals C_i, functions of a state,
     whose flows may carry the motion, Y = Σ λ_i X_{C_i}: a critical point of ℋ − Σ λ_i C_i. With the axial momentum of a
-    symmetric top, regular precession is steady. Raises ArgumentError where no steady motion is found, or where C_i is
-    no integral.
+    symmetric top, regular precession is steady. Raises ArgumentError if no steady motion is found, or if C_i is not an
+    integral.
     """
     asked = None if conditions is None else lambda state, _: conditions(state)
     return Search(system, guess, asked, free, symmetries=symmetries).find(guess)
@@ -198,7 +198,7 @@ class Search(Remade):
         return np.abs(value) / np.maximum(terms, 1e-6 * max(float(np.max(terms, initial=0.0)), 1 / GIVES_WAY))
 
     def _what(self, relative: np.ndarray, value: np.ndarray) -> str:
-        """What is furthest from zero, in words."""
+        """The residual that is furthest from zero, in words."""
         worst, C = int(np.argmax(relative)), self.reduced.essential
         if worst >= len(C):
             k = worst - len(C)

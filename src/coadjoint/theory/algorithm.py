@@ -1,4 +1,4 @@
-"""What the discrete algorithms of the papers share: a map of pairs to pairs that is solved for the next increment."""
+"""The common form of the discrete algorithms of the papers: a map of pairs to pairs, solved for the next increment."""
 
 from __future__ import annotations
 

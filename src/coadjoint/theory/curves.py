@@ -1,7 +1,7 @@
-"""Where a rule evaluates ℓ and the forces on a step, written anew from its definition.
+"""The nodes at which a rule evaluates ℓ and the forces on a step, derived again from its definition.
 
-Neither the node forms nor (dτ⁻¹)* of `methods` are used, so that what is derived from here does not share their
-mistakes. A rule of one velocity has the nodes g_kX_i with X = e, H, F at t + c_ih, c = 0, ½, 1, and
+Neither the node forms nor (dτ⁻¹)* of `methods` are used, so that results from here do not share their mistakes. A rule
+of one velocity has the nodes g_kX_i with X = e, H, F at t + c_ih, c = 0, ½, 1, and
 
     Λ(ξ, n, s, a) = h Σ w_i ℓ(ξ, X_i⁻¹(n + c_id), X_i⁻¹d/h, X_i⁻¹a; t + c_ih),   d = s − n.
 """
@@ -152,7 +152,7 @@ def _quadrature(system: System, step: Step, h: Array, record: State) -> Trial:
 
 
 def _of_ones_own(system: System, step: Step, h: Array, record: State) -> Trial:
-    """A rule that only says what it sums, h Σ w ℓ, without forces: where its nodes stand is not known."""
+    """A rule that only gives its sum h Σ w ℓ, without forces: the places of its nodes are not known."""
     if system.forces is not None:
         raise ArgumentError(
             f"Where {type(step).__name__} lets forces act is not known here: take co.Midpoint() or another rule of the "

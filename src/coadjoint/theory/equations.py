@@ -46,7 +46,7 @@ OPPOSITE = (
 
 
 class Residual(NamedTuple):
-    """An equation, what it says, its residual at every node or pair of steps, and the size that it is relative to.
+    """An equation, its text, its residual at every node or pair of steps, and the size that it is relative to.
 
     values: (nodes,).
     """

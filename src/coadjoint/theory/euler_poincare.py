@@ -21,7 +21,7 @@ from coadjoint.theory.instant import ALWAYS, Instant, given, next_instant
 class Link(NamedTuple):
     """A step in reduced variables: F = g_k⁻¹g_{k+1}, n = g_k⁻¹q_k, s = g_k⁻¹q_{k+1}, a = g_k⁻¹a₀ (P38), (P39).
 
-    `at`: when it starts and what is held over it, for systems with time, forces, inputs or an internal state.
+    `at`: its start time and the inputs and internal state held over it, for systems that depend on these.
 
     F: an element. n, s: (ambient,). a: (dim V*,). A sequence of steps has a leading axis.
     """
@@ -108,7 +108,8 @@ def advected(system: System, link: Link) -> tuple[Array, Array]:
 
 
 def instant_after(system: System, link: Link, h: Array) -> Instant:
-    """When the next step starts, after one of length h, one number, and what is held over it."""
+    """The start of the next step, after one of length h, one number, with the inputs and internal state held over
+    it."""
     n, a = advected(system, link)
     xi, nu = velocities(system, link, h)
     return next_instant(system, link.at, h, (xi, n, nu, a))
@@ -129,7 +130,7 @@ class Variation(NamedTuple):
 def induced_variation(system: System, link: Link, v: Variation) -> Link:
     """The tangent of a step under variations of its ends: δF = −ηF + Fη⁺, and (P48) for δn, δs, δa.
 
-    For F = τ(hξ) the first is hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η (P47). Time and what is held do not vary.
+    For F = τ(hξ) the first is hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η (P47). Time and held quantities do not vary.
     Traceable by JAX.
     """
     group, Q, V = system.places

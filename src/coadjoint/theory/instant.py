@@ -1,4 +1,4 @@
-"""When a step of the discrete theory starts, and what is held over it: explicit time, inputs, internal state."""
+"""The instant of a step of the discrete theory: its start time, and the inputs and internal state held over it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Instant:
     """The time t (s) at which a step starts, and the inputs and the internal state that are held over it.
 
     `inputs`: of a system driven by signals (`system.driven`) leave them out. `internal`: a dictionary like the start's,
-    on the mean of the step. `internal_end`: what it is at the end of the step, by default the same. All are None for a
+    the mean over the step. `internal_end`: that at the end of the step, by default the same. All are None for a
     system that has none of them.
 
     t: one number; of a sequence of steps all have a leading axis.
@@ -66,7 +66,7 @@ def require_one(system: System) -> None:
 
 
 def require_instants(at: Instant, steps: int) -> None:
-    """Raise ArgumentError unless what is known of the steps of a sequence has a leading axis of all steps."""
+    """Raise ArgumentError unless the data of the steps of a sequence have a leading axis of all steps."""
     shapes = [np.shape(leaf) for leaf in jax.tree.leaves(at)]
     if any(not shape or shape[0] != steps for shape in shapes):
         raise ArgumentError(
@@ -76,7 +76,7 @@ def require_instants(at: Instant, steps: int) -> None:
 
 
 def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
-    """(t, inputs, internal) as the functions of a system take them; raises ArgumentError for what is missing."""
+    """(t, inputs, internal) as the functions of a system take them; raises ArgumentError if one is missing."""
     require_one(system)
     if at.t is None and timed(system):
         raise ArgumentError(

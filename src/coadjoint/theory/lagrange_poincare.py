@@ -132,7 +132,7 @@ class ReducedLagrangian:
 
 
 class _Node(NamedTuple):
-    """Where the reduced algorithm stands: what step k−1 contributes; t, x_k, what is held, and guesses in a state."""
+    """A node of the reduced algorithm: the contribution of step k−1; t, x_k, held quantities and guesses in a state."""
 
     before: Array
     last: Array
@@ -195,7 +195,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
 
 
 def _next(system: System, after: State, slopes: Any, h: Array) -> State:
-    """The state at the next node, with its momenta and what is held over the step from there."""
+    """The state at the next node, with its momenta and the quantities held over the step from there."""
     return held(system, stepped(after.replace(mu=-slopes.group, pi=slopes.last)), h)
 
 

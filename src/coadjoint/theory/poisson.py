@@ -29,7 +29,8 @@ PoissonFunction = Callable[..., Any]
 
 
 class PoissonLink(NamedTuple):
-    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀; `at`: when the step starts and what is held over it, where that matters.
+    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀; `at`: the start time of the step and the inputs and internal state held
+    over it, if they matter.
 
     f: an element. a: (dim V*,). A sequence of steps has a leading axis.
     """

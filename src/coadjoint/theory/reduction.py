@@ -31,7 +31,7 @@ INVARIANT = 1e-12
 """The relative change of L under random group elements that round-off may make."""
 
 CANCELLED = 32 * np.finfo(float).eps / INVARIANT
-"""How far an entry x of the arguments counts, |∂_xL||x|, so that what cancels in L is no defect."""
+"""How far an entry x of the arguments counts, |∂_xL||x|, so that terms which cancel in L are not a defect."""
 
 
 def defect_of(function: Callable[..., Array], plain: Any, turned: Any) -> Array:

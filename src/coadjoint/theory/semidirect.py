@@ -25,7 +25,7 @@ from coadjoint.theory.unreduced import KEYWORDS, WithKeywords, keywords_of
 class SemidirectLink(NamedTuple):
     """f = g_{k+1}⁻¹g_k, y = f u_k and u = u_{k+1}, with u_k = g_k⁻¹v_k (B9), (B10).
 
-    `at`: when the step starts and what is held over it, where that matters.
+    `at`: the start time of the step and the inputs and internal state held over it, if they matter.
 
     f: an element. y, u: (dim V,). A sequence of steps has a leading axis.
     """
@@ -101,7 +101,7 @@ def semidirect_lagrangian(system: System) -> SemidirectLagrangian:
 
 
 def _driven(group: LieGroup, space: Space, l: SemidirectFunction | SemidirectLagrangian) -> SemidirectLagrangian:
-    """l with the system that drives it; one of its own, without forces, where it is a function."""
+    """l with the system that drives it; a new one, without forces, where it is a function."""
     if isinstance(l, SemidirectLagrangian):
         return l
     return SemidirectLagrangian(semidirect_system(group, space, l))

@@ -1,4 +1,4 @@
-"""What the printed equations take from the discrete Lagrangian of a step, differentiated anew from Λ and τ.
+"""The slopes of the discrete Lagrangian of a step that the printed equations need, differentiated from Λ and τ.
 
 Neither (dτ⁻¹)* nor node forms nor transported momenta of the methods are used, so that a check does not share their
 mistakes.
@@ -35,7 +35,7 @@ class Impulse(NamedTuple):
 class Slopes(NamedTuple):
     """A step of a trajectory with what the equations take from Λ and from forces there.
 
-    right = D^R_FΛ, left = D^L_FΛ, then ∂_nΛ, ∂_sΛ, ∂_aΛ. `inner`: what is left of d(ΣΛ) + work along variations of the
+    right = D^R_FΛ, left = D^L_FΛ, then ∂_nΛ, ∂_sΛ, ∂_aΛ. `inner`: the remainder of d(ΣΛ) + work along variations of the
     step with fixed ends: empty for a rule of one velocity, zero on the solutions of Galerkin's curves.
 
     right, left: (dim G,). along_n, along_s: (ambient,). along_a: (dim V*,). inner: shape (unknowns,) or (0,).

@@ -154,7 +154,7 @@ class UnreducedLagrangian(LagrangianInSpace):
 
 
 def keywords_of(function: Any) -> tuple[str, ...]:
-    """Which of t, inputs and internal a function takes by keyword; raises LagrangianError for what is no function."""
+    """Which of t, inputs and internal a function takes by keyword; raises LagrangianError unless it is a function."""
     checks.function(function, "The unreduced discrete Lagrangian", "a Python function", error=LagrangianError)
     known = inspect.signature(function).parameters
     return tuple(key for key in KEYWORDS if keyword_only(known, key))

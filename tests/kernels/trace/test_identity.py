@@ -79,7 +79,7 @@ def test_an_end_at_the_last_way_point_has_an_identity_with_its_numbers():
         types.SimpleNamespace(way_points=np.array([[0.0, 0, 0], [60.0, 0, 3]]), acceptance=reach) for reach in (3, 4)
     ]
     first, second = (identity(arrival(controller)) for controller in controllers)
-    assert first is not None and first.whole
+    assert first is not None and first.library_only
     assert first != second
     assert identity(pytest) is None
 
@@ -99,8 +99,8 @@ def test_a_function_that_is_traced_counts_by_its_code_and_makes_the_identity_par
     def other(x, strength):
         return strength + x
 
-    assert identity(Traced(at_bottom(10.0))).whole
-    assert not identity(Traced(function)).whole
+    assert identity(Traced(at_bottom(10.0))).library_only
+    assert not identity(Traced(function)).library_only
     assert identity(Traced(function)).digest != identity(Traced(other)).digest
 
 

@@ -139,7 +139,7 @@ def test_the_command_writes_a_vehicle_file_and_never_over_one(tmp_path: Path, ca
     assert "Taken over:" in said and "torpedo.sdf:" in said and "Not taken over:" in said
     assert "[[part]]" in out.read_text() and main(["vehicles", "show", str(out)]) == 0
     capsys.readouterr()
-    assert main(command) == 2 and "not there yet" in capsys.readouterr().err
+    assert main(command) == 2 and "must be a new file" in capsys.readouterr().err
     assert main(["import", str(tmp_path / "nothing.sdf")]) == 2
 
 

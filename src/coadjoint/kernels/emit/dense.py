@@ -40,7 +40,8 @@ def _copy(module: ir.Module) -> Any:
 
 
 def _product(module: ir.Module) -> Any:
-    """product(C, A, B, rows, inner, columns, strides of C, A, B, factor): C ← C + factor A B; zeros of A are passed."""
+    """product(C, A, B, rows, inner, columns, strides of C, A, B, factor): C ← C + factor A B; zeros of A are
+    skipped."""
     f = Loops(module, "product", VOID, *[NUMBERS] * 3, *[INT64] * 6, DOUBLE)
     C, A, B, rows, inner, columns, c, a, b, factor = f.args
     with f.over(rows) as i:

@@ -46,7 +46,7 @@ _LIBM = {
 
 
 class Emitter:
-    """Writes expressions through an IRBuilder; scopes forget what was emitted on a side path."""
+    """Writes expressions through an IRBuilder; scopes forget values emitted on a side path."""
 
     def __init__(self, module: ir.Module, builder: ir.IRBuilder, width: int) -> None:
         self.module = module
@@ -87,7 +87,7 @@ class Emitter:
         return scalar if self.width == 1 else ir.Constant(self.truth, [scalar] * self.width)
 
     def counts(self, value: int) -> Any:
-        """A whole number in every lane."""
+        """An integer in every lane."""
         if self.width == 1:
             return INT64(value)
         return ir.Constant(self.counter, [INT64(value)] * self.width)
@@ -100,7 +100,7 @@ class Emitter:
         return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
 
     def values(self, roots: Iterable[Expr]) -> list[Any]:
-        """The values of the roots, with everything they need that is not there yet."""
+        """The values of the roots, after emitting all missing values that they need."""
         roots = list(roots)
         for node in self._missing(roots):
             self._scopes[-1][node] = self._instruction(node)
@@ -215,7 +215,7 @@ class Emitter:
 
 
 def outer(roots: Iterable[Expr], inner: set[Expr]) -> list[Expr]:
-    """What a section uses from before it: nodes that do not depend on `inner` symbols but whose users do.
+    """The values that a section takes from outside: nodes that do not depend on `inner` symbols but whose users do.
 
     Roots that do not depend on them count as used.
     """

@@ -10,31 +10,31 @@ from typing import Any
 from llvmlite import ir
 
 from coadjoint.kernels.emit.dense import VOID, DenseAlgebra, dense
-from coadjoint.kernels.emit.loops import DOUBLE, INT64, NUMBERS, WHOLES, Loops
+from coadjoint.kernels.emit.loops import DOUBLE, INT64, INTEGERS, NUMBERS, Loops
 
 NAME = "filter"
 PREDICT, SET, CORRECT, SAVE = range(4)
-"""Orders, four whole numbers each: (PREDICT, place of h in the data, 0, 0), (SET, first input, count, place in the
+"""Orders, four integers each: (PREDICT, place of h in the data, 0, 0), (SET, first input, count, place in the
 data), (CORRECT, measurement, place in the data, place of (NIS, used) in the output), (SAVE, place of the row in the
-output, of P, whether P is kept whole)."""
+output, of P, whether all of P is kept)."""
 FIELDS = (
     *("errors", "size", "state", "unknowns", "noises", "drifting", "implicit"),
     *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "of_unknowns"),
     *("densities", "Phi", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
     *("measurements", "sizes", "covariances", "gates", "turns", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
 )
-"""What the memory of a filter holds: sizes and addresses, whole numbers each."""
+"""The memory of a filter: sizes and addresses, all integers."""
 
 _FUNCTION = ir.FunctionType(VOID, [*[NUMBERS] * 4, INT64]).as_pointer()
-_KERNEL = ir.FunctionType(VOID, [*[NUMBERS] * 3, INT64, INT64, *[NUMBERS] * 3, WHOLES]).as_pointer()
+_KERNEL = ir.FunctionType(VOID, [*[NUMBERS] * 3, INT64, INT64, *[NUMBERS] * 3, INTEGERS]).as_pointer()
 
 
 def assemble() -> str:
-    """whole filter(memory, orders, count, data, output): −1, or the number of the order that failed."""
+    """int64 filter(memory, orders, count, data, output): −1, or the number of the order that failed."""
     module = ir.Module(name="coadjoint")
     algebra = dense(module)
     predict, correct = _predict(module, algebra), _correct(module, algebra)
-    f = Loops(module, NAME, INT64, WHOLES, WHOLES, INT64, NUMBERS, NUMBERS, inside=False)
+    f = Loops(module, NAME, INT64, INTEGERS, INTEGERS, INT64, NUMBERS, NUMBERS, inside=False)
     memory, orders, count, data, output = f.args
     m = _Memory(f, memory)
     failed = f.variable(INT64, INT64(0))
@@ -44,7 +44,7 @@ def assemble() -> str:
         with _when(f, order, PREDICT):
             f.b.store(f.b.call(predict, [memory, f.at(data, rest[0])]), failed)
         with _when(f, order, SET):
-            row, places = m.numbers("row"), m.wholes("input_places")
+            row, places = m.numbers("row"), m.integers("input_places")
             with f.over(rest[1]) as k:
                 f.put(row, f.at(places, f.add(rest[0], k)), f.at(data, f.add(rest[2], k)))
         with _when(f, order, CORRECT):
@@ -62,17 +62,17 @@ class _Memory:
     def __init__(self, f: Loops, memory: Any):
         self._f, self._memory = f, memory
 
-    def whole(self, name: str) -> Any:
+    def integer(self, name: str) -> Any:
         return self._f.at(self._memory, FIELDS.index(name))
 
     def numbers(self, name: str) -> Any:
-        return self._f.b.inttoptr(self.whole(name), NUMBERS)
+        return self._f.b.inttoptr(self.integer(name), NUMBERS)
 
-    def wholes(self, name: str) -> Any:
-        return self._f.b.inttoptr(self.whole(name), WHOLES)
+    def integers(self, name: str) -> Any:
+        return self._f.b.inttoptr(self.integer(name), INTEGERS)
 
     def call(self, name: str, kind: Any, arguments: list[Any]) -> None:
-        self._f.b.call(self._f.b.inttoptr(self.whole(name), kind), arguments)
+        self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
 def _when(f: Loops, order: Any, number: int) -> Any:
@@ -80,28 +80,28 @@ def _when(f: Loops, order: Any, number: int) -> Any:
 
 
 def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[Any]) -> None:
-    n, P, there = m.whole("errors"), m.numbers("P"), f.place(output, rest[1])
-    f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.whole("size")])
-    with f.b.if_else(f.b.icmp_signed("!=", rest[2], INT64(0))) as (whole, diagonal):
-        with whole:
+    n, P, there = m.integer("errors"), m.numbers("P"), f.place(output, rest[1])
+    f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.integer("size")])
+    with f.b.if_else(f.b.icmp_signed("!=", rest[2], INT64(0))) as (full, diagonal):
+        with full:
             f.b.call(algebra.copy, [there, P, f.times(n, n)])
         with diagonal, f.over(n) as i:
             f.put(there, i, f.at(P, f.times(i, f.add(n, 1))))
 
 
 def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
-    """predict(memory, h): 0, or what failed."""
-    f = Loops(module, "predict", INT64, WHOLES, DOUBLE)
+    """predict(memory, h): 0, or a code of the failure."""
+    f = Loops(module, "predict", INT64, INTEGERS, DOUBLE)
     memory, h = f.args
     m = _Memory(f, memory)
-    size, row, after, y, x = m.whole("size"), m.numbers("row"), m.numbers("after"), m.numbers("y"), m.numbers("x")
+    size, row, after, y, x = m.integer("size"), m.numbers("row"), m.numbers("after"), m.numbers("y"), m.numbers("x")
     f.b.call(algebra.copy, [y, row, size])
     f.put(y, f.times(2, size), h)
-    with f.b.if_else(f.b.icmp_signed("!=", m.whole("implicit"), INT64(0))) as (implicit, explicit):
+    with f.b.if_else(f.b.icmp_signed("!=", m.integer("implicit"), INT64(0))) as (implicit, explicit):
         with implicit:
             _implicit(f, m, algebra, h)
         with explicit:
-            # The step reads the row and h, which stand behind one another here.
+            # The step reads the row and h, which are adjacent here.
             f.b.call(algebra.copy, [after, row, size])
             f.put(after, size, h)
             zeros = m.numbers("zeros")
@@ -110,38 +110,38 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
     f.b.call(algebra.copy, [f.place(y, size), after, size])
     m.call("tangent", _FUNCTION, [x, y, m.numbers("value"), m.numbers("J"), INT64(1)])
     _carry(f, m, algebra, h)
-    unknowns, n, k = m.whole("unknowns"), m.whole("errors"), m.whole("drifting")
+    unknowns, n, k = m.integer("unknowns"), m.integer("errors"), m.integer("drifting")
     value, at = m.numbers("value"), f.add(unknowns, n)
     f.b.call(algebra.copy, [row, after, size])
-    f.b.call(algebra.copy, [f.place(row, m.whole("state")), f.place(value, at), k])
+    f.b.call(algebra.copy, [f.place(row, m.integer("state")), f.place(value, at), k])
     f.b.ret(f.b.zext(_not_finite(f, m), INT64))
     return f.function
 
 
 def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     """One step of the model's own kernel, with the drifting parameters in their places, and its unknowns in x."""
-    row, after, state = m.numbers("row"), m.numbers("after"), m.whole("state")
-    f.b.call(algebra.copy, [after, row, m.whole("size")])
-    parameters, places = m.numbers("parameters"), m.wholes("places")
-    with f.over(m.whole("drifting")) as i:
+    row, after, state = m.numbers("row"), m.numbers("after"), m.integer("state")
+    f.b.call(algebra.copy, [after, row, m.integer("size")])
+    parameters, places = m.numbers("parameters"), m.integers("places")
+    with f.over(m.integer("drifting")) as i:
         f.put(parameters, f.at(places, i), f.at(row, f.add(state, i)))
     length = f.variable(DOUBLE, h)
-    scratch, status = m.numbers("step_scratch"), m.wholes("status")
+    scratch, status = m.numbers("step_scratch"), m.integers("status")
     with f.over(4) as i:
         f.put(status, i, INT64(0))
     m.call("step", _KERNEL, [parameters, length, after, INT64(1), INT64(1), scratch, scratch, scratch, status])
-    x, of_unknowns = m.numbers("x"), m.wholes("of_unknowns")
-    with f.over(m.whole("unknowns")) as i:
+    x, of_unknowns = m.numbers("x"), m.integers("of_unknowns")
+    with f.over(m.integer("unknowns")) as i:
         f.put(x, i, f.at(after, f.at(of_unknowns, i)))
 
 
 def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     """Φ = ∂e⁺/∂e by the implicit function theorem, and P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
-    u, n, w, k = (m.whole(name) for name in ("unknowns", "errors", "noises", "drifting"))
+    u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
     J, Phi, turned, W, P = (m.numbers(name) for name in ("J", "Phi", "turned", "W", "P"))
     stride, square = f.add(u, n, w), f.times(n, n)
     below = f.place(J, f.times(u, stride))
-    # The slopes of the step keep their zeros: what is solved is a copy.
+    # The slopes of the step keep their zeros: the solve works on a copy.
     kept = m.numbers("KR")
     f.b.call(algebra.copy, [kept, J, f.times(u, stride)])
     f.b.call(algebra.solve, [kept, f.place(kept, u), u, n, stride, stride])
@@ -186,24 +186,25 @@ def _symmetric(f: Loops, P: Any, n: Any) -> None:
 
 def _not_finite(f: Loops, m: _Memory) -> Any:
     """Whether the trace of P is not finite, or a step of the model failed."""
-    n, P, total = m.whole("errors"), m.numbers("P"), f.variable(DOUBLE, DOUBLE(0.0))
+    n, P, total = m.integer("errors"), m.numbers("P"), f.variable(DOUBLE, DOUBLE(0.0))
     with f.over(n) as i:
         f.b.store(f.b.fadd(f.b.load(total), f.at(P, f.times(i, f.add(n, 1)))), total)
     trace = f.b.load(total)
     wrong = f.b.fcmp_unordered("!=", f.b.fsub(trace, trace), DOUBLE(0.0))
-    return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.wholes("status"), 1), INT64(0)))
+    return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.integers("status"), 1), INT64(0)))
 
 
 def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
-    """correct(memory, measurement, values, output): 0, or what failed; output: NIS, and 1 where it was used."""
-    f = Loops(module, "correct", INT64, WHOLES, INT64, NUMBERS, NUMBERS)
+    """correct(memory, measurement, values, output): 0, or a code of the failure; output: NIS, and 1 where it was
+    used."""
+    f = Loops(module, "correct", INT64, INTEGERS, INT64, NUMBERS, NUMBERS)
     memory, measurement, values, output = f.args
     m = _Memory(f, memory)
-    n, size = m.whole("errors"), f.at(m.wholes("sizes"), measurement)
-    row, nu, H, S, R = *(m.numbers(k) for k in ("row", "nu", "H", "S")), f.at(m.wholes("covariances"), measurement)
-    function = f.b.inttoptr(f.at(m.wholes("measurements"), measurement), _FUNCTION)
-    turns = f.b.inttoptr(f.at(m.wholes("turns"), measurement), NUMBERS)
-    # A function leaves alone what is always 0.
+    n, size = m.integer("errors"), f.at(m.integers("sizes"), measurement)
+    row, nu, H, S, R = *(m.numbers(k) for k in ("row", "nu", "H", "S")), f.at(m.integers("covariances"), measurement)
+    function = f.b.inttoptr(f.at(m.integers("measurements"), measurement), _FUNCTION)
+    turns = f.b.inttoptr(f.at(m.integers("turns"), measurement), NUMBERS)
+    # A function does not write entries that are always 0.
     _clear(f, H, f.times(size, n))
     f.b.call(function, [m.numbers("zeros"), row, nu, H, INT64(1)])
     total = f.variable(DOUBLE, DOUBLE(0.0))
@@ -244,13 +245,13 @@ def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
     floor = f.function.module.declare_intrinsic("llvm.floor", [DOUBLE])
     some = f.b.fcmp_ordered("!=", turn, DOUBLE(0.0))
     parts = f.b.fdiv(difference, f.b.select(some, turn, DOUBLE(1.0)))
-    whole = f.b.call(floor, [f.b.fadd(parts, DOUBLE(0.5))])
-    return f.b.fsub(difference, f.b.fmul(turn, whole))
+    turns = f.b.call(floor, [f.b.fadd(parts, DOUBLE(0.5))])
+    return f.b.fsub(difference, f.b.fmul(turn, turns))
 
 
 def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> None:
     """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
-    n, P, HP, S, K, KR, turned = (m.whole("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
+    n, P, HP, S, K, KR, turned = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)
     rows = m.numbers("W")  # Kᵀ = S⁻¹HP
     f.b.call(algebra.copy, [rows, HP, f.times(size, n)])
@@ -265,7 +266,7 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> No
     e = m.numbers("e")
     _clear(f, e, n)
     f.b.call(algebra.product, [e, K, m.numbers("nu"), n, size, INT64(1), INT64(1), size, INT64(1), one])
-    moved, width, row = m.numbers("moved"), m.whole("size"), m.numbers("row")
+    moved, width, row = m.numbers("moved"), m.integer("size"), m.numbers("row")
     f.b.call(algebra.copy, [moved, row, width])
     f.b.call(algebra.copy, [f.place(moved, width), e, n])
     zeros = m.numbers("zeros")

@@ -1,7 +1,7 @@
-"""exp, sin, cos and tanh of all lanes at once, where a call of the C library takes one lane after the other.
+"""exp, sin, cos and tanh of all lanes together, where a call of the C library takes one lane after the other.
 
 Within 3 ε of the C library's values, relative, near the zeros of sin and cos, too, and where
-exp is below 1e-307 within 3 ε of that; results of lanes are compared to round-off, never to the bit.
+exp is below 1e-307 within 3 ε of that; results of lanes are compared to round-off, never bitwise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from llvmlite import ir
 from coadjoint.kernels.emit.emitter import FUSED, INT64, Emitter
 
 LN2 = (0.6931471804855391, 7.440617110012397e-11)
-"""ln 2 in two parts: a whole number below 2²⁰ times the first is exact."""
+"""ln 2 in two parts: an integer below 2²⁰ times the first is exact."""
 
 HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 """π/2 in three parts, likewise."""
@@ -24,11 +24,11 @@ FAR = 1e5
 """From this angle on the C library reduces it, with as many digits of π as that takes."""
 
 ROUNDER = 1.5 * 2.0**52
-"""Added to a number below 2⁵¹ it rounds it to a whole one, which its last bits then hold."""
+"""Added to a number below 2⁵¹ it rounds it to an integer, which its last bits then hold."""
 
 
 class LaneEmitter(Emitter):
-    """Expressions as LLVM instructions, with elementary functions of all lanes at once."""
+    """Expressions as LLVM instructions, with elementary functions of all lanes together."""
 
     def intrinsic(self, name: str, *args: Any) -> Any:
         if self.width > 1 and name in _FUNCTIONS:
@@ -59,7 +59,7 @@ class _Lanes:
 
     def __init__(self, emit: Emitter):
         self.emit, self.b = emit, emit.builder
-        self.whole = ir.VectorType(INT64, emit.width)
+        self.int64s = ir.VectorType(INT64, emit.width)
 
     def _given(self, x: Any) -> Any:
         return self.emit.constant(x) if isinstance(x, (int, float)) else x
@@ -96,9 +96,9 @@ class _Lanes:
         return found
 
     def rounded(self, x: Any) -> tuple[Any, Any]:
-        """The nearest whole number, as a number and in the last bits of an integer."""
+        """The nearest integer, as a double and in the last bits of an integer."""
         shifted = self.exactly("fadd", x, ROUNDER)
-        return self.exactly("fsub", shifted, ROUNDER), self.b.bitcast(shifted, self.whole)
+        return self.exactly("fsub", shifted, ROUNDER), self.b.bitcast(shifted, self.int64s)
 
     def reduced(self, x: Any, n: Any, parts: Sequence[float]) -> Any:
         """x − n Σ parts."""
@@ -107,7 +107,7 @@ class _Lanes:
         return x
 
     def integers(self, value: int) -> Any:
-        return ir.Constant(self.whole, [INT64(value)] * self.emit.width)
+        return ir.Constant(self.int64s, [INT64(value)] * self.emit.width)
 
     def power_of_two(self, bits: Any) -> Any:
         """2ⁿ of the integer n in the last bits, −1022 ≤ n ≤ 1023."""

@@ -1,4 +1,4 @@
-"""Loops over arrays of numbers as LLVM code: what dense algebra of sizes that are known at run time is written in."""
+"""Loops over arrays of numbers as LLVM code, for dense algebra of sizes that are known at run time."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 from llvmlite import ir
 
 DOUBLE, INT64 = ir.DoubleType(), ir.IntType(64)
-NUMBERS, WHOLES = DOUBLE.as_pointer(), INT64.as_pointer()
+NUMBERS, INTEGERS = DOUBLE.as_pointer(), INT64.as_pointer()
 FUSED = ("contract",)
-"""A product that is added at once may be one instruction."""
+"""A product that is added immediately may be one instruction."""
 
 
 class Loops:
-    """A function that is being written: values are LLVM's, whole numbers may be Python's."""
+    """A function that is being written: values are LLVM's, integers may be Python's."""
 
     def __init__(self, module: ir.Module, name: str, result: Any, *arguments: Any, inside: bool = True):
         """inside: whether only this module calls it."""
@@ -29,24 +29,24 @@ class Loops:
         self.b = ir.IRBuilder(self._entry)
         self.args = self.function.args
 
-    def whole(self, value: Any) -> Any:
-        """A whole number as LLVM's."""
+    def integer(self, value: Any) -> Any:
+        """An integer as an LLVM value."""
         return INT64(value) if isinstance(value, int) else value
 
     def add(self, *values: Any) -> Any:
-        """The sum of whole numbers."""
-        first, *rest = map(self.whole, values)
+        """The sum of integers."""
+        first, *rest = map(self.integer, values)
         for value in rest:
             first = self.b.add(first, value)
         return first
 
     def times(self, first: Any, second: Any) -> Any:
-        """The product of whole numbers."""
-        return self.b.mul(self.whole(first), self.whole(second))
+        """The product of integers."""
+        return self.b.mul(self.integer(first), self.integer(second))
 
     def place(self, array: Any, index: Any) -> Any:
         """A pointer to the number of an array."""
-        return self.b.gep(array, [self.whole(index)])
+        return self.b.gep(array, [self.integer(index)])
 
     def at(self, array: Any, index: Any) -> Any:
         """A number of an array."""
@@ -77,7 +77,7 @@ class Loops:
     @contextmanager
     def over(self, end: Any, start: Any = 0) -> Iterator[Any]:
         """for i in range(start, end)."""
-        b, begin, stop = self.b, self.whole(start), self.whole(end)
+        b, begin, stop = self.b, self.integer(start), self.integer(end)
         body, after = b.append_basic_block("loop"), b.append_basic_block("end")
         before = b.block
         b.cbranch(b.icmp_signed("<", begin, stop), body, after)

@@ -1,4 +1,4 @@
-"""Newton's loop of one stage as LLVM instructions, and the judgement on what it found."""
+"""Newton's loop of one stage as LLVM instructions, and the checks of its result."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _Progress:
 
 @dataclass
 class Outcome:
-    """What a stage leaves behind: whether each lane is well, Newton's iterations and the code of its failure."""
+    """The outcome of a stage: the success of each lane, Newton's iterations and the code of a failure."""
 
     sound: Any
     iterations: Any
@@ -33,7 +33,7 @@ class Outcome:
 
 
 class StageLoop:
-    """Emits Newton for one stage and judges its outcome."""
+    """Emits Newton for one stage and checks its outcome."""
 
     def __init__(self, emit: Emitter, stage: StagePlan, idle: Any) -> None:
         # Newton does not wait for idle lanes: those of members that failed before.
@@ -127,7 +127,7 @@ class StageLoop:
         return joined[:-2], joined[-2], joined[-1]
 
     def _size(self, values: list[Any]) -> Any:
-        """|values|∞; a NaN may get lost here and is found when the stage is judged."""
+        """|values|∞; a NaN may get lost here and is found when the stage is checked."""
         return self._largest([self.emit.intrinsic("fabs", v) for v in values])
 
     def _largest(self, sizes: list[Any]) -> Any:
@@ -176,7 +176,7 @@ class StageLoop:
         return Outcome(sound, iterations, code)
 
     def _tolerated(self, symbol: Expr, z: list[Any], settled: Any, iterations: Any) -> Outcome:
-        """A stage that may fail says whether it did, and the step goes on."""
+        """A stage that may fail reports whether it did, and the step continues."""
         b, emit = self.b, self.emit
         (chart,) = emit.values([self.stage.chart])
         inside = b.fcmp_ordered("<", chart, emit.constant(1.0))

@@ -2,12 +2,12 @@
 
     int64 online(context, first, last, steps)
 
-does so for the groups of lanes first ≤ group < last, and returns what `StatusFlag` says of them. `context` are eight
+does so for the groups of lanes first ≤ group < last, and returns their `StatusFlag`. `context` are eight
 addresses and counts, `CONTEXT`. Parameters and states have axes (group, number, lane); `status` is (steps, code,
-iterations, iterations_max) of each lane, int64, and goes on from call to call: a lane whose code is not 0 waits, and
-its commands with it; `Code.ABSENT` is that of a lane without a member. Commands and observations have axes (member,
+iterations, iterations_max) of each lane, int64, and accumulates from call to call: a lane whose code is not 0 waits,
+and its commands with it; `Code.ABSENT` is that of a lane without a member. Commands and observations have axes (member,
 number), where member = group · lanes + lane; limits (2, command, lane) are the same in all lanes. The steps are those
-of `kernels.emit.stepping`, instruction by instruction, so that they come to the same numbers; elementary functions of
+of `kernels.emit.stepping`, instruction by instruction, so that they give the same numbers; elementary functions of
 lanes are those of `kernels.emit.lanes`, which agree to round-off.
 """
 
@@ -30,14 +30,14 @@ from coadjoint.kernels.trace.tracer import Tracer, flat
 
 NAME = "online"
 CONTEXT = ("parameters", "parameter_stride", "h", "state", "status", "commands", "observations", "limits")
-"""What `context` points to: addresses, and how many numbers lie between the parameters of two groups, 0 if shared."""
+"""The contents of `context`: addresses, and the stride between the parameters of two groups, 0 if shared."""
 
 SELDOM, ALWAYS = 1 << 13, 1 << 18
 """From how many steps on `StatusFlag.DUE` is said at powers of two, and from where at multiples of this one."""
 
 
 class Observing(NamedTuple):
-    """What is observed of a state: symbols of parameters and state, and the expressions of the observations."""
+    """Observations of a state: symbols of parameters and state, and the expressions of the observations."""
 
     parameters: list[Expr]
     state: list[Expr]
@@ -57,7 +57,7 @@ def assemble(plan: StepPlan, watched: Observing, commanded: Sequence[int], width
 
 
 class _Online(StepFunction):
-    """The step that goes on from its status and records nothing, and the loop over groups around it."""
+    """The step that continues from its status and records nothing, and the loop over groups around it."""
 
     emitter = LaneEmitter
 
@@ -65,12 +65,12 @@ class _Online(StepFunction):
         self.commanded = list(commanded)
         super().__init__(plan, width)
         self.step = self.module.globals["step"]
-        # A function of its own is compiled as that of a run is.
+        # A separate function is compiled as that of a run is.
         self.step.attributes.add("noinline")
         observe = self._observe_function(watched)
         self._entry(observe, len(plan.parameters), len(plan.state), len(watched.values))
 
-    # What differs from a run's step.
+    # Differences from the step of a run.
 
     def _begin(self, status: Any) -> None:
         kind, b = self.emit.counter, self.builder
@@ -212,7 +212,7 @@ def _lanes(builder: ir.IRBuilder, numbers: list[Any], kind: Any) -> Any:
 
 
 class _VolatileLoad(LoadInstr):
-    """A load that stays where it is written."""
+    """A load that the compiler does not move."""
 
     def descr(self, buf: list[str]) -> None:
         plain: list[str] = []

@@ -20,7 +20,7 @@ from coadjoint.kernels.untraceable import Structured, Untraceable
 
 @dataclass(frozen=True)
 class StagePlan:
-    """One implicit stage: `unknowns` are Newton's symbols, `solution` the symbols of what it found.
+    """One implicit stage: `unknowns` are Newton's symbols, `solution` the symbols of its solution.
 
     A settled unknown has the same symbol in Newton's loop and in the solution. `blocks` are the numbers of the
     unknowns of one kind each. `sound` is the symbol of a tolerant stage's success, None for others.
@@ -38,7 +38,7 @@ class StagePlan:
     after: list[Expr]
 
     def increments(self) -> Iterator[Increment]:
-        """The written-out first iteration and the loop, where there are any."""
+        """The unrolled first iteration and the loop, where there are any."""
         yield from (i for i in (self.scheme.first, self.scheme.loop) if i is not None)
 
 
@@ -58,7 +58,7 @@ class Inner:
 
 @dataclass(frozen=True)
 class StepPlan:
-    """A step: symbols of its arguments, its stages, and what is observed.
+    """A step: symbols of its arguments, its stages, and its observations.
 
     With `inner`, the stages are those of one substep, and record and monitors belong to the first substep.
     `certificates` are already the maximum over the stages; `monitors` and `certificates` are flat, `shapes` names them.
@@ -88,7 +88,7 @@ def plan(
 ) -> StepPlan:
     """Trace a program. `parameters` and `state` give shapes; `pattern` is that of `specialised`.
 
-    `unrolled`: substeps are written out, stage after stage, rather than run in a loop.
+    `unrolled`: substeps are unrolled, stage after stage, instead of run in a loop.
     """
     if not all(stage.structure.native for stage in program.stages):
         raise Structured
@@ -99,16 +99,16 @@ def plan(
     prepared = tracer.trace(program.prepare, p, s, h)
     _check_same("prepare", prepared, state)
     looped = len(program.substeps) > 1 and not unrolled
-    whole, opening = (tracer.symbols("k", 0.0), tracer.symbols("c", state)) if looped else (h, prepared)
+    full, opening = (tracer.symbols("k", 0.0), tracer.symbols("c", state)) if looped else (h, prepared)
     written = (1.0,) if looped else program.substeps
     parts = [(stage, substep * stage.fraction) for substep in written for stage in program.stages]
-    changing = [*flat(opening), whole[()]] if looped else flat(s)
+    changing = [*flat(opening), full[()]] if looped else flat(s)
     current = opening
     stages: list[StagePlan] = []
     certificates: dict[str, Expr] = {}
     first = None
     for number, (stage, fraction) in enumerate(parts):
-        step = whole if fraction == 1.0 else np.asarray(graph.mul(whole[()], graph.constant(fraction)))
+        step = full if fraction == 1.0 else np.asarray(graph.mul(full[()], graph.constant(fraction)))
         traced, solution, sound = _stage(tracer, stage, number, p, current, step, changing)
         after = tracer.trace(stage.advance, p, current, step, solution, sound)
         _check_same("advance", after, state)
@@ -124,7 +124,7 @@ def plan(
     inner = None
     if looped:
         current = tracer.symbols("e", state)
-        inner = Inner(program.substeps, whole[()], flat(opening), flat(prepared), flat(current))
+        inner = Inner(program.substeps, full[()], flat(opening), flat(prepared), flat(current))
     monitors: Mapping[str, Any] = tracer.trace(program.monitors, p, first, h) if observed else {}
     return StepPlan(
         graph=graph,
@@ -145,7 +145,7 @@ def plan(
 def _stage(
     tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray, changing: list[Expr]
 ) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
-    """What a `StagePlan` holds before `advance`, and what `advance` is given: z and `sound`."""
+    """The parts of a `StagePlan` before `advance`, and the arguments of `advance`: z and `sound`."""
     graph = tracer.graph
     guess = tracer.trace(stage.guess, p, state, h)
     if guess.ndim != 1 or (guess.size > MAX_UNKNOWNS and isinstance(stage.structure, Dense)):
@@ -196,7 +196,7 @@ def _specialise(graph: Graph, tree: Any, pattern: tuple[int, ...]) -> Any:
 
 
 def _check_same(name: str, tree: Any, state: Any) -> None:
-    """A step must return the structure that it was given."""
+    """A step must return the structure of its argument."""
     given, got = (jax.tree_util.tree_flatten(t) for t in (state, tree))
     if given[1] != got[1] or [np.shape(x) for x in given[0]] != [np.shape(x) for x in got[0]]:
-        raise ValueError(f"`{name}` must return a state of the structure and shapes that it is given.")
+        raise ValueError(f"`{name}` must return a state with the structure and shapes of its argument.")

@@ -44,7 +44,7 @@ def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
 def _pivoted(emit: Emitter, matrix: dict[int, Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
     """The unsafe lanes by elimination with partial pivoting, one after the other.
 
-    matrix: what is not zero, by its place in the rows end to end.
+    matrix: the nonzero entries, by their places in the rows end to end.
     """
     b, n, width = emit.builder, len(right), emit.width
     function, cleared = gauss(emit.module), emit.module.declare_intrinsic("llvm.memset", [BYTES, INT64])

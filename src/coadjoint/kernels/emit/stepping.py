@@ -29,16 +29,16 @@ def assemble(plan: StepPlan, width: int = 1) -> str:
 
 
 class StepFunction:
-    """Writes that function; `kernels.emit.online` writes one that goes on where the last call ended."""
+    """Writes that function; `kernels.emit.online` writes one that continues where the last call ended."""
 
     emitter = Emitter
 
     def __init__(self, plan: StepPlan, width: int) -> None:
         self.plan, self.width = plan, width
         self.module = ir.Module(name="coadjoint")
-        whole = INT64.as_pointer()
+        int64s = INT64.as_pointer()
         signature = ir.FunctionType(
-            ir.VoidType(), [POINTER, POINTER, POINTER, INT64, INT64, POINTER, POINTER, POINTER, whole]
+            ir.VoidType(), [POINTER, POINTER, POINTER, INT64, INT64, POINTER, POINTER, POINTER, int64s]
         )
         function = ir.Function(self.module, signature, name=NAME)
         for argument in function.args:
@@ -104,7 +104,7 @@ class StepFunction:
         b.ret_void()
 
     def _begin(self, status: Any) -> None:
-        """How the run stands when it begins: nothing done, every lane alive."""
+        """The status of a run at its beginning: no step done, every lane alive."""
         zero = self.emit.counts(0)
         self.steps, self.total = self.variable(self.emit.counter, zero), self.variable(self.emit.counter, zero)
         self.most = self.variable(self.emit.counter, zero)
@@ -120,7 +120,7 @@ class StepFunction:
         return self.builder.load(self.state[number])
 
     def _results(self) -> list[Expr]:
-        """What must be computed as it is written, the residuals among them."""
+        """Expressions whose sums must not be reordered, the residuals among them."""
         plan = self.plan
         roots = [*plan.record, *plan.monitors, *plan.certificates.values(), *([] if plan.stop is None else [plan.stop])]
         roots += [] if plan.inner is None else plan.inner.start
@@ -159,7 +159,7 @@ class StepFunction:
         observed = done.monitors()
         stop = [] if plan.stop is None else self.emit.values([plan.stop])
         if watched := [*observed, *done.certificates, *stop]:
-            # What is observed is a result too: it never is NaN.
+            # Observations are results too: they are never NaN.
             seen = finite(self.emit, watched)
             code = b.select(b.and_(well, b.xor(seen, self.emit.bit(True))), self.emit.counts(Code.NOT_FINITE), code)
             well = b.and_(well, seen)
@@ -171,7 +171,7 @@ class StepFunction:
         if self.width > 1:
             self._finish(done, observed, well, code)
             return
-        # One trajectory: a failed step leaves everything as it is and ends the loop.
+        # One trajectory: a failed step changes nothing and ends the loop.
         fine, failed, on = (b.append_basic_block(name) for name in ("fine", "failed", "on"))
         b.cbranch(well, fine, failed).set_weights([1 << 20, 1])
         b.position_at_end(failed)
@@ -204,7 +204,7 @@ class StepFunction:
         )
 
     def _finish(self, done: Done, observed: list[Any], well: Any, code: Any) -> None:
-        """Record, observe and take the new state, in the lanes that are well."""
+        """Record, observe and take the new state, in the lanes without failure."""
         b = self.builder
         alive = b.load(self.alive)
         self._observe(done, observed, well)

@@ -15,9 +15,9 @@ from coadjoint.kernels.emit.plan import Inner, StepPlan
 
 @dataclass
 class Done:
-    """A step that was done: how it went, the state after it, and what is observed of it.
+    """A completed step: its status, the state after it, and its observations.
 
-    `record` and `monitors` write out their values where they are wanted.
+    `record` and `monitors` emit their values where they are needed.
     """
 
     well: Any

@@ -71,7 +71,7 @@ def assemble(tangent: StepTangent, width: int) -> str:
 
         void tangent(parameters, h, tape, steps, parameters_dot, columns, state_dot, record_dot)
 
-    Arrays have a last axis of lanes; a row of `tape` goes on with the record; `parameters_dot` (columns, active),
+    Arrays have a last axis of lanes; a row of `tape` continues with the record; `parameters_dot` (columns, active),
     `state_dot` (columns, state), which is read and written, and `record_dot` (steps, columns, record).
     """
     module = ir.Module(name="coadjoint")

@@ -122,7 +122,7 @@ def _partials(graph: Graph, node: Expr) -> Sequence[Expr]:
 
 
 def forward(graph: Graph, roots: Sequence[Expr], by: Sequence[Expr]) -> list[dict[int, Expr]]:
-    """For each root its derivatives by the symbols `by`, {index in by: derivative}; what is absent is zero."""
+    """For each root its derivatives by the symbols `by`, {index in by: derivative}; absent entries are zero."""
     return _pushed(graph, roots, {symbol: {i: graph.one} for i, symbol in enumerate(by)})
 
 

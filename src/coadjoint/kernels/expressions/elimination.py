@@ -1,7 +1,7 @@
 """Small linear systems over expressions: closed forms up to 3×3, elimination with pivots chosen by value beyond.
 
-Closed forms need one division and no branches; like the determinant they do not mind how rows and columns are
-scaled. Larger systems are split into their independent parts first.
+Closed forms need one division and no branches; like the determinant they do not depend on the scaling of rows and
+columns. Larger systems are split into their independent parts first.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def determinant(graph: Graph, a: Matrix) -> Expr:
 def factors(graph: Graph, a: Matrix) -> tuple[Matrix, list[Expr], list[Expr]]:
     """L below the diagonal and U above it, the row taken as each pivot, and the order of the rows: a[order] = L U.
 
-    As LAPACK does it: a column without a pivot is left as it is.
+    As LAPACK does it: a column without a pivot is left unchanged.
     """
     n = len(a)
     rows, order, pivots = [list(row) for row in a], [graph.constant(float(i)) for i in range(n)], []

@@ -30,7 +30,7 @@ Value = float | bool | str | Table | None
 class Expr:
     """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth.
 
-    "entry" is the number at a whole place, its argument, of the table that is its `value`.
+    "entry" is the number at an integer index, its argument, in the table that is its `value`.
     """
 
     __slots__ = ("args", "number", "op", "value")
@@ -44,7 +44,7 @@ class Expr:
     def __repr__(self) -> str:
         if not self.args:
             return str(self.value)
-        # One level: written out in full, shared expressions would fill memory.
+        # One level: expanded in full, shared expressions would fill memory.
         return f"{self.op}({', '.join(str(a.value) if not a.args else f'#{a.number}' for a in self.args)})"
 
     @property
@@ -92,7 +92,7 @@ class Graph:
         return self._node("symbol", (), name)
 
     def unknown(self) -> Expr:
-        """A symbol that is no other symbol."""
+        """A new symbol."""
         return self._node("symbol", (), f"unknown {self._count}")
 
     def placeholder(self, primitive: str) -> Expr:
@@ -100,13 +100,13 @@ class Graph:
         return self._node("placeholder", (), primitive)
 
     def inside(self, index: Expr, last: int) -> Expr:
-        """A whole index moved to 0 … last; 0 for NaN, so that whatever it is made of it points into its array."""
+        """An integer index moved to 0 … last; 0 for NaN, so that it always points into its array."""
         above = self.select(self.apply("lt", self.zero, index), index, self.zero)
         end = self.constant(float(last))
         return self.select(self.apply("lt", above, end), above, end)
 
     def entry(self, table: Table, place: Expr) -> Expr:
-        """The number of a table at a whole place that is inside of it."""
+        """The number of a table at an integer index that is inside it."""
         if place.op == "const":
             return self.constant(table.numbers[int(place.value)])  # pyright: ignore[reportArgumentType]
         return self._node("entry", (place,), table)
@@ -194,7 +194,7 @@ class Graph:
                 return self.mul(a, self.constant(1.0 / value))
             return self._node("div", (a, b))
         if b.op == "const":
-            # Infinite, so that what is singular by structure gives NaN and not zero.
+            # Infinite, so that a structurally singular matrix gives NaN and not zero.
             return self.mul(a, self.constant(math.copysign(math.inf, float(b.value))))  # pyright: ignore
         if a.is_constant(0.0) and b.op != "const":
             return self.zero
@@ -323,7 +323,7 @@ def reachable(roots: Iterable[Expr]) -> list[Expr]:
 
 
 def substitute(graph: Graph, roots: Iterable[Expr], mapping: Mapping[Expr, Expr]) -> list[Expr]:
-    """The roots with symbols replaced, simplified anew."""
+    """The roots with symbols replaced, simplified again."""
     roots = list(roots)
     new: dict[Expr, Expr] = dict(mapping)
     for node in reachable(roots):

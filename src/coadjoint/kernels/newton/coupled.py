@@ -20,10 +20,10 @@ SETTLED = 1e-13
 """Iterations with factors of another point converge linearly: they stop after an increment of this size, relative."""
 
 LEFT_OVER = 1e-15
-"""They stop, too, where their rate so far makes the next increment no larger than this, relative."""
+"""They also stop where their rate so far makes the next increment no larger than this, relative."""
 
 RENEWED = 8
-"""Iterations after which the factors are computed anew."""
+"""Iterations after which the factors are computed again."""
 
 MOST = 60
 """The most iterations of a step."""
@@ -33,13 +33,13 @@ NEAR = 1e-9
 round-off."""
 
 REFINED = 3
-"""Solutions of a linear system, each of what the ones before it left over."""
+"""Corrections of the solution of a linear system, each for the residual of the previous one."""
 
 UNDECLARED = 1e-8
 """The largest last correction of a linear system, relative, with which its solution counts."""
 
 UNROLLED = 8
-"""How many blocks are solved in one turn of the loop."""
+"""The number of blocks solved in one pass of the loop."""
 
 
 WRITTEN = 270
@@ -47,14 +47,14 @@ WRITTEN = 270
 links on SO(3), which compile in some ten seconds."""
 
 ALONE = 540
-"""The same for links none of which are paired."""
+"""The same for links without pairs."""
 
 
 class Factors(NamedTuple):
     """S_i⁻¹, S_i⁻¹L_i, S_i⁻¹U_i of a block tridiagonal matrix, (M, b, b) each, with S_i = D_i − L_i S_{i−1}⁻¹U_{i−1}.
 
-    h: the length of the stage that they were computed for; 0 of none. changes: by how much the unknowns of the last two
-    stages, (2, m), differ from where their iterations would have started without these. renewals: how many times
+    h: the length of the stage that they were computed for; 0 for none. changes: by how much the unknowns of the last
+    two stages, (2, m), differ from where their iterations would have started without these. renewals: how many times
     factors have been computed since the start.
     """
 
@@ -120,17 +120,17 @@ class Coupled:
 
     @property
     def words(self) -> str:
-        """What was chosen, for cards and messages."""
+        """The method, for certificates and messages."""
         plan, b = self.layout, sum(self.sizes)
         links = "1 link" if plan.width == 1 else f"{plan.width} links"
         return (
             f"Newton's method for {self.count} links with {len(self.pairs)} pairs, {plan.colours * b} directional "
             f"derivatives in {plan.colours} colours, {plan.rows} block rows of {links}, {plan.width * b} unknowns "
-            "each; factors go on from step to step"
+            "each; factors carry over from step to step"
         )
 
     def nothing(self) -> Factors:
-        """Factors of the shapes that are carried, of no matrix."""
+        """Factors with the carried shapes, of no matrix."""
         blocks = np.zeros((self.layout.rows, *2 * (self.layout.width * sum(self.sizes),)))
         return Factors(blocks, blocks, blocks, np.zeros(()), np.zeros((2, self.count * sum(self.sizes))), np.zeros(()))
 
@@ -207,10 +207,10 @@ class Coupled:
         return self.out_of_blocks(solved)
 
     def jacobian_solve(self, function: Callable[[jax.Array], jax.Array], z: jax.Array, right: jax.Array) -> jax.Array:
-        """x with (∂function/∂z) x = right at z, all (m,); NaN where links that are no pair act on each other.
+        """x with (∂function/∂z) x = right at z, all (m,); NaN where links without a pair act on each other.
 
-        The blocks hold J of links that are pairs. Of others J x differs from them, so that x is corrected by what
-        J x leaves of `right`; where corrections do not shrink the blocks are not J.
+        The blocks hold J of paired links. For other links J x differs from them, so that x is corrected for the
+        remainder of `right`; if the corrections do not shrink, the blocks are not J.
         """
         pushed = jax.linearize(function, z)[1]
         factors = self.factors(pushed)
@@ -250,7 +250,7 @@ class Coupled:
             code = jnp.where(good, code, int(Code.NOT_FINITE))
             change = end.unknowns - start
             earlier = jnp.where(before.h == h, before.changes[0], change)
-            # Factors that led nowhere are not used again.
+            # Factors that failed are not used again.
             renewals = before.renewals + end.renewals
             kept = Factors(*factors, jnp.where(code == 0, h, 0.0), jnp.stack([change, earlier]), renewals)
             return end.unknowns, (end.iterations.astype(float), code.astype(float), kept)
@@ -267,7 +267,7 @@ class Coupled:
         return Root(unknowns, iterations.astype(int), code.astype(int), kept if carried != () else ())
 
     def _iterated(self, function, start, h, blocks, before: Factors):
-        """Where the iteration ends, and the factors there."""
+        """The end of the iteration, and the factors there."""
         floor, parts = FLOOR / jnp.abs(h), parts_of(blocks)
 
         def renewed(it: _Iterate, factors):
@@ -288,7 +288,7 @@ class Coupled:
             rates = jnp.where(age > 0, sizes / jnp.maximum(it.sizes, floor), jnp.inf)
             small = (sizes <= SETTLED * scales + floor) | (jnp.maximum(rates, 1e-8) * sizes <= LEFT_OVER * scales)
             stalled = near & was_near & (rates > STALLED)
-            # New factors that lead to no number have failed.
+            # New factors that give NaN have failed.
             settled = jnp.all(small | (stalled & fresh)) | (~finite & fresh & (age == 0))
             lost = (jnp.max(rates) > 1.0) & ~near & (age > 0)
             lost = lost | jnp.any(stalled & ~small) & ~fresh | ~finite

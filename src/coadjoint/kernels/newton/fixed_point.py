@@ -1,4 +1,4 @@
-"""The structure of equations that are a fixed point: z ← z − r(z), without a Jacobian."""
+"""The structure of fixed-point equations: z ← z − r(z), without a Jacobian."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ ROUND_OFF = 1e-11
 """A residual below this, relative to the unknowns, that no longer shrinks is round-off."""
 
 SHRINKS = 0.95
-"""What an iteration that converges leaves of the residual at most, of two in turn."""
+"""The largest factor by which two iterations in turn reduce the residual if they converge."""
 
 LEAST = 0.1
-"""The least by which r is taken to shrink once more, where it shrank faster."""
+"""The smallest factor by which r is assumed to shrink once more, where it shrank faster."""
 
 AGEING = 1.25
-"""By how much a carried rate grows in a step that took one iteration, which measures none."""
+"""The factor by which a carried rate grows in a step with one iteration, which measures none."""
 
 FEW = 2048
-"""The most numbers whose largest is found in one pass without vector instructions."""
+"""The largest count of numbers whose maximum is found in one pass without vector instructions."""
 
 OF_TANGENTS = 1e-14
 """The tolerance of derivatives, whatever that of the equations."""
 
 
 def sizes(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """|x|∞ and |y|∞ of numbers (m,) both: of few in one pass, which XLA leaves whole, unlike that of one alone."""
+    """|x|∞ and |y|∞ of numbers (m,) both: of few in one pass, which XLA does not split, unlike that of one alone."""
     if x.size > FEW:
         return jnp.max(jnp.abs(x)), jnp.max(jnp.abs(y))
 
@@ -52,9 +52,9 @@ def largest(x: jax.Array, rows: tuple[int, int]) -> jax.Array:
 
 
 def scales(z: jax.Array, rows: tuple[int, int]) -> jax.Array:
-    """What errors of unknowns z, (m,), are relative to, (fields, copies): a copy of a field to itself.
+    """The scales of errors of unknowns z, (m,), by (fields, copies): a copy of a field is compared with itself.
 
-    The first field, which the others drive, is compared with all fields of its copy; what is 0 with 1.
+    The first field, which the others drive, is compared with all fields of its copy; 0 is compared with 1.
     """
     found = largest(z, rows)
     found = found.at[0].set(jnp.max(found, axis=0)) if rows[0] > 1 else found
@@ -78,14 +78,14 @@ class FixedPoint:
     Convergence is linear: where r shrank by ρ, the next r is ρr, which is not computed for its size alone, and the
     error left is 1/(1 − ρ) times the tolerance. Of the first iteration ρ is that of the step before, in proportion to
     h: ρ/|h|, 1/s, is carried over, and grows by a quarter in each step that measures none. Iterations of which two
-    in turn leave 0.95 of r or more, once that is below 1e-11 of z, have met round-off and end, too. Derivatives follow
-    from the implicit function theorem: linear equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the
-    same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN.
+    in turn leave 0.95 of r or more, once that is below 1e-11 of z, have met round-off and end as well. Derivatives
+    follow from the implicit function theorem: linear equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved
+    by the same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN.
 
     rows: how many fields, and copies of each, the unknowns are, which are compared each with its own size (`scales`).
-    finds: whether residual(z) is a pair of r and what else is found at z, a PyTree: that of the last evaluation, at
-    z + r of the solution z, is `Root.found`, without derivatives. As it serves in the place of what would be found at
-    the solution, and is off by as much as r shrinks once, the next |r|∞ is to be half of the tolerance then.
+    finds: whether residual(z) is a pair of r and a PyTree of further results at z: the PyTree of the last evaluation,
+    at z + r of the solution z, is `Root.found`, without derivatives. It replaces the results at the solution and is off
+    by as much as r shrinks once, so that the next |r|∞ must then be half of the tolerance.
     """
 
     tolerance: float = 1e-14
@@ -97,7 +97,7 @@ class FixedPoint:
 
     @property
     def words(self) -> str:
-        """What was chosen, for cards and messages."""
+        """The method, for certificates and messages."""
         return f"fixed-point iteration to {self.tolerance:g} of the unknowns, no Jacobian"
 
     def root(
@@ -115,7 +115,7 @@ class FixedPoint:
             jnp.asarray(1.0) if isinstance(carried, tuple) else jnp.minimum(lax.stop_gradient(carried) * length, 1.0)
         )
 
-        def settle(_, start):  # what it is given is the residual alone
+        def settle(_, start):  # its argument is the residual alone
             end = self._iterated(evaluated, start, expected=expected)
             how = jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED)
             code = jnp.where(jnp.all(jnp.isfinite(end.unknowns)), how, Code.NOT_FINITE)
@@ -154,7 +154,7 @@ class FixedPoint:
         most: int = MOST,
         expected: jax.Array | float = 1.0,
     ) -> _Iterate:
-        """evaluated: z ↦ r and what else is found. expected: by how much the first iteration is taken to shrink r."""
+        """evaluated: z ↦ r and further results. expected: the assumed reduction of r by the first iteration."""
 
         def advance(iterate: _Iterate) -> _Iterate:
             off, found = evaluated(iterate.unknowns)

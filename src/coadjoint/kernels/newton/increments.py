@@ -81,14 +81,14 @@ class Increment:
 
 
 class Changing:
-    """Expressions that change at every step: some symbols, and what depends on them, as far as it was asked for."""
+    """Expressions that change at every step: some symbols, and the requested expressions that depend on them."""
 
     def __init__(self, symbols: set[Expr]) -> None:
         self.nodes = set(symbols)
         self._seen: set[Expr] = set()
 
     def mark(self, roots: Iterable[Expr]) -> None:
-        """Find what changes among the roots and all that they depend on."""
+        """Find the expressions that change, among the roots and all that they depend on."""
         stack, found = [x for x in roots if x not in self._seen], []
         while stack:
             node = stack.pop()
@@ -103,12 +103,12 @@ class Changing:
 
 @dataclass(frozen=True)
 class Scheme:
-    """How Newton runs for one stage.
+    """The arrangement of Newton's method for one stage.
 
     Rows that are affine in unknowns which only they determine are exact after one iteration. If there are any, the
-    `first` iteration is written out at the guess, `settled` maps those unknowns to the symbols of their values, and
-    the loop (`loop`, on the symbols of the unknowns that are `looped`) runs over the others. Every iteration is a
-    plain Newton iteration on all unknowns.
+    `first` iteration is unrolled at the guess, `settled` maps those unknowns to the symbols of their values, and the
+    loop (`loop`, on the symbols of the unknowns that are `looped`) runs over the others. Every iteration is a plain
+    Newton iteration on all unknowns.
     """
 
     first: Increment | None
@@ -124,7 +124,8 @@ def scheme(
     residual: Sequence[Expr],
     state: Sequence[Expr],
 ) -> Scheme:
-    """Arrange Newton for residual(unknowns) = 0 from `guess`; what depends on `state` changes at every step."""
+    """Arrange Newton for residual(unknowns) = 0 from `guess`; expressions that depend on `state` change at every
+    step."""
     changing = {*unknowns, *state}
     rows = forward(graph, residual, unknowns)
     order = matching([list(row) for row in rows])
@@ -196,7 +197,7 @@ def _increment(
 
 
 def _known(graph: Graph, row: list[Expr], delta: list[Expr], solved: list[int]) -> Expr:
-    """What the unknowns that are solved for contribute to a row."""
+    """The contribution of the eliminated unknowns to a row."""
     there = [j for j in solved if row[j] is not graph.zero]
     return dot(graph, [row[j] for j in there], [delta[j] for j in there])
 
@@ -231,7 +232,7 @@ def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, changing: Changin
     n = len(a)
     corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
     inverse = elimination.inverse(graph, corner)
-    # The Schur complement of the corner, and the right side that is left for it.
+    # The Schur complement of the corner, and its right side.
     first = [dot(graph, row, b[:k]) for row in inverse]
     across = [[dot(graph, row, column) for column in zip(*right, strict=True)] for row in inverse]
     columns = list(zip(*across, strict=True))

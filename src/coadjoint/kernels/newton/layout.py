@@ -10,12 +10,12 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class LinkOrder:
-    """How the derivatives of links' equations are found and where they stand.
+    """How the derivatives of links' equations are computed, and their places in the matrix.
 
-    colours: how many. colour: that of each link, (N,); no equation has two unknown links of one colour. width: how many
-    links a block of the block tridiagonal matrix holds. place: (3, M, w, w), which of the derivatives stands in the
-    lower, the diagonal and the upper block: colour · N + row, then colours · N for zero and colours · N + 1 for one.
-    position: (N,), where each link stands among the M·w of the blocks.
+    colours: their number. colour: that of each link, (N,); no equation has two unknown links of one colour. width: how
+    many links a block of the block tridiagonal matrix holds. place: (3, M, w, w), which of the derivatives stands in
+    the lower, the diagonal and the upper block: colour · N + row, then colours · N for zero and colours · N + 1 for
+    one. position: (N,), where each link stands among the M·w of the blocks.
     """
 
     colours: int
@@ -59,7 +59,7 @@ def layout(count: int, pairs: tuple[tuple[int, int], ...]) -> LinkOrder:
 
 def _reordered(count: int, ends: np.ndarray) -> np.ndarray:
     """The positions of links in the reversed order of Cuthill and McKee, (N,)."""
-    from scipy.sparse import coo_matrix  # a tenth of what a set-up takes
+    from scipy.sparse import coo_matrix  # a tenth of the set-up time
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))

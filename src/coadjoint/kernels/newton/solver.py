@@ -16,9 +16,10 @@ from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE,
 
 
 class Root(NamedTuple):
-    """Where Newton ended: unknowns (m,), iterations done, the code, and what is carried over to the next step.
+    """The result of Newton's method: unknowns (m,), iterations done, the code, and the data carried over to the next
+    step.
 
-    found: what the structure found besides the unknowns, for `Stage.solved`.
+    found: further results of the structure, for `Stage.solved`.
     """
 
     unknowns: jax.Array
@@ -30,7 +31,7 @@ class Root(NamedTuple):
 
 @dataclass(frozen=True)
 class Dense:
-    """The structure of equations that all unknowns may enter: Newton's method with the whole Jacobian, `solve`."""
+    """The structure of equations that all unknowns may enter: Newton's method with the full Jacobian, `solve`."""
 
     native = True
     limit = f"{MAX_ITERATIONS} Newton iterations"
@@ -50,7 +51,7 @@ class Dense:
 
 
 class DenseStage:
-    """What a stage with such equations says of them: nothing is carried over from one step to the next."""
+    """The part of a stage with such equations: nothing is carried over from one step to the next."""
 
     structure: Structure = Dense()
 
@@ -59,7 +60,7 @@ class DenseStage:
         return partial(cast(Any, self).residual, parameters, state, h)
 
     def solved(self, state: Any, found: Any) -> Any:
-        """The state as it is."""
+        """The state, unchanged."""
         return state
 
     def carried(self, state: Any) -> Any:
@@ -67,7 +68,7 @@ class DenseStage:
         return ()
 
     def carry(self, after: Any, carried: Any) -> Any:
-        """The state as it is."""
+        """The state, unchanged."""
         return after
 
 
@@ -80,7 +81,7 @@ class _Iterate(NamedTuple):
 
 
 def parts_of(blocks: tuple[int, ...]) -> list[slice]:
-    """Where each block of unknowns stands; all of them where there are no blocks."""
+    """The slice of each block of unknowns; all unknowns where there are no blocks."""
     ends = np.cumsum(blocks)
     return [slice(end - size, end) for size, end in zip(blocks, ends, strict=True) if size] or [slice(None)]
 
@@ -95,7 +96,7 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
 
     `blocks` are the sizes of the blocks of unknowns; `program.TOLERANCE` states the rule for blocks at round-off.
     Derivatives of the result follow from the implicit function theorem, ∂z = −J⁻¹ ∂r: they cost one linear solve
-    and do not depend on how Newton went.
+    and do not depend on the course of the iteration.
     """
     parts = parts_of(blocks)
 
@@ -124,7 +125,7 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
             Code.NOT_FINITE,
             jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED),
         )
-        # As floats: custom_root gives whole numbers tangents that its own rule refuses.
+        # As floats: custom_root gives integers tangents that its own rule rejects.
         return end.unknowns, (end.iterations.astype(float), code.astype(float))
 
     def tangent_solve(linear, right_side):

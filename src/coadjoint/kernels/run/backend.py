@@ -26,7 +26,7 @@ OUTSIDE = "A function of this system is called from outside JAX, which no native
 def choose(
     program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend, axes: tuple[Any, Any] | None = None
 ) -> Backend:
-    """ "native" or "xla": what `backend` comes to for this program; compiles a native kernel on the way.
+    """ "native" or "xla": the choice for this program; compiles a native kernel on the way.
 
     axes: of an ensemble, as `run_ensemble` takes them.
 
@@ -48,7 +48,7 @@ def choose(
 
 
 def monitor_shapes(program: Program, parameters: Any, state: Any, backend: Backend) -> Mapping[str, tuple[int, ...]]:
-    """Names and shapes of what is observed at a record of a single run, of which `choose` has chosen the backend."""
+    """Names and shapes of the observations at a record of a single run, whose backend `choose` has chosen."""
     if backend == "native":
         return native.compile(program, parameters, state).monitor_shapes
     found = evaluate(program.monitors, parameters, state, 1.0)

@@ -1,6 +1,6 @@
 """Many short runs driven from tables, and their tangents: one run in each SIMD lane, all steps of all runs kept.
 
-What drives a run is written into its state before every step, so that a table may be as long as one likes.
+The inputs of a run are written into its state before every step, so that a table may have any length.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Driven(NamedTuple):
 
 
 class Path(NamedTuple):
-    """What runs left behind, with a first axis of groups and a last one of lanes; `runs` of the lanes are in use."""
+    """The output of runs, with a first axis of groups and a last one of lanes; `runs` of the lanes are in use."""
 
     rows: np.ndarray
     state: np.ndarray
@@ -64,13 +64,13 @@ class Path(NamedTuple):
 
     @property
     def codes(self) -> np.ndarray:
-        """How each run ended, of `Code`."""
+        """The `Code` with which each run ended."""
         return of_lanes(self.status, self.runs)[:, 1]
 
 
 class PiecewiseParameters(NamedTuple):
     """Parameters that change in the midst of runs: to p[places] + values of knot k, (runs, knots, places), from step
-    k `steps` on; the last knot goes on to the end. `components`: how many columns of derivatives a knot has."""
+    k `steps` on; the last knot lasts to the end. `components`: how many columns of derivatives a knot has."""
 
     places: np.ndarray
     components: int
@@ -89,7 +89,8 @@ _lock = threading.Lock()
 
 
 def driven(program: Program, parameters: Any, state: Any, active: Sequence[int]) -> Driven:
-    """The code for a program whose record is what is wanted of every step, with the parameters numbered `active`.
+    """The code for a program whose record holds the wanted results of every step, with the parameters numbered
+    `active`.
 
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
@@ -218,7 +219,7 @@ def _numbers(p: np.ndarray, groups: int, width: int) -> np.ndarray:
 
 
 def _move(numbers: np.ndarray, p: np.ndarray, wandering: PiecewiseParameters, knot: int) -> None:
-    """Give the parameters that wander their values of a knot."""
+    """Give the piecewise parameters their values of a knot."""
     values = in_lanes(wandering.values[:, knot], numbers.shape[2])
     numbers[:, wandering.places] = p[wandering.places][:, None] + values
 

@@ -1,4 +1,4 @@
-"""Functions of a program that XLA compiles, as the structure of its steps asks."""
+"""Functions of a program that XLA compiles, with options for the structure of its steps."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ which takes two thirds of the time to compile and as long to run. JAX 0.12 has n
 
 
 def compiled(*static: str) -> Callable[[Callable], Callable]:
-    """`jax.jit` of a function whose first argument is a program, with the options that its steps ask for.
+    """`jax.jit` of a function whose first argument is a program, with the options for its steps.
 
-    static: the names of further arguments that are no arrays.
+    static: the names of further arguments that are not arrays.
     """
 
     def made(function: Callable) -> Callable:

@@ -1,7 +1,7 @@
-"""What set-up has found, beside the machine code on disk (`kernels.run.store`): texts, numbers and names as JSON.
+"""Results of set-up on disk, next to the machine code (`kernels.run.store`): texts, numbers and names as JSON.
 
-The name under which something is kept says all that it follows from, the library among it. What may not have come from
-the library as its files are now is not kept.
+The name of an entry depends on all inputs of the result, including the library. A result that may not come from the
+current files of the library is not stored.
 """
 
 from __future__ import annotations
@@ -18,38 +18,38 @@ from coadjoint.kernels.trace.identity import identity
 from coadjoint.kernels.trace.library import edited, library
 
 _FORM = "1"
-"""Changes whenever what is kept is written in another way."""
+"""The format of entries, changed with it."""
 
 
 def name(*parts: Any) -> str | None:
-    """A name for what follows from values by the library alone; None where they have no identity, or none is kept."""
+    """A name for a result that the library computes from values; None if they have no identity, or without a cache."""
     if store.folder() is None:
         return None
     own, here = identity(*parts), library()
-    if own is None or here is None or not own.whole:
+    if own is None or here is None or not own.library_only:
         return None
     return store.key(_FORM, *processor(), here, own.digest)
 
 
 def recalled(parts: tuple[Any, ...], find_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """What follows from these parts by the library alone, as it was kept, or found out now and kept."""
+    """The result that the library computes from these parts: from the cache, or computed now and stored."""
     known = name(*parts)
     found = find(known)
     if found is None:
         found = find_out()
         keep(known, found)
-        found = _read(_write(found))  # as it will be found
+        found = _read(_write(found))  # in the form in which it will be found
     return found
 
 
 def find(name: str | None) -> Any:
-    """What was kept under a name, or None."""
+    """The entry under a name, or None."""
     content = None if name is None else store.fetch(name)
     return None if content is None else _read(content)
 
 
 def keep(name: str | None, value: Any) -> None:
-    """Keep a value, not None, of dictionaries with texts as keys, lists, texts, numbers and arrays of float64."""
+    """Store a value, not None, of dictionaries with texts as keys, lists, texts, numbers and arrays of float64."""
     if name is not None and not edited():
         store.keep(name, _write(value))
 
@@ -65,7 +65,7 @@ def _read(content: bytes) -> Any:
 def _written(value: Any) -> Any:
     array = np.asarray(value)
     if array.dtype != np.float64:
-        raise TypeError(f"What is kept must be float64, but is {array.dtype}.")
+        raise TypeError(f"A stored array must be float64, but is {array.dtype}.")
     return {"float64": array.tobytes().hex(), "shape": array.shape}
 
 

@@ -1,4 +1,4 @@
-"""Runs many members of one program at once: a trajectory in each SIMD lane, groups of lanes on threads."""
+"""Runs many members of one program together: a trajectory in each SIMD lane, groups of lanes on threads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from coadjoint.kernels.run.native import Kernel, LaneArrays
 
 
 def lanes() -> int:
-    """How many doubles the widest vectors of this processor hold."""
+    """The number of doubles in the widest vectors of this processor."""
     features = llvm.get_host_cpu_features()
     if features.get("avx512f"):
         return 8
@@ -36,7 +36,7 @@ _MOST: ContextVar[int | None] = ContextVar("most cores", default=None)
 
 @contextmanager
 def at_most(threads: int) -> Iterator[None]:
-    """While this lasts, ensembles run on so many threads at most; no result depends on it."""
+    """Inside this context ensembles run on at most so many threads; no result depends on it."""
     token = _MOST.set(threads)
     try:
         yield
@@ -45,7 +45,7 @@ def at_most(threads: int) -> Iterator[None]:
 
 
 def cores() -> int:
-    """How many cores this process may use, or `at_most` says."""
+    """The number of cores that this process may use, or the limit of `at_most`."""
     return min(_available(), _MOST.get() or _available())
 
 
@@ -85,7 +85,7 @@ def run_ensemble(
 
 
 def compile(program: Program, parameters: Any, state: Any, monitors: bool, axes: tuple[Any, Any]) -> Kernel:
-    """The kernel with which `run_ensemble` runs these members; raises what it raises."""
+    """The kernel with which `run_ensemble` runs these members; raises the same errors."""
     return _kernel_for(program, parameters, state, monitors, axes)[0]
 
 
@@ -101,7 +101,7 @@ def _kernel_for(
 
 
 def _empty(kernel: Kernel, state: np.ndarray, records: int) -> LaneArrays:
-    """Room for what the machine writes, with a first axis of groups and a last one of lanes."""
+    """Arrays for the output of the machine code, with a first axis of groups and a last one of lanes."""
     groups, _, lanes = state.shape
     watched = kernel.monitor_size + len(kernel.certificates)
     limits = np.array([np.inf, -np.inf])[None, None, :, None]
@@ -150,7 +150,7 @@ def members_of(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:
         np.asarray(leaf) if flag else np.broadcast_to(leaf, (count, *np.shape(leaf)))
         for leaf, flag in zip(leaves, flags, strict=True)
     ]
-    pack(spread)  # refuses leaves that are no real numbers
+    pack(spread)  # raises for leaves other than real numbers
     rows = [np.asarray(leaf, np.float64).reshape(count, -1) for leaf in spread]
     layout = Layout(structure, tuple(leaf.shape[1:] for leaf in spread))
     return layout, np.concatenate(rows, axis=1) if rows else np.zeros((count, 0))

@@ -45,7 +45,8 @@ class NativeFunction:
 
 
 def assembled(given: Sequence[tuple[list[Any], int]], found: Sequence[tuple[Mapping[int, Any], int]]) -> str:
-    """void function(arrays of `given`, arrays of `found`, rows): what is absent from `found` is left unwritten.
+    """void function(arrays of `given`, arrays of `found`, rows): entries that are absent from `found` are left
+    unwritten.
 
     given: the nodes that an array holds, and by how many numbers it moves on after a row. found: likewise nodes by
     their places.
@@ -102,6 +103,6 @@ class NativeRecursion:
         u, c = np.ascontiguousarray(u, np.float64), np.ascontiguousarray(c, np.float64)
         found = np.empty((len(u) + 1, x.size))
         found[0] = x
-        # What a step finds is where the next one reads.
+        # Each step writes to where the next one reads.
         self.code(found.ctypes.data, u.ctypes.data, c.ctypes.data, found.ctypes.data + found.strides[0], len(u))
         return found

@@ -30,7 +30,7 @@ _SIGNATURE = [*[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4]
 
 
 class _Adjoint(NamedTuple):
-    """Machine code that takes steps with a tape, and that which goes back over the tape."""
+    """Machine code that takes steps with a tape, and machine code that goes back over the tape."""
 
     forward: native.Kernel
     machine: Machine
@@ -38,7 +38,7 @@ class _Adjoint(NamedTuple):
 
 
 class Cotangents(NamedTuple):
-    """What a pullback returns, PyTrees like the arguments."""
+    """The result of a pullback, PyTrees like the arguments."""
 
     parameters: Any
     state: Any
@@ -65,7 +65,7 @@ def vjp(
 def pullback(
     program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int
 ) -> Callable[[Any, Any], Cotangents]:
-    """The pullback of `vjp` alone, for a run that was made before: whether it failed shows on the way."""
+    """The pullback of `vjp` alone, for an earlier run: a failure shows on the way."""
 
     def pull(records_bar: Any, final_bar: Any) -> Cotangents:
         back = _Pullback(program, parameters, state, h, records * save_every, save_every)

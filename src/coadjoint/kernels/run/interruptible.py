@@ -1,4 +1,4 @@
-"""Long calls of machine code in pieces, between which Python sees signals: where they are cut changes no number."""
+"""Long calls of machine code in pieces, between which Python handles signals; the cuts change no number."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import time
 from coadjoint.interrupts import look
 
 PIECE = 0.1
-"""Seconds that a piece is to last."""
+"""The intended duration of a piece, s."""
 
 FIRST, GROWTH = 16, 8
-"""Steps of the first piece, and by how much the next one may be longer."""
+"""The steps of the first piece, and the largest growth from one piece to the next."""
 
 
 class PieceLength:
-    """How many steps a piece takes, by what pieces took before."""
+    """The number of steps of a piece, from the times of earlier pieces."""
 
     def __init__(self) -> None:
         self.steps = FIRST
 
     def took(self, steps: int, seconds: float) -> None:
-        """A piece of so many steps took so long."""
+        """Note the duration of a piece of so many steps."""
         wished = steps * PIECE / max(seconds, 1e-9)
         self.steps = int(min(max(wished, 1.0), GROWTH * max(self.steps, steps)))
 
@@ -40,7 +40,7 @@ class Clock:
 
 
 class Cut(KeyboardInterrupt):
-    """An interrupt between two pieces; `result` is what the pieces before it have computed."""
+    """An interrupt between two pieces; `result` is that of the pieces before it."""
 
     def __init__(self, result: object) -> None:
         super().__init__()

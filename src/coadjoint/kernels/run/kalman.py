@@ -1,4 +1,4 @@
-"""Extended Kalman filters by machine code: a list of orders at once, one filter after the other."""
+"""Extended Kalman filters by machine code: a list of orders per call, one filter after the other."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from coadjoint.kernels.run.machine import Machine, machine
 
 
 class Model(NamedTuple):
-    """What a filter computes with: sizes, and functions of rows as machine code.
+    """The model of a filter: sizes, and functions of rows as machine code.
 
     size: of a row. state: how many of its first numbers the step takes; the others drift. unknowns: of the step, and
-    which numbers of the row after it they are. parameters: of the step, and the places of those that drift. step: a
-    kernel of one lane, or where there are no unknowns a function of (row, h). tangent: (unknowns, e, w), (row, row
-    after, h) ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
+    their places in the row after it. parameters: of the step, and the places of those that drift. step: a kernel of one
+    lane, or where there are no unknowns a function of (row, h). tangent: (unknowns, e, w), (row, row after, h) ↦
+    (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
     """
 
     size: int
@@ -57,7 +57,7 @@ def _code() -> tuple[Machine, Any]:
 
 
 def address(function: Any) -> int:
-    """Where a function of machine code stands."""
+    """The address of a function of machine code."""
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
@@ -107,7 +107,7 @@ class Filters:
         self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
 
     def follow(self, row: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray) -> int:
-        """Carry out orders (count, 4) with one filter, whose row and P change: −1, or which order failed."""
+        """Execute orders (count, 4) with one filter, whose row and P change: −1, or which order failed."""
         self._memory[kalman.FIELDS.index("row")] = row.ctypes.data
         self._memory[kalman.FIELDS.index("P")] = P.ctypes.data
         pointers = [a.ctypes.data for a in (self._memory, orders)]

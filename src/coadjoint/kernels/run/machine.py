@@ -89,10 +89,10 @@ def name_of(assembly: str) -> str:
 
 
 def _aside(make: Callable[[], Made]) -> Made:
-    """What `make` returns or raises, in a thread of its own where this is the main one.
+    """The result or the error of `make`, in a separate thread if this is the main one.
 
-    An interrupt reaches the main thread only. Between a call of LLVM and the note in Python of who owns what it made,
-    it would leave memory that is freed twice. The thread goes on to its end.
+    An interrupt reaches the main thread only. Between a call of LLVM and the record in Python of the owner of its
+    result, it would leave memory that is freed twice. The thread continues to its end.
     """
     if threading.current_thread() is not threading.main_thread():
         return make()

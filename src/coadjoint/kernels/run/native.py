@@ -42,7 +42,7 @@ class Kernel(NamedTuple):
 
 
 class LaneArrays(NamedTuple):
-    """What the machine code wrote, with a last axis of SIMD lanes everywhere."""
+    """The output of the machine code, with a last axis of SIMD lanes everywhere."""
 
     state: np.ndarray
     records: np.ndarray
@@ -81,7 +81,7 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
 
 
 def _kept(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
-    """The kernel as it is kept on disk, or planned and kept."""
+    """The kernel from the disk cache, or planned and stored there."""
     _, shape, pattern, monitors, width = key
     name = plans.name(program, parameters, state, "kernel", pattern, monitors, width)
     found = disk_cache.find(name)
@@ -168,7 +168,7 @@ def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records:
     try:
         while done < records * save_every and not np.all(result.status[1]):
             steps, ahead = _piece(kernel, inputs, result, done, save_every)
-            # What is behind an interrupt is taken over whole or not at all.
+            # The steps before an interrupt are taken over completely or not at all.
             result, done = ahead, done + steps
             clock.lap(steps)
     except KeyboardInterrupt:

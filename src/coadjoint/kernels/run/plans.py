@@ -1,7 +1,7 @@
-"""Kernels on disk: the machine code of a program with the names and shapes of what it writes, found without a trace.
+"""Kernels on disk: the machine code of a program with the names and shapes of its output, found without a trace.
 
-A program says what it does by `identity`, a text that is the same in every process, or None where that cannot be told;
-such a program is traced. What functions were traced of it is told by `current`: whether it still is what they do.
+`identity` of a program is a text that is the same in every process, or None if its functions have no known identity;
+such a program is traced. `current` shows whether the traced functions have changed since.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ NEWTON = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS, CANCELLATION, MAX_UNKNOWNS)
 
 
 def name(program: Program, parameters: Any, state: Any, *more: Any) -> str | None:
-    """The name for what a program comes to at these shapes and with this more; None where it cannot be told."""
+    """The name of the kernel of a program at these shapes and with these additions; None if its identity is unknown."""
     own = getattr(program, "identity", None)
     structure = repr(jax.tree_util.tree_structure((parameters, state)))
     if own is None or " at 0x" in structure:

@@ -20,7 +20,7 @@ from coadjoint.kernels.run.native import Kernel
 
 
 class Probed(NamedTuple):
-    """Where steps led, a row of numbers a state; `record` is of the first step, `code` 0 where all went well."""
+    """The results of steps, a row of numbers a state; `record` is of the first step, `code` 0 where all went well."""
 
     after: np.ndarray
     record: np.ndarray
@@ -30,8 +30,8 @@ class Probed(NamedTuple):
 class Probe:
     """Steps of `program` from rows of packed states (rows, size); `layout` packs and unpacks them.
 
-    parameters: those of the run; of `count` members with `axes`, as in `run_ensemble`, and `members` (rows,) says
-    whose parameters a row has. state: of one member. Nothing is compiled that the run has not compiled.
+    parameters: those of the run; of `count` members with `axes`, as in `run_ensemble`, and `members` (rows,) gives the
+    member whose parameters a row has. state: of one member. Nothing is compiled beyond the code of the run.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Probe:
     ):  # fmt: skip
         self.backend, self.program, self.monitors = backend, program, monitors
         self.parameters, self.axes, self.count = parameters, axes, count
-        # Factors that a step carries over are no part of records; here every row begins with none.
+        # Factors that a step carries over are not part of records; here every row begins with none.
         self._stage = program.stages[0]
         self._carried = jax.tree.map(np.zeros_like, self._stage.carried(state))
         self._bears = isinstance(self._carried, Factors)
@@ -91,7 +91,8 @@ class Probe:
     def _native(
         self, kernel: Kernel, rows: np.ndarray, h: np.ndarray, kept: int, every: int, whose: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where kept·every steps lead (rows, size), each `every`-th record (rows, kept, size), and status (rows, 4)."""
+        """The states after kept·every steps (rows, size), each `every`-th record (rows, kept, size), and status (rows,
+        4)."""
         width = 1 if self.axes is None else ensemble.lanes()
         count = -(-len(rows) // width)
         s, step = in_lanes(rows, width), in_lanes(h[:, None], width)
@@ -109,7 +110,7 @@ class Probe:
         return of_lanes(s, len(rows)), of_lanes(records, len(rows)), of_lanes(status, len(rows))
 
     def _xla(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
-        """Row by row; of an ensemble many at once."""
+        """Row by row; of an ensemble many together."""
         if self.axes is not None:
             return self._xla_members(rows, h, steps, whose)
         after, records, codes = np.array(rows), np.array(rows), np.zeros(len(rows), int)
@@ -122,7 +123,7 @@ class Probe:
         return Probed(after, records, codes)
 
     def _xla_members(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
-        """As many rows at once as the run has members, with the parameters of theirs; the last row fills up."""
+        """As many rows together as the run has members, with their parameters; the last row fills up."""
         parts, order = [], []
         for size in np.unique(h):
             of_this = np.flatnonzero(h == size)

@@ -1,11 +1,11 @@
 """Machine code on disk, by content: $COADJOINT_CACHE, or coadjoint/ in the user's cache folder.
 
-Code that is found there is run, so that it must be code which this user has kept there under that name: the folder and
-every file belong to the user, nobody else may write to them, and a file begins with a digest of its name and content
-under a secret key, which lies beside the files and which nobody else can read. What does not fit is ignored.
-Files are written whole and renamed into place, so that several processes may share the folder. Together they take no
-more than LIMIT; what has not been used for longest goes first. A folder that cannot be read or written is no cache, and
-nothing else happens. An empty $COADJOINT_CACHE turns the cache off.
+Code that is found there is executed, so that it must be code that this user has stored there under that name: the
+folder and every file belong to the user, no other user may write to them, and a file begins with a digest of its name
+and content under a secret key, which lies next to the files and which no other user can read. Other files are ignored.
+Files are written completely and renamed into place, so that several processes may share the folder. Together they take
+no more than LIMIT; the least recently used files are removed first. A folder that cannot be read or written disables
+the cache, without an error. An empty $COADJOINT_CACHE turns the cache off.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 LIMIT = 256 << 20
-"""The most bytes that all files together take; code of a system takes some 100 kB."""
+"""The largest total size of all files, in bytes; code of a system takes some 100 kB."""
 
 _DIGEST = hashlib.sha256().digest_size
 _KEY = "key"
 _HOUR = 3600.0
-"""After so long a file that is being written has been given up, s."""
+"""The age after which an unfinished file counts as abandoned, s."""
 
 _NOFOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
@@ -45,7 +45,7 @@ def folder() -> Path | None:
 
 
 def key(*parts: str) -> str:
-    """A name for what follows from `parts` alone."""
+    """A name for a result that follows from `parts` alone."""
     digest = hashlib.sha256()
     for part in parts:
         digest.update(f"{len(part)}:{part}".encode())
@@ -53,7 +53,7 @@ def key(*parts: str) -> str:
 
 
 def fetch(name: str) -> bytes | None:
-    """What this user kept under `name`, or None."""
+    """The code that this user stored under `name`, or None."""
     place = folder()
     if place is None:
         return None
@@ -70,12 +70,12 @@ def fetch(name: str) -> bytes | None:
 
 
 def keep(name: str, code: bytes) -> None:
-    """Keep `code` under `name` if that is possible."""
+    """Store `code` under `name` if that is possible."""
     place = folder()
     if place is None:
         return
     with contextlib.suppress(OSError):
-        # Nobody else may put machine code there.
+        # No other user may put machine code there.
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
         with _opened(place) as within:
             secret = _secret(place, within)
@@ -88,12 +88,13 @@ def _sealed(secret: bytes, name: str, code: bytes) -> bytes:
     return hmac.digest(secret, name.encode() + b"\0" + code, "sha256")
 
 
-# What is trusted.
+# Trust.
 
 
 @contextlib.contextmanager
 def _opened(place: Path) -> Iterator[int | Path]:
-    """The folder, as what files in it are opened in; raises OSError unless only this user can put files there."""
+    """The folder as a descriptor in which files are opened; raises OSError unless only this user can put files
+    there."""
     if not hasattr(os, "geteuid"):  # no owners and modes to check
         yield place
         return
@@ -107,19 +108,19 @@ def _opened(place: Path) -> Iterator[int | Path]:
 
 
 def _own(found: os.stat_result, kind: object) -> bool:
-    """Whether what was found is of this kind, belongs to this user, and nobody else may write to it."""
+    """Whether an entry is of this kind, belongs to this user, and is not writable by others."""
     mine = found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     return mine and callable(kind) and bool(kind(found.st_mode))
 
 
 def _read(within: int | Path, name: str, private: bool = False, used: bool = False) -> bytes | None:
-    """A file of this user's own, None for any other; raises OSError where there is none.
+    """A file of this user, None for any other; raises OSError where there is none.
 
-    private: nobody else may read it either. used: it counts as new again.
+    private: no other user may read it either. used: it counts as new again.
     """
     if isinstance(within, Path):
         return (within / name).read_bytes()
-    # A link leads to what others may have written.
+    # A link leads to files that others may have written.
     handle = os.open(name, os.O_RDONLY | _NOFOLLOW, dir_fd=within)
     with os.fdopen(handle, "rb") as file:
         found = os.fstat(handle)
@@ -143,11 +144,11 @@ def _secret(place: Path, within: int | Path) -> bytes | None:
     return None
 
 
-# What is written.
+# Writing.
 
 
 def _put(place: Path, name: str, content: bytes, new: bool = False) -> None:
-    """Write a file whole, for this user alone; new: unless another process has written it meanwhile."""
+    """Write a file atomically, for this user alone; new: unless another process has written it meanwhile."""
     handle, temporary = tempfile.mkstemp(dir=place, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -161,7 +162,7 @@ def _put(place: Path, name: str, content: bytes, new: bool = False) -> None:
 
 
 def _linked(source: str, target: Path) -> bool:
-    """Whether `target` is there, which it was before or is now; False where files cannot have two names."""
+    """Whether `target` exists, from before or from now; False where files cannot have two names."""
     try:
         os.link(source, target)
     except FileExistsError:
@@ -172,7 +173,7 @@ def _linked(source: str, target: Path) -> bool:
 
 
 def _bound(place: Path) -> None:
-    """Remove files that were left half written, and those that have not been used for longest, down to the LIMIT."""
+    """Remove unfinished files and the least recently used ones, down to the LIMIT."""
     files: list[tuple[float, int, str]] = []
     with os.scandir(place) as entries:
         for entry in entries:

@@ -21,7 +21,7 @@ CAPACITY = 1024
 """The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
 
 ROOM = 2**25
-"""The most bytes for the records of a chunk, of which states that are large have fewer than CAPACITY."""
+"""The most bytes for the records of a chunk; large states have fewer than CAPACITY records."""
 
 
 ENSEMBLE_CAPACITY = 64
@@ -35,7 +35,7 @@ def capacity(state: Any) -> int:
 
 
 class StepResult(NamedTuple):
-    """A step: its record, the state after it, and how its stages went."""
+    """A step: its record, the state after it, and the outcome of its stages."""
 
     record: Any
     after: Any
@@ -115,7 +115,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     def observe(state):
         result = step(program, parameters, state, h, monitored)
         seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
-        # What is observed is a result too: it never is NaN.
+        # Observations are results too: they are never NaN.
         stop = [program.stop(parameters, state, result.after)] if program.stops else []
         watched = [*seen.values(), *result.certificates.values(), *stop]
         finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
@@ -128,7 +128,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     shapes, seen_shapes = jax.eval_shape(observe, state)
 
     def rows(shape):
-        return jnp.zeros((capacity + 1, *shape.shape), shape.dtype)  # the last row takes what is not kept
+        return jnp.zeros((capacity + 1, *shape.shape), shape.dtype)  # the last row takes the records that are not kept
 
     def limits(sign):
         watched = {**seen_shapes, **shapes.certificates}
@@ -244,8 +244,8 @@ def _spread(tree: Any, axes: Any) -> Any:
     flags = jax.tree.leaves(jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes, tree))
     count = next(np.shape(leaf)[0] for leaf, flag in zip(leaves, flags, strict=True) if flag)
     pairs = zip(leaves, flags, strict=True)
-    whole = [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs]
-    return jax.tree.unflatten(structure, whole)
+    filled = [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs]
+    return jax.tree.unflatten(structure, filled)
 
 
 def run_ensemble(
@@ -259,7 +259,7 @@ def run_ensemble(
     *,
     axes: tuple[Any, Any],
 ) -> EnsembleChunk:
-    """`run` for many members at once; `axes`: True where a leaf of (parameters, state) has a leading member axis.
+    """`run` for many members together; `axes`: True where a leaf of (parameters, state) has a leading member axis.
 
     records ≤ ENSEMBLE_CAPACITY.
     """

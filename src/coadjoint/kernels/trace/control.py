@@ -68,7 +68,7 @@ def _while(interpreter: Interpreter, equation: Equation, inputs: list[Array]) ->
 
 
 def _choose(members: Array, new: Array, old: Array) -> Array:
-    """Under vmap a loop goes on until its last member is done; those that are done stay."""
+    """Under vmap a loop continues until its last member is done; those that are done stay."""
     return np.where(members.reshape(members.shape + (1,) * (new.ndim - members.ndim)), new, old)
 
 

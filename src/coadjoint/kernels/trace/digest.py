@@ -20,18 +20,18 @@ TRACED_OUTSIDE = (
     "The Lagrangian, or another function of the system, uses a value from outside that JAX is tracing: "
     "put it into co.Parameters and set it with system.replace."
 )
-"""What is said of a function that closes over a tracer: its program could serve one transformation only."""
+"""The error for a function that closes over a tracer: its program could serve one transformation only."""
 
 
 def digest(*values: Any) -> str:
-    """A hash of numbers, names and jaxprs that depends on what they are, not on where they are in memory."""
+    """A hash of the values of numbers, names and jaxprs, independent of their addresses in memory."""
     hasher = hashlib.sha256()
     _Feed(hasher.update).value(values)
     return hasher.hexdigest()[:32]
 
 
 def opaque(jaxpr: Any) -> bool:
-    """Whether a jaxpr holds Python functions, of which it shows nothing: derivatives of a user's own, and callbacks."""
+    """Whether a jaxpr holds opaque Python functions: custom derivatives of a user, and callbacks."""
     for equation in jaxprs.equations(jaxpr):
         hidden = equation.name.startswith(("custom_jvp", "custom_vjp")) or "callback" in equation.name
         functions = [one for one in equation.parameters.values() if callable(one) and not isinstance(one, type)]
@@ -41,7 +41,8 @@ def opaque(jaxpr: Any) -> bool:
 
 
 _written: WeakKeyDictionary[Any, list[bytes]] = WeakKeyDictionary()
-"""What jaxprs within others feed to a hash. JAX keeps those of its own functions, which come in every trace again."""
+"""The bytes that nested jaxprs feed to a hash. JAX caches those of its own functions, which every trace contains
+again."""
 
 
 class _Feed:
@@ -85,7 +86,7 @@ class _Feed:
             self.word(type(value).__name__, repr(value))
 
     def within(self, jaxpr: Any) -> None:
-        """A jaxpr with variables of its own; what it feeds is kept, unless it holds arrays, which may change."""
+        """A jaxpr with its own variables; its bytes are cached, unless it holds arrays, which may change."""
         parts = _written.get(jaxpr)
         if parts is None:
             parts = []

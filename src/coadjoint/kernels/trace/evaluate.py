@@ -30,8 +30,8 @@ def traced(*values: Any) -> bool:
 def evaluate(function: Callable, *args: Any) -> Any:
     """function(*args) with NumPy leaves; floats count as float64.
 
-    `function` is pure and traceable by JAX, `args` are PyTrees of arrays. Primitives without a rule here
-    send the whole function through `jax.jit`. Under the user's own transformations it is traced further instead.
+    `function` is pure and traceable by JAX, `args` are PyTrees of arrays. A primitive without a rule here sends the
+    function through `jax.jit`. Under the user's own transformations it is traced further instead.
     """
     if traced(*args):
         return function(*args)
@@ -52,7 +52,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
     runs = 0
 
     def run(leaves: list[np.ndarray]) -> list[np.ndarray]:
-        """Equation by equation the first time, by a straight list of operations from the second on."""
+        """Equation by equation the first time, by a straight-line program from the second on."""
         nonlocal runs
         runs += 1
         if runs == 1:
@@ -81,7 +81,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
 
 
 def compiled(function: Callable) -> Callable:
-    """`function` by XLA, for what has no rule here."""
+    """`function` by XLA, for primitives without a rule here."""
     return jax.jit(function)
 
 

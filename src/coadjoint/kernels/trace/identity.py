@@ -1,8 +1,9 @@
-"""What objects of the library are, as digests that are equal in every process: classes by name, with their state.
+"""The identity of objects of the library, as digests that are equal in every process: classes by name, with their
+state.
 
-The code of the library counts by its files (`kernels.trace.library`). A function of somebody else is known by what is
-traced of it alone: it may stand only where the caller traces it and takes the trace into account, as `Traced`.
-Anything else that is not known here has no identity: a class of somebody else, an object of another package with state.
+The code of the library counts by its files (`kernels.trace.library`). A foreign function is identified by its trace
+alone: it may occur only where the caller traces it and adds the trace to the digest, as `Traced`. Any other foreign
+object has no identity: a class of a user, an object of another package with state.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ _BY_NAME = {NAME, *PACKAGES, "builtins", "math", "operator", "functools", "itert
 
 
 class NoIdentity(Exception):
-    """There is something among the values that nothing is known of."""
+    """A value among them has no known identity."""
 
 
 class Traced(NamedTuple):
-    """A function that the caller traces, so that it may be anybody's."""
+    """A function that the caller traces, so that it may be a user's."""
 
     function: Callable[..., Any]
 
@@ -43,20 +44,20 @@ class Shapes(NamedTuple):
 
 
 class ObjectIdentity(NamedTuple):
-    """digest: of the values. whole: whether every function in it is the library's, so that no trace is needed."""
+    """digest: of the values. library_only: whether all functions in them are the library's and need no trace."""
 
     digest: str
-    whole: bool
+    library_only: bool
 
 
 def identity(*values: Any) -> ObjectIdentity | None:
-    """What these values are; None where it cannot be told."""
+    """The identity of these values; None if it is unknown."""
     walk = _Walk()
     try:
         walk.value(values)
     except (NoIdentity, RecursionError):
         return None
-    return ObjectIdentity(walk.hasher.hexdigest(), walk.whole)
+    return ObjectIdentity(walk.hasher.hexdigest(), walk.library_only)
 
 
 class _Walk:
@@ -64,7 +65,7 @@ class _Walk:
 
     def __init__(self) -> None:
         self.hasher = hashlib.sha256()
-        self.whole = True
+        self.library_only = True
         self._seen: dict[int, tuple[int, Any]] = {}
 
     def word(self, *parts: Any) -> None:
@@ -116,12 +117,12 @@ class _Walk:
         self._several("shapes", [(jax.tree_util.keystr(path), np.shape(leaf)) for path, leaf in leaves])
 
     def _traced(self, function: Any) -> None:
-        """By what it is, if it is the library's; otherwise by its own code alone, and the caller has the trace."""
+        """By name, if it is the library's; otherwise by its own code alone, and the caller has the trace."""
         own = identity(function)
-        if own is not None and own.whole:
+        if own is not None and own.library_only:
             self.word("function", own.digest)
             return
-        self.whole = False
+        self.library_only = False
         try:
             parameters = inspect.signature(function).parameters.values()
         except (TypeError, ValueError):
@@ -162,7 +163,7 @@ class _Walk:
         self._code(function.__code__)
         try:
             held = [cell.cell_contents for cell in function.__closure__ or ()]
-        except ValueError:  # a cell that is empty yet
+        except ValueError:  # a cell that is still empty
             raise NoIdentity from None
         self._several("holding", [held, function.__defaults__, function.__kwdefaults__])
 
@@ -183,7 +184,7 @@ class _Walk:
                 self.value(one)
 
     def _instance(self, value: Any) -> None:
-        """An object by its class and all that it holds, but for what it has worked out from that."""
+        """An object by its class and its attributes, except those that it has derived from others."""
         kind = type(value)
         self.word("instance", kind.__module__, kind.__qualname__)
         if isinstance(value, tuple):
@@ -213,7 +214,7 @@ def _written_here(function: Any) -> bool:
 
 
 def _bases(value: Any) -> list[type]:
-    """The classes that say what an object does."""
+    """The classes that define the behaviour of an object."""
     plain = (object, tuple)
     return [one for one in type(value).__mro__ if one not in plain and _root(one) not in ("abc", "typing")]
 

@@ -79,13 +79,13 @@ def window(graph: Graph, x: Array, starts: Sequence[Expr], sizes: Sequence[int])
 
 
 class _Tables:
-    """The tables of constants, each made once: a function may look at the same constants many times."""
+    """The tables of constants, each made once: a function may read the same constants many times."""
 
     def __init__(self) -> None:
         self.known: dict[tuple, tuple[Array, Table]] = {}
 
     def of(self, x: Array) -> Table:
-        """The table of an array; the array is kept, so that no other comes to lie at its place."""
+        """The table of an array; the array is kept, so that no other array reuses its address."""
         place = x.ctypes.data, x.shape, x.strides, x.dtype.str
         if place not in self.known:
             self.known[place] = x, Table(x)

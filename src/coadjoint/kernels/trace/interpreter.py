@@ -1,7 +1,7 @@
-"""Runs a jaxpr on NumPy arrays: of numbers where everything is known, of scalar expressions where it is not.
+"""Runs a jaxpr on NumPy arrays: of numbers where all inputs are known, of scalar expressions elsewhere.
 
-An array with dtype `object` holds expressions; every other array holds numbers. An equation whose inputs are
-all numbers is computed by NumPy at once, so constant folding, loop counters and indices need no special care.
+An array with dtype `object` holds expressions; every other array holds numbers. An equation whose inputs are all
+numbers is computed by NumPy immediately, so constant folding, loop counters and indices need no special care.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Interpreter:
     """Walks equations: `numeric` are the rules on numbers, `expressions` those on arrays with expressions.
 
     A rule takes the equation's parameters and its inputs and returns the output, or a list of outputs. A
-    rule of `control` takes the interpreter, the equation and its inputs: it holds jaxprs of its own.
+    rule of `control` takes the interpreter, the equation and its inputs: its equations hold jaxprs.
     """
 
     def __init__(self, numeric: Rules, control: Rules, expressions: Rules | None = None) -> None:
@@ -72,7 +72,7 @@ ON_INTEGERS = frozenset(("add", "sub", "mul", "neg", "min", "max", "abs", "sign"
 ON_INTEGERS |= {"lt", "le", "gt", "ge", "eq", "ne", "convert_element_type", "reduce_sum", "reduce_max", "reduce_min"}
 ON_INTEGERS |= {"broadcast_in_dim", "reshape", "squeeze", "slice", "concatenate", "transpose", "copy", "gather"}
 ON_INTEGERS |= {"reduce_prod", "argmax", "argmin", "dynamic_slice", "square", "stack", "div", "rem", "and", "or"}
-"""Primitives that mean the same for integers as for whole float64 numbers."""
+"""Primitives that mean the same for integers as for float64 numbers with integer values."""
 
 
 def _check_types(equation: Equation) -> None:

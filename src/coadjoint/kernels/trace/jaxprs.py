@@ -1,8 +1,8 @@
-"""What the library knows of JAX's inside: how jaxprs are written, and what the parameters of their primitives mean.
+"""JAX's internals as far as the library uses them: the form of jaxprs, and the meaning of the parameters of primitives.
 
 No other file imports `jax.core`, `jax.extend` or `jax.interpreters`. It holds for JAX 0.10, 0.11 and 0.12, whose jaxprs
-differ: counts of carried values therefore come from the inputs and outputs of a body, not from parameters. What a
-version writes in another way than is known here raises UnknownVersion, so that the program goes to XLA.
+differ: counts of carried values therefore come from the inputs and outputs of a body, not from parameters. A form that
+is unknown here raises UnknownVersion, so that the program runs by XLA.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Atom = Any
 def jaxpr_of(function: Callable, *args: Any) -> tuple[Any, Any]:
     """The jaxpr of a pure function of PyTrees of arrays, with its constants, and the structure of its result.
 
-    Floats of any width count as float64; the user's JAX configuration stays as it is.
+    Floats of any width count as float64; the user's JAX configuration stays unchanged.
     """
     shapes = jax.tree_util.tree_map(_shape, args)
     with jax.enable_x64(True):
@@ -40,7 +40,7 @@ def jaxpr_of(function: Callable, *args: Any) -> tuple[Any, Any]:
 
 
 def lowered(jaxpr: Any) -> Any:
-    """A jaxpr whose high primitives, which hold Python functions since JAX 0.11, are written out in plain ones."""
+    """A jaxpr whose high-level primitives, which hold Python functions since JAX 0.11, are replaced by plain ones."""
     lower = getattr(partial_eval, "lower_jaxpr2", None)
     return lower(jaxpr) if lower and getattr(jaxpr, "is_high", False) else jaxpr
 
@@ -51,7 +51,7 @@ def _shape(leaf: Any) -> jax.ShapeDtypeStruct:
 
 
 def depends(function: Callable, *args: Any) -> list[bool]:
-    """For each leaf of the arguments whether the function, as it is traced, uses it for its result."""
+    """For each leaf of the arguments whether the traced function uses it for its result."""
     closed, _ = jaxpr_of(function, *args)
     return list(partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))[1])
 
@@ -64,13 +64,13 @@ def used_by_each(function: Callable, *args: Any) -> list[list[bool]]:
 
 
 def xla_has_begun() -> bool:
-    """Whether XLA has started its threads in this process; False where this JAX does not tell."""
-    told = getattr(xla_bridge, "backends_are_initialized", None)
-    return told is not None and told()
+    """Whether XLA has started its threads in this process; False if this JAX does not show it."""
+    started = getattr(xla_bridge, "backends_are_initialized", None)
+    return started is not None and started()
 
 
 def is_jaxpr(value: Any) -> bool:
-    """Whether this is a jaxpr, with constants of its own or without."""
+    """Whether this is a jaxpr, with its own constants or without."""
     return isinstance(value, (core.ClosedJaxpr, core.Jaxpr))
 
 
@@ -81,7 +81,7 @@ def constants(jaxpr: Any) -> list[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Variables:
-    """The atoms of a jaxpr: the variables of its constants and inputs, and what it returns."""
+    """The atoms of a jaxpr: the variables of its constants and inputs, and its results."""
 
     constants: Sequence[Atom]
     inputs: Sequence[Atom]
@@ -95,7 +95,7 @@ def variables(jaxpr: Any) -> Variables:
 
 
 def results(jaxpr: Any) -> list[jax.ShapeDtypeStruct]:
-    """Shapes and types of what a jaxpr returns."""
+    """Shapes and types of the results of a jaxpr."""
     return [jax.ShapeDtypeStruct(shape(atom), dtype(atom)) for atom in variables(jaxpr).outputs]
 
 
@@ -121,7 +121,7 @@ def number(atom: Atom) -> np.ndarray | None:
 
 
 def dtype(atom: Atom) -> Any:
-    """The type of the elements of a variable; None for what is no array."""
+    """The type of the elements of a variable; None unless it is an array."""
     return getattr(atom.aval, "dtype", None)
 
 
@@ -170,7 +170,7 @@ class _Fields:
 
 
 def unknown(primitive: str, what: str) -> UnknownVersion:
-    """That this JAX gives a primitive what is not known here."""
+    """The error for a primitive with a property of this version of JAX that is unknown here."""
     return UnknownVersion(primitive, f"JAX {jax.__version__} gives it {what}")
 
 
@@ -187,7 +187,7 @@ class Equation:
         self.several: bool = equation.primitive.multiple_results
 
     def require_known(self) -> None:
-        """Raise UnknownVersion if a parameter that is not known here may change what the primitive means."""
+        """Raise UnknownVersion if an unknown parameter may change the meaning of the primitive."""
         for name in unknown_parameters(self.name, tuple(self.parameters)):
             value = self.parameters[name]
             if not (value is None or value is False or value == ()):
@@ -197,8 +197,8 @@ class Equation:
 def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Callable[..., list[Any]]:
     """A family of linear maps whose transpose is given: (constants, x, push, pull, shapes) ↦ push(constants, x).
 
-    `pull`(constants, y) is the transpose, `shapes` are those of push. Members of a batch go one after another. Its own
-    derivative, which would be that of the constants, raises `no_derivative`().
+    `pull`(constants, y) is the transpose, `shapes` are those of push. Members of a batch go one after another. Its
+    derivative by the constants raises `no_derivative`().
     """
     primitive = core.Primitive(name)
     primitive.multiple_results = True
@@ -208,8 +208,8 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
 
     def transpose(cotangents: Any, *operands: Any, push: Callable, pull: Callable, shapes: Any) -> list[Any]:
         pairs = zip(cotangents, shapes, strict=True)
-        whole = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
-        return [*[None] * (len(operands) - 1), pull(operands[:-1], whole)]
+        full = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
+        return [*[None] * (len(operands) - 1), pull(operands[:-1], full)]
 
     def batch(operands: Any, axes: Any, **parameters: Any) -> tuple[Any, tuple[int, ...]]:
         pairs = list(zip(operands, axes, strict=True))

@@ -1,4 +1,4 @@
-"""Which library runs here: a digest of its files, and of the packages that decide how a function is traced.
+"""The identity of the library in this process: a digest of its files and of the packages that affect tracing.
 
 There is none where the files may not be what runs, because one is younger than this process. What is replaced in memory
 is not noticed.
@@ -17,7 +17,7 @@ from pathlib import Path
 NAME = __name__.partition(".")[0]
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "llvmlite")
-"""What traces, and what emits machine code."""
+"""The packages that trace, and those that emit machine code."""
 
 _BEGAN = time.time()
 
@@ -50,7 +50,7 @@ def digest_of_files(part: str = "") -> str:
 
 
 def edited() -> bool:
-    """Whether a file of the library has been written since this process began; modules loaded later may be others."""
+    """Whether a file of the library has been written since this process began; modules loaded later may differ."""
     try:
         return any(os.stat(path).st_mtime >= _BEGAN for path in _paths())
     except OSError:

@@ -115,7 +115,7 @@ def _lu(p: Any, a: Array) -> list[Array]:
 
 
 def _triangular(p: Any, a: Array, b: Array) -> Array:
-    """a x = b, or x a = b, for triangular a by substitution: row after row, over all leading axes at once."""
+    """a x = b, or x a = b, for triangular a by substitution: row after row, over all leading axes together."""
     lower = p["lower"]
     if p["transpose_a"] == p["left_side"]:  # aᵀ x = b, or x a = b, which is aᵀ xᵀ = bᵀ
         a, lower = np.swapaxes(a, -1, -2), not lower
@@ -189,4 +189,4 @@ NUMERIC: dict[str, Rule] = {
     "square": lambda p, x: x * x,
     "triangular_solve": _triangular,
 }
-"""What `evaluate` runs, and what folds constants in the tracer."""
+"""The rules that `evaluate` uses, and that fold constants in the tracer."""

@@ -61,7 +61,7 @@ _PARAMETERS = {
 NAMES_ONLY = frozenset(
     ("name", "jvp_jaxpr_fun", "jvp_jaxpr_thunk", "fwd_jaxpr_thunk", "bwd", "debug_info", "ctx_mesh", "out_trees")
 )
-"""Parameters that say how a function is called or where it came from, not what it does."""
+"""Parameters that describe the call or the origin of a function, not its result."""
 
 
 @cache

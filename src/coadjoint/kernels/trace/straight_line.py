@@ -1,7 +1,7 @@
-"""A jaxpr on numbers as one straight list of NumPy operations, for a function that is called many times.
+"""A jaxpr on numbers as a straight-line program of NumPy operations, for a function that is called many times.
 
-The operations and their results are those of the interpreter, to the bit. Calls are written out; what depends on no
-input is computed once, what is computed twice from the same inputs once, and what nothing needs not at all.
+The operations and their results are bitwise those of the interpreter. Calls are inlined, constants are computed once,
+common subexpressions are shared, and unused operations are dropped.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Straight:
         return self._numbers[key]
 
     def _write(self, jaxpr: Any, inputs: Sequence[int]) -> list[int]:
-        """Write out a jaxpr on these places; the places of its outputs."""
+        """Inline a jaxpr on these places; returns the places of its outputs."""
         variables = jaxprs.variables(jaxpr)
         places: dict[Any, int] = dict(zip(variables.inputs, inputs, strict=True))
         constants = map(np.asarray, jaxprs.constants(jaxpr))
@@ -130,7 +130,7 @@ def _store(values: list[Any], results: Sequence[Any], outputs: Sequence[int], dt
 
 
 def _key(equation: Equation, given: tuple[int, ...]) -> tuple | None:
-    """What an operation does, to find it again; None where it holds what cannot be compared."""
+    """The key of an operation, to find it again; None where it has parameters that cannot be compared."""
     if jaxprs.inner_jaxprs(equation.parameters):
         return None
     key = equation.name, given, tuple(sorted(equation.parameters.items()))

@@ -1,4 +1,4 @@
-"""What primitives do that hold jaxprs of their own: calls, scans, whiles, linear solves."""
+"""The meaning of primitives that hold jaxprs: calls, scans, whiles, linear solves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Scan:
 
 
 def scan(equation: Equation) -> Scan:
-    """What a scan does; the body takes slices, and gives results, of one axis less than the equation does."""
+    """The parts of a scan; its body takes slices, and gives results, with one axis less than the equation."""
     inside = body(equation)
     slices = _longer(equation, equation.inputs, variables(inside).inputs)
     results = _longer(equation, equation.outputs, variables(inside).outputs)
@@ -52,7 +52,7 @@ def _longer(equation: Equation, outside: Sequence[Atom], inside: Sequence[Atom])
 
 @dataclass(frozen=True, slots=True)
 class While:
-    """A test and a body, each with constants of its own before the carried values."""
+    """A test and a body, each with its constants before the carried values."""
 
     test: Any
     body: Any
@@ -61,7 +61,7 @@ class While:
 
 
 def while_loop(equation: Equation) -> While:
-    """What a while does: inputs are the constants of the test, those of the body, and what is carried."""
+    """The parts of a while: its inputs are the constants of the test, those of the body, and the carried values."""
     test, inside = equation.parameters["cond_jaxpr"], equation.parameters["body_jaxpr"]
     carried = len(equation.outputs)
     of_test, of_body = (len(variables(part).inputs) - carried for part in (test, inside))
@@ -82,7 +82,8 @@ class LinearSolve:
 
 
 def linear_solve(equation: Equation) -> LinearSolve:
-    """What a custom_linear_solve does: constants of operator, transpose, solve and its transpose, then right sides."""
+    """The parts of a custom_linear_solve: constants of operator, transpose, solve and its transpose, then right
+    sides."""
     lengths, jaxprs = equation.parameters.fields("const_lengths"), equation.parameters.fields("jaxprs")
     start = lengths.matvec + lengths.vecmat
     after = start + lengths.solve
@@ -91,7 +92,7 @@ def linear_solve(equation: Equation) -> LinearSolve:
 
 
 def is_determinant(equation: Equation) -> bool:
-    """Whether a call with a derivative of its own is JAX's determinant, of whatever size and by whatever formula."""
+    """Whether a call with a custom derivative is JAX's determinant, of any size and by any formula."""
     source = getattr(getattr(opened(body(equation)), "debug_info", None), "func_src_info", None) or ""
     name, _, place = source.partition(" at ")
     return name.startswith("_det") and place.startswith(_DETERMINANTS)

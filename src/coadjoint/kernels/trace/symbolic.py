@@ -21,7 +21,7 @@ from coadjoint.kernels.untraceable import Untraceable
 
 
 def lift(graph: Graph, array: Array) -> Array:
-    """Numbers as an array of constant expressions; expressions as they are."""
+    """Numbers as an array of constant expressions; expressions unchanged."""
     if symbolic(array):
         return array
     return np.asarray(each(graph.constant, array))
@@ -68,11 +68,11 @@ _COMBINE = ("add", "sub", "mul", "min", "max")
 _JOINED = ("concatenate", "pad", "stack")
 
 
-def _lifted(graph: Graph, rule: Rule, whole: bool = False) -> Rule:
-    """Data movement places expressions only; its indices stay numbers, which `whole` says that there are none of."""
+def _lifted(graph: Graph, rule: Rule, every: bool = False) -> Rule:
+    """Data movement places expressions only; its indices stay numbers."""
 
     def lifted(p: Any, *xs: Array) -> Any:
-        return rule(p, *(lift(graph, x) if whole or x.dtype.kind == "f" else x for x in xs))
+        return rule(p, *(lift(graph, x) if every or x.dtype.kind == "f" else x for x in xs))
 
     return lifted
 
@@ -131,7 +131,7 @@ def _truth(graph: Graph, node: Expr) -> Expr:
 
 
 def _converted(graph: Graph, node: Expr, kind: str) -> Expr:
-    """Integers that depend on values are whole float64 numbers here."""
+    """Integers that depend on values are float64 numbers with integer values here."""
     if kind == "b":
         return _truth(graph, node)
     if node.is_truth:
@@ -229,8 +229,8 @@ def _linear(graph: Graph) -> dict[str, Rule]:
 def _factors(graph: Graph, a: Array) -> list[Array]:
     """Factors up to 3×3, for the derivative of a determinant; placeholders beyond.
 
-    JAX hands them to a linear solve that is done by our own elimination instead; any other use of placeholders is
-    refused by the emitter, which has no code for `lu`.
+    JAX passes them to a linear solve, which our own elimination replaces; the emitter raises for any other use of
+    placeholders, because it has no code for `lu`.
     """
     if a.shape[-2] == a.shape[-1] <= 3:
         found = [elimination.factors(graph, matrix.tolist()) for matrix in a.reshape(-1, *a.shape[-2:])]

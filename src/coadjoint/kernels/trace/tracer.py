@@ -26,7 +26,7 @@ class Tracer:
         self._jaxprs: dict[tuple, Any] = {}
 
     def symbols(self, name: str, tree: Any) -> Any:
-        """`tree` with every element replaced by a symbol of its own, numbered through the leaves."""
+        """`tree` with every element replaced by a separate symbol, numbered through the leaves."""
         leaves, structure = jax.tree_util.tree_flatten(tree)
         placed, count = [], 0
         for leaf in leaves:

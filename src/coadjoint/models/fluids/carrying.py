@@ -31,7 +31,7 @@ def magnetohydrodynamics(size: int, rotation: float = 0.0) -> System:
     `kinetic_energy`, `magnetic_energy`, `cross_helicity`, −∫(ω + 2Ω cos ϑ)θ, which is ∫u·B where Ω = 0, and
     `mean_square_potential`, ½∫θ².
 
-    size: N, a whole number from 2. rotation: Ω, rad/s, by default 0; the radius is 1, θ in 1/s. Parameters: rotation.
+    size: N ≥ 2, an integer. rotation: Ω, rad/s, by default 0; the radius is 1, θ in 1/s. Parameters: rotation.
     Raises ArgumentError for others. Source: Modin and Roop, Spatio-temporal Lie–Poisson discretization for
     incompressible magnetohydrodynamics on the sphere, arXiv:2311.16045.
     """
@@ -69,7 +69,7 @@ def boussinesq(size: int, rotation: float = 0.0) -> System:
     spectrum of Θ and tr Wf(Θ) to round-off. Runs observe `kinetic_energy` and `potential_energy`, −∫bz. Over b = n²z
     small waves of degree l and order m have the frequency mn/√(l(l + 1)), rad/s.
 
-    size: N, a whole number from 2. rotation: Ω, rad/s, by default 0; the radius is 1, b in 1/s². Parameters: rotation.
+    size: N ≥ 2, an integer. rotation: Ω, rad/s, by default 0; the radius is 1, b in 1/s². Parameters: rotation.
     Raises ArgumentError for others. Source: Holm, Marsden and Ratiu, The Euler–Poincaré equations and semidirect
     products with applications to continuum theories, Adv. Math. 137 (1998), of stratified fluids; of bubbles
     Seychelles, Amarouchene, Bessafi and Kellay, Phys. Rev. Lett. 100, 144501 (2008).
@@ -102,7 +102,7 @@ def carried(fluid: System, records: Any) -> Coefficients:
     """c_lm (…, N, N), complex, of the carried function, θ in 1/s or b in 1/s², of a state or of records.
 
     records: a state, or states with leading axes, as `run.final` and `run.records`. Raises ArgumentError for a fluid
-    that carries nothing, and for what are no states of its size.
+    that carries nothing, and unless `records` are states of its size.
     """
     size = _size(fluid)
     require_states(fluid, records)

@@ -42,9 +42,9 @@ class DampedMidpoint(IsospectralMidpoint):
 
     viscosity: ν, radii of the sphere squared over s, by default 0. drag: α, 1/s, by default 0. stirring: c_lm of f,
     (L, L) with L ≤ N, 1/s², c_00 = 0, by default none. Others as of co.IsospectralMidpoint.
-    Raises ArgumentError for others, for what is no fluid on the sphere, and where the harmonics of viscosity, 8N³
-    bytes, would take more than 0.5 GB. Source: Lindborg and Nordmark, Two-dimensional turbulence on a sphere, J. Fluid
-    Mech. 933 (2022), of ν(Δ + 2); Strang, SIAM J. Numer. Anal. 5 (1968).
+    Raises ArgumentError for other values, unless `fluid` is a fluid on the sphere, and where the harmonics of
+    viscosity, 8N³ bytes, would take more than 0.5 GB. Source: Lindborg and Nordmark, Two-dimensional turbulence on a
+    sphere, J. Fluid Mech. 933 (2022), of ν(Δ + 2); Strang, SIAM J. Numer. Anal. 5 (1968).
     """
 
     viscosity: float = 0.0

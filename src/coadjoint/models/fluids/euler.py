@@ -104,7 +104,7 @@ def vorticity(fluid: System, records: Any) -> Coefficients:
 
     fluid: the system, with the rotation that the run has: of an ensemble in `rotation` each member with its own,
     `fluid.replace(rotation=…)`. records: a state, or states with leading axes, as `run.final` and `run.records`.
-    Raises ArgumentError for no fluid, and for what are no states of its size.
+    Raises ArgumentError unless `fluid` is a fluid and `records` are states of its size.
     """
     require_states(fluid, records)
     return coefficients_of(size_of(fluid), np.asarray(records.mu) - planetary(fluid))

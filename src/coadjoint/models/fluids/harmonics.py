@@ -110,7 +110,7 @@ def _numbers(given: Any) -> np.ndarray | None:
 def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     """c_lm (…, N, N) of coordinates (…, N²) on U(N): the inverse of `from_coefficients`.
 
-    size: N. momentum: the coordinates. Raises ArgumentError for what are no coordinates, and where all matrices T_lm,
+    size: N. momentum: the coordinates. Raises ArgumentError unless they are coordinates, and where all matrices T_lm,
     8N³/3 bytes, do not fit in memory.
     """
     checks.whole(size, "size", 1)

@@ -19,7 +19,7 @@ LEFT_OUT = 0.1
 def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0, spectrum: Any = None) -> Coefficients:
     """Random c_lm for l = 1 … degree, (degree + 1, degree + 1), 1/s, with ½∫ω² = enstrophy on the unit sphere.
 
-    seed: of the random numbers, a whole number from 0. degree: the highest l, from 1, by default 10. enstrophy: 1/s²,
+    seed: of the random numbers, an integer ≥ 0. degree: the highest l, from 1, by default 10. enstrophy: 1/s²,
     by default 1. spectrum: the shares of the degrees 0 … degree in ∫ω², (degree + 1,), the first 0, of any sum; by
     default each c_lm is normal with one variance. Raises ArgumentError for others.
     """
@@ -50,7 +50,7 @@ def rossby_haurwitz(degree: int, order: int, amplitude: complex, spin: float = 0
     Its pattern turns westwards at the rate c = 2(Ω + α)/(l(l + 1)) − α, rad/s, Ω the rotation of the sphere, without
     change of form, at every N > l. c_lm: (degree + 1, degree + 1), 1/s.
 
-    degree: l, a whole number from 1. order: m, from 1 to l. amplitude: 1/s. spin: α, rad/s, by default 0.
+    degree: l ≥ 1, an integer. order: m, from 1 to l. amplitude: 1/s. spin: α, rad/s, by default 0.
     Raises ArgumentError for others. Source: Haurwitz, The motion of atmospheric disturbances on the spherical earth,
     J. Mar. Res. 3 (1940).
     """

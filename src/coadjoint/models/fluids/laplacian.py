@@ -96,7 +96,7 @@ def laplacian(size: int, omega: Array) -> Array:
 
 
 def inverse_laplacian(size: int, omega: Array) -> Array:
-    """ψ with Δ_N ψ = ω less its mean, and of mean 0, both coordinates (N²,) on U(N): N tridiagonal systems at once.
+    """ψ with Δ_N ψ = ω less its mean, and of mean 0, both coordinates (N²,) on U(N): N tridiagonal systems in one pass.
 
     The coordinates of U(N) by rows are a matrix whose diagonals are those of W, real parts above and imaginary ones
     below, so that Δ_N acts on them as on W.

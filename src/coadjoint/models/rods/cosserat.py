@@ -73,7 +73,7 @@ def cosserat(
     ε_e = (κ, γ) = log(g_i⁻¹g_j)/l_e is the strain of the element from section i to j: curvature with the twist first,
     rad/m, and stretch with the two shears; it is constant along an element, so that a rod under an end couple is a
     circle at any M. ℂ = diag(GJ, EI₂, EI₃, EA, GA₂, GA₃), 𝕄 = diag(inertia, m, m, m), s_i half the length of the
-    elements beside a section. The first axis of a section is the rod's tangent. Errors fall as 1/M².
+    elements adjacent to a section. The first axis of a section is the rod's tangent. Errors fall as 1/M².
 
     elements: M. length: of the rod, m, or of each element, (M,). EI: bending stiffness, N m², about the second and the
     third axis, or one number. GJ: of torsion, N m². EA, GA: of stretch and shear, N, GA one number or two; left out,
@@ -82,7 +82,7 @@ def cosserat(
     (M, 3) by elements, rad/m. ends: "free"; "clamped", the first; "both clamped"; "ring", the last joined to the first.
     gravity: g, m/s², along `down` of `start`. load: a force F in space at the last section, (3,), N. moment: a couple
     there about its own axes, (3,), N m; it turns with the section and has no energy. motion: t ↦ (R, x), the pose of
-    the clamped first end relative to what it is at the start, (1, 0) at t = 0, in jax.numpy: a driven end.
+    the clamped first end relative to the start, (1, 0) at t = 0, in jax.numpy: a driven end.
 
     Parameters: length, EI, GJ, EA, GA, mass, inertia, rest_curvature [, gravity] [, load] [, moment].
     Raises ArgumentError for what no rod can have. Source: Simo, Comput. Methods Appl. Mech. Eng. 49 (1985);
@@ -267,12 +267,13 @@ def _require_pose(motion: Callable[[Any], Any], size: int) -> None:
         raise ArgumentError(f"Argument `motion` must be finite, but at t = 0 R is {R.tolist()} and x {x.tolist()}.")
     if not max(np.max(np.abs(R - np.eye(size))), np.max(np.abs(x))) <= ROUND_OFF:
         raise ArgumentError(
-            "Argument `motion` must be (1, 0) at t = 0, as it is relative to where the start puts the end, but there R "
+            "Argument `motion` must be (1, 0) at t = 0, because it is relative to the pose of the end at the start, "
+            "but there R "
             f"is {R.tolist()} and x {x.tolist()}: give R(0)ᵀR and R(0)ᵀ(x − x(0))."
         )
     for t in SEEN:
         R = np.asarray(evaluate(motion, t)[0])
-        if not np.all(np.isfinite(R)):  # a motion need not go on beyond a run, which tells of its own times
+        if not np.all(np.isfinite(R)):  # a motion may end with the run, which checks its own times
             continue
         if np.max(np.abs(R @ R.T - np.eye(size))) > ROUND_OFF or np.linalg.det(R) < 0:
             raise ArgumentError(f"The R of `motion` must be a rotation, but at t = {t:g} s it is {R.tolist()}.")

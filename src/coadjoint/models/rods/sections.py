@@ -45,7 +45,7 @@ ENDS = ("free", "clamped", "both clamped", "ring")
 
 @dataclass(frozen=True)
 class RodLayout:
-    """M elements between sections, of which those that are clamped are no unknowns.
+    """M elements between sections; clamped sections are not unknowns.
 
     elements: M. ends: one of `ENDS`. planar: whether sections move on SE(2).
     """
@@ -81,10 +81,11 @@ class RodLayout:
         return (*first, *inner, *(((N - 1, GROUND),) if self.ends == "both clamped" else ()))
 
     def shares(self, lengths: Array) -> Array:
-        """The length that each section stands for, half of the elements beside it, (N,), of those of elements (M,)."""
+        """The length that each section represents, half of the adjacent elements, (N,), from those of the elements
+        (M,)."""
         half = 0.5 * lengths
         if self.ends == "ring":
             return half + jnp.roll(half, 1)
         nothing = jnp.zeros(1)
-        whole = jnp.concatenate([half, nothing]) + jnp.concatenate([nothing, half])
-        return whole[int(self.ends != "free") : len(whole) - int(self.ends == "both clamped")]
+        all_shares = jnp.concatenate([half, nothing]) + jnp.concatenate([nothing, half])
+        return all_shares[int(self.ends != "free") : len(all_shares) - int(self.ends == "both clamped")]

@@ -172,7 +172,7 @@ def _moved(rod: System, state: State, a0: Any, eta: np.ndarray) -> State:
 
 
 def _by_strains(rod: System, state: State, g: Any, a0: Any, eta: np.ndarray) -> Any:
-    """The elements of the sections one after the other, from the first as it is moved, or from the clamp."""
+    """The elements of the sections one after the other, from the moved first one, or from the clamp."""
     group, _, V = rod.places
     p: Any = rod.parameters
     clamped = rod_pairs(rod)[0][0] < 0
