@@ -27,7 +27,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
-from coadjoint.simulation.plan import MembersPosition, Plan, Position
+from coadjoint.simulation.plan import AnyPosition, MembersPosition, Plan, Position
 from coadjoint.spaces.named import Named
 
 _HOMES = ("coadjoint.methods", "coadjoint.difference_maps")
@@ -210,9 +210,6 @@ def named(tree: Any) -> list[Any]:
 
 
 Arrays = Mapping[str, np.ndarray]
-
-
-AnyPosition = Position | MembersPosition
 
 
 P = TypeVar("P", Position, MembersPosition)

@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.plan import Plan, Sink
+from coadjoint.simulation.plan import AnyPosition, Plan, Sink
 from coadjoint.simulation.progress import Progress, compiling
 
 PATIENCE = 0.25
@@ -38,7 +38,7 @@ class Driver:
             return kernels.run(*given)
         return kernels.run_ensemble(*given, axes=(plan.axes, True))
 
-    def drive(self, position: Any) -> None:
+    def drive(self, position: AnyPosition) -> None:
         """Move `position` to the end of the plan; it says whether a step failed."""
         # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
         with compiling(self.title, self.plan.solution, self.progress):
@@ -55,7 +55,7 @@ class Driver:
         if not position.failed:
             self._close(position)
 
-    def _stretch(self, position: Any, speed: float) -> None:
+    def _stretch(self, position: AnyPosition, speed: float) -> None:
         """Run for about PATIENCE seconds: complete blocks of save_every steps, or a part of one where they are long."""
         every, phase = self.plan.save_every, position.steps % self.plan.save_every
         left = self.plan.steps - position.steps
@@ -82,7 +82,7 @@ class Driver:
             return chunk.records, chunk.monitors
         return jax.tree.map(lambda rows: np.swapaxes(rows, 0, 1), (chunk.records, dict(chunk.monitors)))
 
-    def _capacity(self, position: Any) -> int:
+    def _capacity(self, position: AnyPosition) -> int:
         """The most records of a chunk."""
         most = self.plan.capacity(position.state)
         return most if self.plan.members is None else min(self.sink.length, most)
@@ -97,7 +97,7 @@ class Driver:
             return PATIENCE
         return min(PATIENCE * max(self.plan.members // (lanes() * cores()), 1), LONGEST)
 
-    def _close(self, position: Any) -> None:
+    def _close(self, position: AnyPosition) -> None:
         """One solve more gives the last node the velocities of the step that starts there."""
         chunk = self._last(position)
         self.taking = True
@@ -107,18 +107,18 @@ class Driver:
         self.sink.checkpoint(position)
         self.taking = False
 
-    def append_last(self, position: Any) -> None:
+    def append_last(self, position: AnyPosition) -> None:
         """Append the node of a position, with the velocities of the step that would start there, if it has any."""
         chunk = self._last(position)
         if self.plan.members or not chunk.code:
             self._append(position, chunk)
 
-    def _append(self, position: Any, chunk: Any) -> None:
+    def _append(self, position: AnyPosition, chunk: Any) -> None:
         self.sink.append(np.array([position.steps]), *self._rows(chunk))
         position.watch(chunk)
 
-    def undo(self, position: Any) -> None:
+    def undo(self, position: AnyPosition) -> None:
         """Forget what was found beyond the position."""
 
-    def _last(self, position: Any) -> Any:
+    def _last(self, position: AnyPosition) -> Any:
         return self.run(position.state, 1, 1)

@@ -95,7 +95,7 @@ class MembersEvents(EventDriver):
         super().__init__(plan, sink, progress, title, crossed)
         self.ended = ended
 
-    def drive(self, position: MembersPosition) -> None:
+    def drive(self, position: Any) -> None:
         self.times = position.event = np.full(len(position.codes), np.nan)
         super().drive(position)
 
@@ -125,10 +125,10 @@ class MembersEvents(EventDriver):
                 kept[index], self.ended[index], self.times[index] = end.interval + 1, end.state, end.state.t
         return kept
 
-    def _last(self, position: MembersPosition) -> EnsembleChunk:
+    def _last(self, position: Any) -> EnsembleChunk:
         return without_events(self.run(position.state, 1, 1), self.plan, dict.fromkeys(self.ended, 0))
 
-    def undo(self, position: MembersPosition) -> None:
+    def undo(self, position: Any) -> None:
         for index, here in enumerate(position.state.t):
             for states in self.crossed.values():
                 states[index] = up_to(states[index], float(here), self.plan)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 import jax
 import numpy as np
@@ -108,11 +108,11 @@ class Sink(Protocol):
         """Take the records at these step indices, with one row of every monitor each."""
         ...
 
-    def checkpoint(self, position: Any) -> None:
+    def checkpoint(self, position: AnyPosition) -> None:
         """All records up to `position` have been appended: make sure that a run can go on from there."""
         ...
 
-    def finish(self, position: Any, complete: bool = True) -> None:
+    def finish(self, position: AnyPosition, complete: bool = True) -> None:
         """Make sure of all records up to `position`; `complete` where the run has ended and is judged."""
         ...
 
@@ -212,10 +212,10 @@ class Memory:
         for rows in (self.steps, self.records, self.monitors):
             del rows[good:]
 
-    def checkpoint(self, position: Any) -> None:
+    def checkpoint(self, position: AnyPosition) -> None:
         pass
 
-    def finish(self, position: Any, complete: bool = True) -> None:
+    def finish(self, position: AnyPosition, complete: bool = True) -> None:
         pass
 
     def release(self) -> None:
@@ -284,3 +284,6 @@ class MembersPosition:
         """Take over the failures of a chunk, and widen the extrema by its own."""
         codes, extrema = np.where(self.codes == 0, chunk.code, self.codes), widened(self.extrema, chunk.extrema)
         vars(self).update(codes=codes, extrema=extrema)
+
+
+AnyPosition = Position | MembersPosition

@@ -39,6 +39,7 @@ from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import Variables, meanings, member_variables, members_of, variables
 from coadjoint.simulation.derived import derivation, times
 from coadjoint.simulation.lock import Lock
+from coadjoint.simulation.plan import AnyPosition
 from coadjoint.simulation.result import Result
 from coadjoint.simulation.store_reader import RECORDS
 from coadjoint.simulation.zarr_writer import Chunks, unset
@@ -179,12 +180,12 @@ class Store:
             with self._writing():
                 self._absorb()
 
-    def checkpoint(self, position: configuration.AnyPosition) -> None:
+    def checkpoint(self, position: AnyPosition) -> None:
         """Write a checkpoint if one is due, or if the run has ended."""
         if position.ended or time.monotonic() >= self._due:
             self.finish(position, complete=False)
 
-    def finish(self, position: configuration.AnyPosition, complete: bool = True) -> None:
+    def finish(self, position: AnyPosition, complete: bool = True) -> None:
         """Write all records and a checkpoint; `complete`, the last one, with all that is to be said of the run."""
         began = time.monotonic()
         with self._writing():
@@ -228,7 +229,7 @@ class Store:
         found = self._variables(steps, records, monitors)
         self._chunks.place({name: values for name, (_, values) in found.items()}, len(steps))
 
-    def write_checkpoint(self, position: configuration.AnyPosition, complete: bool = False) -> None:
+    def write_checkpoint(self, position: AnyPosition, complete: bool = False) -> None:
         """Write where the run stands, and the manifest that counts it."""
         header, arrays = configuration.position_numbers(position)
         header |= {"records": self.count, "monitors": list(self.ends)}
