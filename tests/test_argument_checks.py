@@ -32,11 +32,13 @@ def test_truth_values_durations_texts_and_fractions_are_no_whole_numbers():
 
 
 def test_numbers_become_floats_within_their_bounds():
-    for value in (0.5, np.float32(0.5), Fraction(1, 2)):
+    for value in (0.5, np.float64(0.5), Fraction(1, 2)):
         assert type(checks.number(value, "x")) is float and checks.number(value, "x", 0.5, 0.5) == 0.5
     for wrong in (True, "1", None, math.nan, math.inf, 10**400, [1.0], np.array(1.0)):
         with pytest.raises(ArgumentError, match="Argument `x` must be a finite number, but is"):
             checks.number(wrong, "x")
+    with pytest.raises(ArgumentError, match="Argument `x` must be float64, but is float32"):
+        checks.positive(np.float32(0.5), "x")
     refused("Argument `x` must be positive, but is 0.", checks.positive, 0, "x")
     refused("Argument `x` must be a finite number from 0, but is -1.", checks.not_negative, -1, "x")
     refused("Argument `x` must be a number from 1 to 2, but is 3.", checks.number, 3, "x", 1, 2)

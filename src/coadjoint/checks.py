@@ -43,7 +43,7 @@ def is_whole(value: object) -> bool:
 
 
 def _is_duration(value: object) -> bool:
-    return type(value).__name__ == "timedelta64"
+    return isinstance(value, np.timedelta64)
 
 
 def whole(value: object, name: str, least: int = 1, most: int | None = None, error: Error = ArgumentError) -> int:
@@ -66,7 +66,9 @@ def number(
     below: float = math.inf,
     error: Error = ArgumentError,
 ) -> float:
-    """A finite number with least ≤ value ≤ most and above < value < below."""
+    """A finite number with least ≤ value ≤ most and above < value < below; floats of fewer digits are none."""
+    if isinstance(value, np.floating) and value.itemsize != 8:
+        float64(value, subject(name))
     found = _float(value)
     if least <= found <= most and above < found < below and math.isfinite(found):
         return found
@@ -104,7 +106,7 @@ def _bounds(least: float, most: float, above: float, below: float) -> str:
 
 def truth(value: object, name: str, error: Error = ArgumentError) -> bool:
     """True or False, of Python or of NumPy; 0 and 1 are neither."""
-    if type(value).__name__ not in ("bool", "bool_") or getattr(value, "shape", ()) != ():
+    if not isinstance(value, (bool, np.bool_)):
         raise error(f"{subject(name)} must be True or False, but is {shown(value)}.")
     return bool(value)
 

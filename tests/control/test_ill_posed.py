@@ -86,7 +86,7 @@ def test_wrong_inputs_and_bounds_are_told(make, told):
     [
         ({"solver": "newton"}, "one of ipopt, fatrop"),
         ({"tolerance": 2.0}, "small positive number"),
-        ({"max_iterations": 0}, "at least 1"),
+        ({"max_iterations": 0}, "must be a whole number from 1"),
         ({"guess": np.zeros(3)}, "a run, a name or None"),
         ({"guess": "straight"}, '"interpolate", "simulate"'),
         ({"options": {"no_such_option": 1}}, "CasADi cannot set up ipopt"),

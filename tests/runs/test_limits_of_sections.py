@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
@@ -31,17 +32,17 @@ def refused(sentence: str, call: Any, *given: Any, **more: Any) -> None:
 
 @pytest.mark.parametrize("value", [1, np.int64(7), 2**53])
 def test_a_whole_number_of_at_least_1_is_kept(value):
-    assert arguments.whole(value, "steps") == value and type(arguments.whole(value, "steps")) is int
+    assert checks.whole(value, "steps") == value and type(checks.whole(value, "steps")) is int
 
 
 @pytest.mark.cases(6)
 @pytest.mark.parametrize("value", [0, -1, 1.0, True, "1", None, np.timedelta64(3)])
 def test_another_number_of_steps_is_refused(value):
-    refused("`steps` must be a whole number of at least 1", arguments.whole, value, "steps")
+    refused("`steps` must be a whole number from 1", checks.whole, value, "steps")
 
 
 def test_more_steps_than_numbers_tell_apart_are_refused():
-    refused("`steps` must be at most 2⁵³", arguments.whole, 2**53 + 1, "steps")
+    refused("`steps` must be at most 2⁵³", checks.whole, 2**53 + 1, "steps")
     refused("`duration` must be at most 2⁵³ steps", arguments.grid, 0.5, 2.0**53, None)
     assert arguments.grid(0.5, 2.0**52, None) == (0.5, 2**53)
 
@@ -69,9 +70,9 @@ def test_a_step_of_a_trajectory_may_go_back_but_not_stand():
 
 
 def test_true_and_false_are_no_numbers():
-    assert arguments.truth(np.True_, "monitors") is True and arguments.truth(False, "monitors") is False
+    assert checks.truth(np.True_, "monitors") is True and checks.truth(False, "monitors") is False
     for wrong in (1, 0, "yes", None):
-        refused("`monitors` must be True or False", arguments.truth, wrong, "monitors")
+        refused("`monitors` must be True or False", checks.truth, wrong, "monitors")
 
 
 def test_what_is_no_system_no_start_or_no_method_is_named():

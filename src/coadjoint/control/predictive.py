@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.checks import whole
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
@@ -27,7 +28,6 @@ from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
 from coadjoint.portable import Remade
-from coadjoint.simulation.arguments import whole
 
 VIOLATED = 1e-5
 """The largest violation of the constraints of a program by a solution."""

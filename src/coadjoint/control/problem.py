@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from coadjoint import checks
+from coadjoint.checks import whole
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
@@ -15,7 +16,6 @@ from coadjoint.control.requirements import steps_of
 from coadjoint.control.solve import solve
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.run import Run
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.checks import truth
 from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
 from coadjoint.control.numbers import number, require_between, spread
@@ -19,7 +20,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-from coadjoint.simulation.arguments import grid, require_kinds, truth
+from coadjoint.simulation.arguments import grid, require_kinds
 
 MOST_POINTS = 100
 """The most points inside a step at which constraints of the path are imposed."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.checks import whole
 from coadjoint.control.guess import guessed
 from coadjoint.control.infeasible import resisting
 from coadjoint.control.library import INTERRUPTED, IPOPT, casadi
@@ -17,7 +18,6 @@ from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, Interrupted, OptimumError, shown
-from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.run import Run
 
 SOLVERS = ("ipopt", "fatrop")

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from coadjoint import checks
+from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError, StepError, shown, warn
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
 from coadjoint.estimation.filtered import Filtered, filtered
@@ -34,7 +35,6 @@ from coadjoint.estimation.timetable import (
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.mechanics.trace_checks import in_words
 from coadjoint.portable import Remade
-from coadjoint.simulation.arguments import truth
 
 
 class Innovation(NamedTuple):

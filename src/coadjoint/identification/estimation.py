@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any, Literal, get_args
 
 from coadjoint import checks
+from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.arguments import require_arguments
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
@@ -27,7 +28,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-from coadjoint.simulation.arguments import truth
 from coadjoint.simulation.progress import Progress
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.checks import float64
+from coadjoint.checks import MOST, array, positive, whole
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
@@ -44,10 +44,6 @@ def _can_be_read(read: Callable[[State], Any], state: State) -> bool:
     return True
 
 
-MOST = 2**53
-"""Up to here every whole number is a float64, so that times of nodes are distinct."""
-
-
 def require_kinds(system: Any, start: Any, method: Any) -> None:
     """Raise ArgumentError unless these are a system, a start of it and a method."""
     if not isinstance(system, System):
@@ -60,35 +56,9 @@ def require_kinds(system: Any, start: Any, method: Any) -> None:
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {shown(method)}.")
 
 
-def whole(value: Any, name: str) -> int:
-    """A whole number of at least 1; raises ArgumentError."""
-    if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ArgumentError(f"Argument `{name}` must be a whole number of at least 1, but is {shown(value)}.")
-    if value > MOST:
-        raise ArgumentError(f"Argument `{name}` must be at most 2⁵³ = {MOST}, but is {shown(value)}.")
-    return int(value)
-
-
-def truth(value: Any, name: str) -> bool:
-    """True or False; raises ArgumentError for what only counts as one of them."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise ArgumentError(f"Argument `{name}` must be True or False, but is {shown(value)}.")
-    return bool(value)
-
-
-def positive(value: Any, name: str) -> float:
-    """A positive, finite number; raises ArgumentError."""
-    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, (bool, np.timedelta64))
-    if not number or not 0 < value < np.inf:
-        raise ArgumentError(f"Argument `{name}` must be positive, but is {shown(value)}.")
-    return float(float64(value, f"Argument `{name}`"))
-
-
 def step_size(dt: Any) -> Any:
     """A step of a trajectory: one number, traced or finite, not zero; negative ones go back in time."""
-    h = float64(dt, "Argument `dt`")
-    if np.shape(h) != ():
-        raise ArgumentError(f"Argument `dt` must be one number, but has shape {np.shape(h)}.")
+    h = array(dt, "dt", ())
     if not traced(h) and h == 0:
         raise ArgumentError("Argument `dt` must not be zero: the steps would go nowhere.")
     return h

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, shown
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.collector import collector_off
@@ -23,7 +24,7 @@ from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.accuracy.resolution import require_full, with_trajectory_error
-from coadjoint.simulation.arguments import grid, require_kinds, truth, whole
+from coadjoint.simulation.arguments import grid, require_kinds
 from coadjoint.simulation.events import Event
 from coadjoint.simulation.execution import execute
 from coadjoint.simulation.members import count_of, require_room

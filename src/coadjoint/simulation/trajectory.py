@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, StepError, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.chunk import Chunk
@@ -35,7 +36,7 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import members
 from coadjoint.simulation.accuracy.resolution import unresolved_records
-from coadjoint.simulation.arguments import inputs_held, require_kinds, step_size, truth, whole, with_inputs
+from coadjoint.simulation.arguments import inputs_held, require_kinds, step_size, with_inputs
 from coadjoint.simulation.dissipation_checks import require_forward, require_reversible
 from coadjoint.simulation.members import require_one_time
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory

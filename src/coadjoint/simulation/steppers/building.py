@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.checks import float64
+from coadjoint.checks import float64, whole
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.trace.evaluate import tabulate
@@ -25,7 +25,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import setup_cache
-from coadjoint.simulation.arguments import inputs_held, whole, with_inputs
+from coadjoint.simulation.arguments import inputs_held, with_inputs
 from coadjoint.simulation.dense import part_of_step, sound
 from coadjoint.simulation.dissipation_checks import require_forward
 from coadjoint.simulation.events import Event

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.checks import float64
+from coadjoint.checks import float64, positive, truth, whole
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
@@ -31,7 +31,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, as_read
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
-from coadjoint.simulation.arguments import positive, require_kinds, truth, whole
+from coadjoint.simulation.arguments import require_kinds
 from coadjoint.simulation.events import Event, as_event
 from coadjoint.simulation.members import first_member
 from coadjoint.simulation.plan import Plan

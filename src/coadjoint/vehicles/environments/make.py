@@ -10,8 +10,8 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import checks
+from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.simulation.arguments import whole
 from coadjoint.vehicles.environments.cross_current import CrossCurrent
 from coadjoint.vehicles.environments.dock import Dock
 from coadjoint.vehicles.environments.episodes import Episodes
