@@ -54,7 +54,7 @@ def test_a_check_runs_nothing(file, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["top.toml"], "is no sweep file"),
+        (["top.toml"], "is not a sweep file"),
         (["nothing.toml"], "There is no sweep file"),
         (["masses.toml", "--workers", "0"], "must be at least 1"),
         (["masses.toml", "--scheduler", "somewhere://x"], "tcp://HOST:8786"),

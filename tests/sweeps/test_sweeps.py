@@ -149,7 +149,7 @@ def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path):
         ("count = 4", "cuont = 4", "did you mean `count`"),
         (", count = 4", "", "has no values of a grid"),
         ("task = 3", 'sampling = "sobbol"', "did you mean `sobol`"),
-        ("task = 3", 'sampling = "sobol"', "needs `members`, how many are drawn"),
+        ("task = 3", 'sampling = "sobol"', "needs `members`, the number of draws"),
         ('"xi"', '"omega"', "has no variable `omega`"),
         ('run = "top.toml"', 'run = "pot.toml"', "There is no run file"),
     ],

@@ -104,5 +104,5 @@ def test_a_worker_with_another_model_refuses_its_task(sweep, begun):
     text = hashlib.sha256((begun / "run.toml").read_bytes()).hexdigest()
     rows = sweep.rows(slice(0, 2))
     task = Task(str(begun), text, 0, 0, rows, 2, 1, ("mu",), True, {"equations": "others"}, 2, sweep.sample)
-    with pytest.raises(co.ArgumentError, match="On a worker the model is another"):
+    with pytest.raises(co.ArgumentError, match="The model of a worker differs"):
         compute(task)

@@ -1,4 +1,4 @@
-"""Addresses of schedulers: whether they are any, and whether somebody listens there."""
+"""Addresses of schedulers: their syntax, and whether a scheduler listens there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from coadjoint.errors import ArgumentError, FileError, warn
 PROTOCOLS = ("tcp", "tls", "ws", "wss")
 """Those at whose ports a scheduler listens."""
 INSIDE = "inproc"
-"""That of a scheduler in this process, whose address has no port."""
+"""The kind of a scheduler in this process, whose address has no port."""
 LOOK = 0.2
 """Seconds between two attempts to reach a scheduler."""
 ANSWER = 10.0
@@ -19,7 +19,7 @@ ANSWER = 10.0
 
 
 def require_address(scheduler: str) -> None:
-    """Raise ArgumentError for what is no address of a scheduler."""
+    """Raise ArgumentError unless it is the address of a scheduler."""
     try:
         found = _split(scheduler)
         fits = bool(found.netloc) and (found.scheme == INSIDE or (found.scheme in PROTOCOLS and bool(found.port)))

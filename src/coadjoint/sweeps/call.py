@@ -47,18 +47,18 @@ def sweep(
 
     Arguments:
         run: the path of a run or mission file, or a mission of `co.vehicles.load_mission`.
-        vary: what varies, by section and key as in "parameters.mass_kg", in the words of section [vary] of a sweep
-            file: {"from": …, "to": …} with a "count" for grids, {"values": […]}, {"mean": …, "deviation": …}, or a
-            list with such in the place of numbers; or `co.each(values)`, (members, …). By default nothing.
+        vary: the varied numbers, by section and key as in "parameters.mass_kg", in the form of section [vary] of a
+            sweep file: {"from": …, "to": …} with a "count" for grids, {"values": […]}, {"mean": …, "deviation": …}, or
+            a list with such in the place of numbers; or `co.each(values)`, (members, …). By default nothing.
         store: the folder of the results, by default the name of the file with `_sweep`, in the working directory.
         sampling: "list", by default: member i gets the i-th value of each number; "grid": all combinations; or
             "random", "latin_hypercube", "sobol", which need `members`.
-        members: how many are drawn, at least 1; by default what a list or grid has.
-        seed: of what is drawn, 0 by default.
+        members: the number of draws, at least 1; by default the length of the list or grid.
+        seed: of the draws, 0 by default.
         task: the members of a task, at least 1; by default as many as take some ten seconds.
         keep: "statistics", "members" (the default) or "trajectories".
-        variables: of which results are kept, by default q, euler_angles, xi and nu.
-        save_every: every how many steps a node is looked at, by default for some 60 nodes.
+        variables: those whose results are kept, by default q, euler_angles, xi and nu.
+        save_every: the steps between evaluated nodes, by default for some 60 nodes.
         quantiles: numbers between 0 and 1, by default 5 %, 50 % and 95 %.
         courses: whether statistics at every node are kept, by default False.
         figures: whether they are drawn, by default True; none with "statistics".
@@ -66,12 +66,12 @@ def sweep(
         workers: how many of those, by default one for each core; with one, or a single task, it is this process.
         overwrite: whether a finished sweep in the folder is begun again, by default False.
         progress: as in `co.simulate`.
-        parameters: what varies of the section `parameters`, by its keys.
+        parameters: the varied numbers of the section `parameters`, by its keys.
 
-    Returns `SweepResults`. The same call again computes what is missing, or returns what is finished.
+    Returns `SweepResults`. The same call again computes the missing members, or returns a finished sweep.
 
-    Raises ArgumentError for what cannot be varied or is no address, and FileError where the folder holds another sweep,
-    is in use or cannot be written, or a scheduler does not answer.
+    Raises ArgumentError for numbers that cannot be varied and for a wrong address, and FileError if the folder holds
+    another sweep, is in use or cannot be written, or a scheduler does not answer.
     """
     file = _file(run)
     given = {**(vary or {}), **{f"parameters.{key}": value for key, value in parameters.items()}}
@@ -109,13 +109,14 @@ def _require_variation(given: Mapping[str, Any]) -> None:
     """Raise ArgumentError unless something varies, and every key that is given does."""
     if not given:
         raise ArgumentError(
-            "A sweep needs what varies: parameters by name, as in co.sweep(run, mass=co.each([30.5, 31.5])), and other "
+            "A sweep needs varied numbers: parameters by name, as in co.sweep(run, mass=co.each([30.5, 31.5])), and "
+            "other "
             'keys by their section, as in co.sweep(run, {"initial.speed_m_s": co.each([1.0, 1.5])}).'
         )
     for name, value in given.items():
         if not _varies(value):
             raise ArgumentError(
-                f"What co.sweep varies must have a value for each member, but {name} is {shown(value)}: give "
+                f"Numbers varied by co.sweep must have a value for each member, but {name} is {shown(value)}: give "
                 'co.each([…]), or for other samplings than a list {"from": …, "to": …}; a value that all members '
                 "have belongs into the run file."
             )

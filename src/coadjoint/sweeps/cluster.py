@@ -20,10 +20,10 @@ PATIENCE = 120.0
 ANSWER = 10.0
 """Seconds in which a scheduler must answer."""
 LOOK = 0.02
-"""Seconds between two looks at what has been computed."""
+"""Seconds between two looks at the finished tasks."""
 
 NOISY = ("distributed", "tornado", "asyncio")
-"""What speaks of workers and schedulers that come and go."""
+"""The loggers that report workers and schedulers coming and going."""
 
 _log = logger(__name__)
 
@@ -33,7 +33,7 @@ class _Lost(Exception):
 
 
 def require() -> None:
-    """Raise ArgumentError where dask.distributed is not installed."""
+    """Raise ArgumentError if dask.distributed is not installed."""
     if find_spec("distributed") is None:
         raise ArgumentError(
             'A sweep with a scheduler needs dask.distributed: install it with pip install "coadjoint[cluster]".'
@@ -48,9 +48,9 @@ def run(
 ) -> dict[str, float]:
     """Compute all missing tasks; one whose worker dies is given out again, and a scheduler that is lost waited for.
 
-    made: the task of a number. missing: the numbers of those that are not in the store. Returns the
-    seconds until workers were there, and those of tasks from then on. Raises FileError where a scheduler does not
-    answer, or has no workers, for PATIENCE seconds, and what a task raises.
+    made: the task of a number. missing: the numbers of those that are not in the store. Returns the seconds until
+    workers were ready, and those of tasks from then on. Raises FileError if a scheduler does not answer, or has no
+    workers, for PATIENCE seconds, and the errors of tasks.
     """
     require()
     waited_since: float | None = None
@@ -72,16 +72,17 @@ def run(
             waited_since = now if waited_since is None or len(missing()) < before else waited_since
             if now - waited_since >= PATIENCE:
                 raise FileError(
-                    f"{lost}: it was waited for {PATIENCE:.0f} s. The same command again goes on with what is missing."
+                    f"{lost}: it was waited for {PATIENCE:.0f} s. The same command again continues with the missing "
+                    "tasks."
                 ) from None
-            _log.info("%s: the sweep goes on when it is there again.", lost)
+            _log.info("%s: the sweep continues when it is back.", lost)
             time.sleep(1.0)
     return spent
 
 
 @contextmanager
 def connected(scheduler: str) -> Iterator[Any]:
-    """A client of a scheduler, for as long as this lasts."""
+    """Inside this context, a client of a scheduler."""
     from dask import config
     from distributed import Client
 
@@ -104,7 +105,7 @@ def _opened(cls: Any, where: str) -> Iterator[Any]:
 
 
 def _close(client: Any) -> None:
-    """Close a client; one that never reached a scheduler has nothing to tell it, and would wait for it."""
+    """Close a client; one that never reached a scheduler would wait for it."""
     with suppress(Exception):
         if getattr(client, "status", "") == "connecting":
             client.status = "closed"
@@ -115,7 +116,8 @@ def _close(client: Any) -> None:
 
 @contextmanager
 def suppress_noise() -> Iterator[None]:
-    """Without the log messages of dask and what it stands on about workers and schedulers that come and go."""
+    """Inside this context, without log messages of dask and its dependencies about workers and schedulers coming and
+    going."""
     import logging
 
     import distributed  # noqa: F401, which names its loggers
@@ -165,7 +167,7 @@ def _run(client: Any, made: Callable[[int], Any], numbers: Sequence[int], done: 
 
 
 def _following(coming: Any, client: Any) -> Iterator[Any]:
-    """What has been computed; _Lost where the scheduler is gone."""
+    """The finished tasks; raises _Lost if the scheduler is gone."""
     while coming.count():
         if coming.has_ready():
             yield next(coming)
@@ -180,7 +182,7 @@ def _address(client: Any) -> str:
 
 
 def _threads(client: Any) -> int:
-    """How many threads all workers have together; raises _Lost where there are none after a while."""
+    """The number of threads of all workers; raises _Lost if there are none after a while."""
     try:
         client.wait_for_workers(1, timeout=60)
         return sum(client.nthreads().values())
@@ -189,7 +191,7 @@ def _threads(client: Any) -> int:
 
 
 def _ready(client: Any) -> None:
-    """Wait for workers, and let them load what tasks need; raises FileError where they cannot."""
+    """Wait for workers, and let them load the modules of tasks; raises FileError if they cannot."""
     _threads(client)
     try:
         client.run(load)
@@ -200,7 +202,7 @@ def _ready(client: Any) -> None:
 
 
 def _lost_or_raise(client: Any, error: BaseException, number: int, lives: Counter[int]) -> None:
-    """Go on where a task was lost with its worker; raise what else happened."""
+    """Continue if a task was lost with its worker; raise other errors."""
     from distributed import CancelledError, KilledWorker
     from distributed.comm.core import CommClosedError
 

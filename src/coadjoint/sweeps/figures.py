@@ -1,4 +1,4 @@
-"""Figures of a sweep: all members in parallel coordinates, responses to what varies, and where members failed."""
+"""Figures of a sweep: all members in parallel coordinates, responses to the varied numbers, and failed members."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def columns(
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """The numbers that vary and the results, each one number of a member, by name with its place and unit.
 
-    chosen: of which members, by default MOST_POINTS of them at most.
+    chosen: the members, by default MOST_POINTS of them at most.
     """
     found = made.dataset
     numbers: dict[str, np.ndarray] = {}
@@ -52,20 +52,20 @@ def columns(
 
 
 def _told(figure: Figure, *parts: str) -> None:
-    """What a figure leaves out, as its title; nothing where it shows all."""
+    """The omissions of a figure, as its title; empty if it shows all."""
     if sentence := "; ".join(filter(None, parts)):
         figure.suptitle(sentence, fontsize=8)
 
 
 def _of(shown: int, all_of: int, what: str = "members") -> str:
-    """How many of how many are shown; nothing where all are."""
+    """The number shown and the total; empty if all are shown."""
     return f"{shown:,} of {all_of:,} {what}, chosen at random" if shown < all_of else ""
 
 
 def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
     """Every member as a line through its numbers and results, coloured by the last result.
 
-    results: names as "final_q[2]", by default where members end. Raises ArgumentError for one that there is not.
+    results: names as "final_q[2]", by default the final states. Raises ArgumentError for an unknown one.
     """
     good = np.flatnonzero(made.dataset["code"].values == 0)
     numbers, found = columns(made, good[some(len(good), MOST_LINES)])
@@ -109,9 +109,9 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
 
 
 def responses(made: SweepResults, result: str = "") -> Figure:
-    """A result over what varies: over one number, and the mean over cells of each pair of numbers.
+    """A result over the varied numbers: over one number, and the mean over cells of each pair of numbers.
 
-    result: as "final_q[2]", by default the one that varies most with what varies. Raises ArgumentError.
+    result: as "final_q[2]", by default the one that depends most on the varied numbers. Raises ArgumentError.
     """
     numbers, found = columns(made)
     (name,) = _chosen([result] if result else [], found, [_liveliest(numbers, found)])
@@ -213,7 +213,7 @@ def _ends(column: np.ndarray) -> tuple[float, float]:
 
 
 def _usual(found: dict[str, np.ndarray]) -> list[str]:
-    """Up to three results that are no constant, where members end."""
+    """Up to three final results that are not constant."""
     ends = [name for name, column in found.items() if name.startswith("final_") and _varies(column)]
     return ends[:3] or [name for name in found if name.startswith("final_")][:1]
 
@@ -245,7 +245,7 @@ def _chosen(given: Sequence[str], found: dict[str, np.ndarray], usual: Sequence[
 
 
 def _with_unit(made: SweepResults, name: str) -> str:
-    """A result with its unit in the dataset, as "final_q[2] (m)"; what varies has its unit in its own name."""
+    """A result with its unit in the dataset, as "final_q[2] (m)"; a varied number has its unit in its name."""
     array = made.dataset.data_vars.get(name.split("[")[0])
     unit = "" if array is None else array.attrs.get("units", "")
     return f"{name} ({unit})" if unit not in ("", "1") else name

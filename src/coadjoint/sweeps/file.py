@@ -1,4 +1,4 @@
-"""Sweep files: which run, what varies, and what is kept of it."""
+"""Sweep files: the run, the varied numbers, and the kept results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from coadjoint.runs.runnable import Runnable
 
 KEEP = ("statistics", "members", "trajectories")
-"""What a sweep keeps: statistics alone, results of every member, or all saved nodes of every member too."""
+"""The kept results of a sweep: statistics alone, results of every member, or also all saved nodes of every member."""
 RUN = "run_file"
 """The section of a sweep's own configuration that holds the run file."""
 QUICK = ("parameters", "initial")
@@ -33,21 +33,21 @@ QUICK = ("parameters", "initial")
 MOST_TASKS = 10_000
 """A scheduler is slow with millions of tasks, and quick with these."""
 FEW_TASKS = 16
-"""There are about so many tasks or more, for several workers to share, unless they would be too small."""
+"""The least number of tasks, for several workers to share, unless they would be too small."""
 LEAST_STEPS = 1e6
 """A task of fewer than LANES members has at least so many steps in all: about what its set-up takes."""
 STEPS = 2e7
-"""The steps of all members of a task, if nothing else is said: ten seconds of a vehicle in native code, or some."""
+"""The default number of steps of all members of a task: ten seconds of a vehicle in native code, or some."""
 LANES = 64
 """Members of a task are a multiple of this, so that no lane of native code idles."""
 MOST_SEED = 1_000_000
-"""Seeds of random currents, of seed and member, are to be whole numbers that a float holds."""
+"""Seeds of random currents, from seed and member, must be integers that a float represents."""
 LISTED = 1000
-"""Of more values than these a digest is written, which shows whether they are the same."""
+"""Above this number of values a digest is written, which shows whether they are the same."""
 SAMPLE = 16
 """Members that show in which numbers members differ; every k-th of a grid might have a number in common."""
 NODES = 60
-"""About so many nodes of a run are looked at, if nothing else is said."""
+"""The default number of evaluated nodes of a run."""
 
 
 def _shares(value: tuple[float, ...], name: str) -> tuple[float, ...]:
@@ -56,7 +56,7 @@ def _shares(value: tuple[float, ...], name: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class SweepSection:
-    """Which run is swept, and how its members are chosen."""
+    """The run of a sweep, and the choice of its members."""
 
     run: str = key("run file or mission file that is swept", default="")
     sampling: str = key("how numbers are chosen", words=SAMPLINGS, default="grid")
@@ -66,14 +66,14 @@ class SweepSection:
 
     def __post_init__(self):
         if self.sampling in DRAWN and self.members is None:
-            raise ArgumentError(f"[sweep] sampling = {self.sampling!r} needs `members`, how many are drawn.")
+            raise ArgumentError(f"[sweep] sampling = {self.sampling!r} needs `members`, the number of draws.")
         if self.sampling not in DRAWN and self.members is not None:
-            raise ArgumentError(f"[sweep] members follow from what varies in a {self.sampling}: leave them out.")
+            raise ArgumentError(f"[sweep] members follow from the values of a {self.sampling}: leave them out.")
 
 
 @dataclass(frozen=True)
 class ResultsSection:
-    """What is kept of the members: of which variables, and of which nodes."""
+    """The kept results of the members: variables and nodes."""
 
     keep: str = key("what is kept", words=KEEP, default="members")
     variables: list[str] = key("variables that are kept", factory=list)
@@ -85,9 +85,9 @@ class ResultsSection:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep, read and checked. base: the table of its run file; places: where files are that this names.
+    """A sweep, read and checked. base: the table of its run file; places: the paths of the files that it names.
 
-    sampled: the numbers of SAMPLE members, where those of all are not known, as on a worker.
+    sampled: the numbers of SAMPLE members, if those of all are not known, as on a worker.
     """
 
     sweep: SweepSection
@@ -100,7 +100,7 @@ class Sweep:
 
     @cached_property
     def text(self) -> str:
-        """The whole sweep as TOML, its run file within it: what a folder of results is known by."""
+        """The complete sweep as TOML, with its run file: the identity of a folder of results."""
         vary: dict[str, Any] = {}
         for one in self.varied:
             inner = vary
@@ -112,7 +112,7 @@ class Sweep:
 
     @cached_property
     def design(self) -> tuple[Design, int]:
-        """The numbers of all members by name, and how many members there are; raises ArgumentError."""
+        """The numbers of all members by name, and the number of members; raises ArgumentError."""
         numbers = [number for one in self.varied for number in one.numbers]
         return design(numbers, self.sweep.sampling, self.sweep.members, self.sweep.seed)
 
@@ -128,7 +128,7 @@ class Sweep:
 
     @cached_property
     def size(self) -> int:
-        """The members of a task, a shard of the store; the same whoever computes them."""
+        """The members of a task, a shard of the store; independent of the worker that computes them."""
         least = -(-self.members // MOST_TASKS)
         if self.sweep.task is None:
             shared = -(-self.members // FEW_TASKS)
@@ -161,7 +161,7 @@ class Sweep:
 
     @property
     def save_every(self) -> int:
-        """Every how many steps a node is looked at."""
+        """The steps between evaluated nodes."""
         return self.results.save_every or max(self.steps // NODES, 1)
 
     def rows(self, span: slice) -> Design:
@@ -171,7 +171,7 @@ class Sweep:
     def run(self, rows: Mapping[str, np.ndarray], quick: bool, members: np.ndarray | None = None) -> Runnable:
         """The run of the members with these numbers, in which those that are not `quick` are all the same.
 
-        quick: whether those of the sections QUICK stand there with a value for each member. members: which these are;
+        quick: whether those of the sections QUICK have a value for each member there. members: their numbers;
         random currents of a mission get a seed of each.
         """
         table = copy.deepcopy(dict(self.base))
@@ -223,7 +223,7 @@ def _each(values: np.ndarray) -> Any:
 
 
 def _written(template: Any) -> Any:
-    """What varies as a file has it; of many values a digest, which tells whether they are the same."""
+    """The varied numbers in the form of a file; for many values a digest, which shows whether they are the same."""
     if isinstance(template, list):
         return [_written(inner) for inner in template]
     if not hasattr(template, "between"):
@@ -250,11 +250,11 @@ def of_tables(table: Mapping[str, Any], base: Mapping[str, Any], path: Path, pla
     results = sections.read(ResultsSection, "results", table.get("results", {}))
     varied = tuple(read(table.get("vary", {})))
     if not varied:
-        raise ArgumentError("A sweep needs a section [vary], such as [vary.parameters], which says what varies.")
+        raise ArgumentError("A sweep needs a section [vary], such as [vary.parameters], with the varied numbers.")
     if base.get("perturb") or base.get("run", {}).get("members", 1) != 1:
         raise ArgumentError(
-            "The run of a sweep must be of one member: leave [perturb] and [run] members out, and say in [vary] what "
-            "varies, as in mass = { mean = …, deviation = … }."
+            "The run of a sweep must be of one member: leave [perturb] and [run] members out, and give the varied "
+            "numbers in [vary], as in mass = { mean = …, deviation = … }."
         )
     return Sweep(own, results, varied, base, path, places)
 
@@ -264,11 +264,11 @@ def read_sweep(path: Path) -> Sweep:
     table = table_of(path, "sweep file")
     if "sweep" not in table:
         raise ArgumentError(
-            f"The file {path} is no sweep file, which has a section [sweep]: `coadjoint run {path}` runs a run file."
+            f"The file {path} is not a sweep file, which has a section [sweep]: `coadjoint run {path}` runs a run file."
         )
     name = table["sweep"].get("run") if isinstance(table["sweep"], Mapping) else None
     if not isinstance(name, str) or not name:
-        raise ArgumentError(f"[sweep] of {path} needs `run`, the name of a run or mission file beside it.")
+        raise ArgumentError(f"[sweep] of {path} needs `run`, the name of a run or mission file next to it.")
     source = path.parent / name
     base = table_of(source, "run file")
     return of_tables(table, base, path, of_table(base, source, "").inputs)

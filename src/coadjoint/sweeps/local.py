@@ -1,8 +1,8 @@
 """The workers of a sweep on this machine: processes at the other end of two pipes, without any network service.
 
-A worker calls what comes through its standard input, one function after another, and answers through its standard
-output. Its input ends when the process that started it ends, in whatever way; then the worker ends, too, in the middle
-of a task if need be.
+A worker calls the functions that come through its standard input, one after another, and answers through its standard
+output. Its input ends when the process that started it ends, in whatever way; then the worker ends as well, in the
+middle of a task if necessary.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from coadjoint.errors import CoadjointError, FileError, told
 from coadjoint.interrupts import look
 
 LIVES = 10
-"""How often a task is given out again after the worker that had it died."""
+"""The number of attempts for a task whose workers died."""
 LOOK = 0.5
 """Seconds between two looks for an interrupt."""
 
@@ -35,7 +35,7 @@ ALONE = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 _START = "import sys; sys.path[:] = sys.argv[1:]; from coadjoint.sweeps.local import serve; serve()"
 
 _GONE = object()
-"""What stands for the answers of a worker that has ended."""
+"""The mark for the end of a worker's answers."""
 
 Call = Callable[[], Any]
 Done = Callable[[int, Mapping[str, float]], None]
@@ -45,8 +45,8 @@ Done = Callable[[int, Mapping[str, float]], None]
 def run(call: Callable[[int], Call], numbers: Sequence[int], done: Done, workers: int) -> dict[str, float]:
     """Call the task of each number: in this process where one worker would do, otherwise in processes.
 
-    call: what computes the task of a number. Returns the seconds until a worker was ready, and those of tasks from
-    then on. Raises what a task raises, and FileError for one whose worker dies again and again.
+    call: computes the task of a number. Returns the seconds until a worker was ready, and those of tasks from then on.
+    Raises the errors of tasks, and FileError for one whose worker dies again and again.
     """
     began = time.perf_counter()
     if min(workers, len(numbers)) <= 1:
@@ -74,7 +74,7 @@ class _Crew:
             worker.end()
 
     def start(self) -> None:
-        """Start a worker, which first loads what tasks need."""
+        """Start a worker, which first loads the modules of tasks."""
         worker = _Worker(self.answers)
         self.workers.append(worker)
         worker.give(None, load)
@@ -146,14 +146,14 @@ class _Worker:
             self.process.stdin.flush()
 
     def _hear(self, answers: SimpleQueue[tuple[_Worker, Any]]) -> None:
-        """Hand on its answers, and _GONE when they end."""
+        """Pass on its answers, and _GONE when they end."""
         with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
             while True:
                 answers.put((self, pickle.load(self.process.stdout)))  # pyright: ignore[reportArgumentType]
         answers.put((self, _GONE))
 
     def end(self) -> None:
-        """Kill it: what it is at is not waited for."""
+        """Kill it, without waiting for its task."""
         self.process.kill()
         self.process.wait()
         with suppress(OSError):
@@ -161,7 +161,7 @@ class _Worker:
 
 
 def _require_life(number: int | None, lost: int) -> None:
-    """Raise FileError where workers died too often."""
+    """Raise FileError if workers died too often."""
     if lost <= LIVES:
         return
     if number is None:
@@ -174,7 +174,7 @@ def _require_life(number: int | None, lost: int) -> None:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Processes that are started meanwhile hear no Ctrl-C, which is for this one to end them."""
+    """Inside this context, started processes ignore Ctrl-C; this process ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -185,16 +185,16 @@ def _deaf() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-# What a worker does.
+# The worker.
 
 
 def serve() -> None:
-    """Call what comes through the standard input, and answer; ends with the process at the other end."""
+    """Call the functions that come through the standard input, and answer; ends with the process at the other end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     source, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     with open(os.devnull, "rb") as nothing:
         os.dup2(nothing.fileno(), 0)
-    os.dup2(2, 1)  # What tasks print is no answer.
+    os.dup2(2, 1)  # The output of tasks is not an answer.
     calls: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(source, calls), daemon=True).start()
     while True:
@@ -203,7 +203,7 @@ def serve() -> None:
 
 
 def _listen(source: Any, calls: SimpleQueue[bytes]) -> None:
-    """Put what comes into the queue; at its end there is nobody to work for."""
+    """Put messages into the queue; at its end the starting process is gone."""
     try:
         while True:
             calls.put(pickle.load(source))
@@ -212,7 +212,7 @@ def _listen(source: Any, calls: SimpleQueue[bytes]) -> None:
 
 
 def _called(call: bytes) -> Any:
-    """What a call returns, or the error that it raises."""
+    """The result of a call, or the error that it raises."""
     try:
         return pickle.loads(call)()
     except CoadjointError as error:
@@ -222,5 +222,5 @@ def _called(call: bytes) -> Any:
 
 
 def load() -> None:
-    """Load what tasks need."""
+    """Load the modules of tasks."""
     import_module("coadjoint.sweeps.task")

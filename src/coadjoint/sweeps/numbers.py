@@ -1,4 +1,4 @@
-"""What a sweep varies, and the values that its members get."""
+"""The varied numbers of a sweep, and the values of its members."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 
 SAMPLINGS = ("grid", "list", "random", "latin_hypercube", "sobol")
-"""How members are chosen."""
+"""The choices of members."""
 DRAWN = SAMPLINGS[2:]
 """Those that need `members`."""
 BLOCK = 4096
-"""Random members are drawn in blocks of so many, each with its own generator."""
+"""The size of blocks in which random members are drawn, each with its own generator."""
 MOST = 10**9
 """The most members of a sweep."""
 DIGEST = "sha256:"
-"""How many values are written."""
+"""The number of values that are written."""
 _KEYS = ("from", "to", "count", "scale", "values", "mean", "deviation")
 _WAYS = "{ from = …, to = … }, { values = […] } or { mean = …, deviation = … }"
 
@@ -72,7 +72,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Varied:
-    """A key of a file with the numbers in it: `template` is a Number, or lists of numbers with Numbers in them."""
+    """A key of a file with its numbers: `template` is a Number, or lists of numbers with Numbers in them."""
 
     keys: tuple[str, ...]
     template: Any
@@ -83,7 +83,7 @@ class Varied:
         return list(_leaves(self.template))
 
     def value(self, rows: Mapping[str, Any]) -> Any:
-        """The value of one member, as a file has it. rows: the values of its numbers, by name."""
+        """The value of one member, in the form of a file. rows: the values of its numbers, by name."""
         return _filled(self.template, rows)
 
     def values(self, rows: Mapping[str, np.ndarray], count: int) -> np.ndarray:
@@ -100,7 +100,7 @@ class Varied:
 
 
 def read(table: Mapping[str, Any], keys: tuple[str, ...] = ()) -> list[Varied]:
-    """What a section [vary] varies; raises ArgumentError."""
+    """The varied numbers of a section [vary]; raises ArgumentError."""
     found: list[Varied] = []
     for key, value in table.items():
         here = (*keys, key)
@@ -133,7 +133,7 @@ def _template(value: Any, name: str) -> Any:
 
 
 def number(given: Mapping[str, Any], name: str) -> Number:
-    """A number as [vary] has it; raises ArgumentError."""
+    """A number in the form of [vary]; raises ArgumentError."""
     what = f"[vary] {name}"
     for key in given:
         checks.known(key, _KEYS, "key", what)
@@ -205,9 +205,9 @@ Design = dict[str, np.ndarray]
 
 
 def design(numbers: Sequence[Number], sampling: str, members: int | None, seed: int) -> tuple[Design, int]:
-    """The values of all members, and how many there are.
+    """The values of all members, and their number.
 
-    Member i of a random sweep gets its numbers from (seed, i) alone, whatever the number of members; those of Latin
+    Member i of a random sweep gets its numbers from (seed, i) alone, for any number of members; those of Latin
     hypercubes and Sobol' points depend on all. Raises ArgumentError.
     """
     if sampling == "grid":

@@ -1,4 +1,4 @@
-"""What is kept of members while they step: a sink that forgets records when it has looked at them."""
+"""Reduction of members while they step: a sink that drops records after evaluating them."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from coadjoint.simulation.plan import Memory
 from coadjoint.sweeps.sketch import Sketch
 
 USUAL = ("q", "euler_angles", "xi", "nu")
-"""The variables of which results are kept, if nothing else is said."""
+"""The variables whose results are kept by default."""
 ANGLES = "euler_angles"
 KINDS = {"final": "at the end", "least": "least", "largest": "largest", "mean": "mean"}
 """Results of a variable, over the saved nodes of a member."""
 COURSE_CENTROIDS = 64
-"""How many centroids a shard keeps of each number at each node."""
+"""The number of centroids that a shard keeps for each number at each node."""
 BLOCK_BYTES = 64 << 20
-"""What the nodes of all members that are looked at together may take."""
+"""The memory for nodes of all members that are evaluated together."""
 TOGETHER = 64
-"""Members that are looked at together. Always this many, so that no value depends on how members are divided."""
+"""Members that are evaluated together. Always this many, so that no value depends on the division of members."""
 
 
 class Observer:
@@ -56,7 +56,7 @@ class Observer:
         return {name: (named[name][0][1:], named[name][1]) for name in self.chosen}
 
     def _without(self, records: State, found: Mapping[str, Any]) -> Variables:
-        """What is not reported. Angles are NaN where there is no rotation, as in members that failed."""
+        """Warnings that are suppressed. Angles are NaN where there is no rotation, as in members that failed."""
         rotation = found.get("rotation")
         if rotation is None:
             return variables(self._plain, records, {}, lambda _: dict(found))
@@ -84,14 +84,14 @@ def _are_rotations(R: np.ndarray) -> np.ndarray:
 
 
 def known(system: System, records: State) -> Variables:
-    """All variables of which results can be kept, of some records."""
+    """All variables whose results can be kept, of some records."""
     derive = partial(Derivation(replace_parameters(system, None), len(records.t)), system.parameters)
     plain = replaced(system, internal=None, inputs=None)
     return {**variables(plain, records, {}, derive), **reported(system, records)}
 
 
 def choose(chosen: Sequence[str], there: Mapping[str, Any]) -> list[str]:
-    """The variables of which results are kept; raises ArgumentError for one that a run does not have."""
+    """The variables whose results are kept; raises ArgumentError for one that a run does not have."""
     for name in chosen:
         checks.known(name, there, "variable", "[results] variables: a run")
     return list(chosen) or [name for name in USUAL if name in there] or list(there)[:1]
@@ -100,8 +100,8 @@ def choose(chosen: Sequence[str], there: Mapping[str, Any]) -> list[str]:
 class Reduction(Memory):
     """A sink that keeps of every member the final, least, largest and mean value of each variable.
 
-    courses: whether the spread over members at every node is kept, too; whole: whether all values at every node are.
-    Every node is taken up by itself, so that no bit depends on how nodes come in chunks.
+    courses: whether the spread over members at every node is kept as well; whole: whether all values at every node are.
+    Every node is processed separately, so that results do not depend on the division of nodes into chunks.
     """
 
     def __init__(self, observer: Observer, states: State, courses: bool, whole: bool):
@@ -120,14 +120,14 @@ class Reduction(Memory):
         return self._length
 
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
-        """Take up the nodes at these steps, one after another."""
+        """Process the nodes at these steps, one after another."""
         self.steps.append(np.asarray(steps))
         self.monitors = self.monitors or [{}]
         for place in range(len(steps)):
             self.take(jax.tree.map(lambda rows, place=place: rows[place], records))
 
     def take(self, records: State) -> None:
-        """Take up one node of all members; NaN are those that failed, or have ended."""
+        """Process one node of all members; failed or ended members are NaN."""
         good = np.isfinite(records.t)
         found = self.observer(records)
         for name, (_, values) in found.items():
@@ -141,7 +141,7 @@ class Reduction(Memory):
         self.taken = self.taken + good
 
     def _member_values(self, name: str, values: np.ndarray, good: np.ndarray) -> None:
-        """Angles go on over turns."""
+        """Angles continue over turns."""
         if name not in self.values:
             blank = np.full(values.shape, np.nan)
             self.values[name] = dict.fromkeys(("final", "least", "largest"), blank)
@@ -156,7 +156,7 @@ class Reduction(Memory):
         held["mean"] = held["mean"] + np.where(here, values, 0.0)
 
     def end(self, members: Sequence[int], records: State) -> None:
-        """Take up where events ended members; their mean is over the nodes before."""
+        """Process the nodes at which events ended members; their mean is over the previous nodes."""
         if not len(members):
             return
         taken, good = np.zeros(len(self.taken), bool), np.array(members)

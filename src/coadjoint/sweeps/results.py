@@ -1,4 +1,4 @@
-"""What a sweep leaves: a lazy dataset of its members, their statistics, a summary."""
+"""Results of a sweep: a lazy dataset of its members, their statistics, a summary."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from coadjoint.sweeps.sketch import Sketch
 
 CAUSES = {REFUSED: "refused", **{int(code): code.name.lower().replace("_", " ") for code in Code}}
-"""What the codes of members mean."""
+"""The meaning of the codes of members."""
 
 
 class SweepResults:
     """A finished sweep: `dataset` of all members, read when used; `statistics` over them; `summary`.
 
-    manifest: that of its folder, with which all that is read is compared. summary: that of its file, unless given.
-    `compared`: False where the same sweep was asked for again, and its folder keeps no identity to compare it by.
+    manifest: that of its folder, with which all data read are compared. summary: that of its file, unless given.
+    `compared`: False if the same sweep was requested again and its folder holds no identity to compare it by.
     """
 
     def __init__(self, manifest: Manifest, summary: dict[str, Any] | None = None):
@@ -74,7 +74,7 @@ class SweepResults:
                     return found
         except FileError:
             raise
-        except Exception as error:  # h5py and what is above it have errors of all kinds
+        except Exception as error:  # h5py and the libraries above it have errors of all kinds
             raise FileError(f"The file {path} cannot be read as netCDF ({told(error)}): {DAMAGED}.") from error
         raise FileError(f"The file {path} does not hold the statistics of a sweep: {DAMAGED}.")
 
@@ -89,9 +89,9 @@ class SweepResults:
 
 
 def load_sweep(folder: Path | str) -> SweepResults:
-    """The finished sweep that `co.sweep` or `coadjoint sweep` left.
+    """The finished sweep of `co.sweep` or `coadjoint sweep`.
 
-    folder: where it is, a path. Raises FileError where there is none.
+    folder: its path. Raises FileError if there is none.
     """
     path = Path(folder)
     if not path.is_dir():
@@ -100,12 +100,12 @@ def load_sweep(folder: Path | str) -> SweepResults:
     if held is None or not isinstance(held.facts.get("sweep"), dict):
         raise FileError(f"The folder {path} holds no sweep.")
     if not held.facts.get("complete"):
-        raise FileError(f"The sweep in {path} has not finished: the same `coadjoint sweep` command goes on with it.")
+        raise FileError(f"The sweep in {path} has not finished: the same `coadjoint sweep` command continues it.")
     return SweepResults(held)
 
 
 def _summary(manifest: Manifest) -> dict[str, Any]:
-    """What summary.json says; raises FileError where it is damaged, or not that of a sweep."""
+    """The contents of summary.json; raises FileError if it is damaged, or not that of a sweep."""
     _require(manifest, SUMMARY)
     path = manifest.folder / SUMMARY
     try:
@@ -130,14 +130,14 @@ _NUMBERS = ("members", "tasks", "members_of_a_task", "finished", "events", "dt",
 
 
 def _require(manifest: Manifest, name: str) -> None:
-    """Raise FileError unless a file is what was written."""
+    """Raise FileError unless a file is unchanged."""
     if name not in manifest.files:
         raise FileError(f"The file {manifest.folder / name} is not among those of the manifest: {DAMAGED}.")
     manifest.require(name)
 
 
 def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[str, Any]) -> tuple[xarray.Dataset, dict]:
-    """The statistics of all shards merged in their order, and what happened to the members."""
+    """The statistics of all shards merged in their order, and the outcomes of the members."""
     sketches: dict[str, list[Sketch]] = {}
     courses: dict[str, list[list[Sketch]]] = {}
     codes, warnings, refusals = Counter[str](), Counter[str](), dict[str, str]()
@@ -175,7 +175,7 @@ def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[st
 
 
 def facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The summary in lines: what each is called, and the text."""
+    """The summary in lines: name and text."""
     failures = ", ".join(f"{count:,} {cause}" for cause, count in summary["failures"].items()) or "none"
     return [
         ("sweep", f"{summary['members']:,} × {summary['system']}, {summary['method']}, dt = {summary['dt']:g} s"),

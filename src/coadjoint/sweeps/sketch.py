@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 CENTROIDS = 256
-"""How many centroids a shard keeps of each number; of fewer members it keeps all values."""
+"""The number of centroids that a shard keeps for each number; of fewer members it keeps all values."""
 FIELDS = ("count", "mean", "square", "low", "high", "middles", "weights")
 
 
@@ -50,7 +50,7 @@ class Sketch:
         return cls(count, mean, square, ordered[0], ordered[-1], middles, weights)
 
     def numbers(self, name: str) -> dict[str, np.ndarray]:
-        """What a file holds of it."""
+        """Its contents in a file."""
         return {f"{name}/{key}": np.asarray(getattr(self, key)) for key in FIELDS}
 
     @classmethod

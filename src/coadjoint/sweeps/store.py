@@ -1,9 +1,9 @@
-"""The store of a sweep: a zarr group of all members, laid out first, in which each task writes chunks of its own.
+"""The store of a sweep: a zarr group of all members, laid out first, in which each task writes separate chunks.
 
-A folder of a sweep holds `run.toml` (the sweep with its run file), `inputs/` (what that names), `members.zarr`,
-`statistics.nc`, figures, `summary.json` and `manifest.json`, which has the SHA-256 of all others. While it is at work
-`unfinished/shards` has a file of each task that is done: its statistics, the SHA-256 of its chunks, and the sign that
-all of them are on the disk. Every array has one chunk for each task, so that no two tasks ever write to one file.
+A folder of a sweep holds `run.toml` (the sweep with its run file), `inputs/` (the files that it names), `members.zarr`,
+`statistics.nc`, figures, `summary.json` and `manifest.json`, which has the SHA-256 of all others. During the sweep
+`unfinished/shards` has a file for each finished task: its statistics, the SHA-256 of its chunks, and the sign that all
+of them are on the disk. Every array has one chunk for each task, so that no two tasks ever write to one file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from coadjoint.sweeps.sketch import Sketch
 
 @dataclass
 class Shard:
-    """What a task leaves: results of members by name, statistics, and what happened to those that failed."""
+    """The results of a task: results of members by name, statistics, and the causes of failures."""
 
     members: dict[str, np.ndarray]
     sketches: dict[str, Sketch]
@@ -53,7 +53,7 @@ MEMBERS, STATISTICS, SHARDS = "members.zarr", "statistics.nc", "shards"
 
 
 WHOLE = ("code", "steps_done")
-"""The arrays of whole numbers, int64; all others are float64."""
+"""The integer arrays, int64; all others are float64."""
 
 
 Layout = Mapping[str, tuple[tuple[str, ...], tuple[int, ...], str, Mapping[str, Any]]]
@@ -84,9 +84,9 @@ def lay_out(manifest: Manifest, layout: Layout, size: int, attributes: Mapping[s
 
 
 def write(folder: Path, number: int, size: int, shard: Shard, kept: bool) -> None:
-    """Put a shard into the store: its chunks, of `size` members, forced to the disk, then the sign that they are there.
+    """Put a shard into the store: its chunks, of `size` members, synced to disk, then the sign that they exist.
 
-    The same task again writes the same bytes. Raises FileError where this cannot be done.
+    The same task again writes the same bytes. Raises FileError if this fails.
     """
     place = folder / UNFINISHED / SHARDS
     try:
@@ -101,13 +101,13 @@ def write(folder: Path, number: int, size: int, shard: Shard, kept: bool) -> Non
         raise
     except OSError as error:
         raise FileError(
-            f"A task could not write to {folder}: {error.strerror or error}; mend this, then the same command again "
-            "goes on with what is missing."
+            f"A task could not write to {folder}: {error.strerror or error}; correct this, then the same command again "
+            "continues with the missing tasks."
         ) from error
 
 
 def _write_chunk(folder: Path, array: str, number: int, size: int, rows: np.ndarray) -> tuple[str, list[Any]]:
-    """Write the chunk of an array that belongs to a task: its name, and what the manifest is to say of it."""
+    """Write the chunk of an array that belongs to a task: returns its name, and its entry in the manifest."""
     dtype = np.dtype("<i8" if array in WHOLE else "<f8")
     filled = np.full((size, *rows.shape[1:]), unset(dtype), dtype)
     filled[: len(rows)] = rows
@@ -119,7 +119,7 @@ def _write_chunk(folder: Path, array: str, number: int, size: int, rows: np.ndar
 
 
 def _put(path: Path, data: bytes) -> None:
-    """Write a file whole, under a name of its own first: another worker may be at the same task."""
+    """Write a file atomically, under a separate name first: another worker may compute the same task."""
     hidden = path.with_name(f".{uuid.uuid4().hex}{disk.PARTIAL}")
     try:
         with open(hidden, "wb") as file:
@@ -137,7 +137,7 @@ def _shard(number: int) -> str:
 
 
 def _packed(shard: Shard, files: Mapping[str, list[Any]]) -> bytes:
-    """A shard as bytes, the SHA-256 of all others in front. files: its chunks, as the manifest is to have them."""
+    """A shard as bytes, the SHA-256 of all others in front. files: its chunks, as entries of the manifest."""
     good, counts = shard.members["code"], np.unique_counts(shard.members["code"])
     header = {
         "files": files,
@@ -168,7 +168,7 @@ def done(folder: Path) -> set[int]:
 
 
 def problems(folder: Path, number: int) -> list[str]:
-    """What is wrong with the shard of a task and with its chunks, a sentence each."""
+    """The problems of the shard of a task and of its chunks, a sentence each."""
     try:
         return [*Manifest(folder, {}, Statistics(folder, number).header["files"]).problems()]
     except FileError as error:
@@ -176,14 +176,15 @@ def problems(folder: Path, number: int) -> list[str]:
 
 
 def discard_damaged(folder: Path) -> None:
-    """Remove the shards that are not what was written, or whose chunks are not: their tasks are then missing."""
+    """Remove shards that have changed, or whose chunks have: their tasks are then missing."""
     for number in done(folder):
         if problems(folder, number):
             disk.remove(folder / UNFINISHED / SHARDS / _shard(number))
 
 
 def enter_chunks(manifest: Manifest, tasks: int) -> None:
-    """Take the chunks of all tasks into the manifest, as they were written; raises FileError for one that is not so."""
+    """Take the chunks of all tasks into the manifest, as they were written; raises FileError for one that has
+    changed."""
     for number in range(tasks):
         manifest.files |= Statistics(manifest.folder, number).header["files"]
     names = [name for name in manifest.files if name.startswith(f"{MEMBERS}/")]
@@ -194,7 +195,7 @@ def enter_chunks(manifest: Manifest, tasks: int) -> None:
 
 
 class Statistics:
-    """What a shard left beside the results of its members; raises FileError where it is damaged."""
+    """The data of a shard other than the results of its members; raises FileError if it is damaged."""
 
     def __init__(self, folder: Path, number: int):
         path = folder / UNFINISHED / SHARDS / _shard(number)
@@ -202,7 +203,7 @@ class Statistics:
             data = path.read_bytes()
         except OSError as error:
             raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
-        damaged = FileError(f"The file {path} is damaged: the same command again computes it anew.")
+        damaged = FileError(f"The file {path} is damaged: the same command again recomputes it.")
         if hashlib.sha256(data[32:]).digest() != data[:32]:
             raise damaged
         try:

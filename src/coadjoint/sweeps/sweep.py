@@ -45,10 +45,10 @@ def execute(
     overwrite: bool = False,
     progress: bool | None = None,
 ) -> SweepResults:
-    """Run a sweep into a folder, or what is missing of it; a folder that holds it whole is returned, checked.
+    """Run a sweep into a folder, or its missing tasks; a folder with the complete sweep is checked and returned.
 
-    Raises FileError where the folder holds something else, is in use, or cannot be written; ArgumentError for numbers
-    that are none and for a scheduler's address that is none.
+    Raises FileError if the folder holds something else, is in use, or cannot be written; ArgumentError for wrong
+    numbers and for a wrong address of a scheduler.
     """
     if workers is not None and workers < 1:
         raise ArgumentError(f"The number of workers must be at least 1, but is {workers}.")
@@ -56,7 +56,7 @@ def execute(
         cluster.require()
         require_address(scheduler)
     _ = sweep.size
-    known = identity(sweep)  # before the folder is claimed: what a factory imports is then known, and copied
+    known = identity(sweep)  # before the folder is claimed: the imports of a factory are then known, and copied
     with claimed(folder, sweep.text, overwrite, sweep.places) as claim:
         compared = "sweep" in claim.manifest.facts and require_same(folder, claim.manifest.facts, known)
         if claim.complete:
@@ -81,7 +81,7 @@ def execute(
 
 
 def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
-    """What all tasks go by: found out once, kept in the manifest, the same when the sweep goes on."""
+    """The common data of all tasks: determined once, kept in the manifest, the same when the sweep is resumed."""
     folder, found = manifest.folder, manifest.facts.get("sweep")
     if found is None:
         found = {**probed(sweep), "digest": sweep.digest, "size": sweep.size}
@@ -96,13 +96,13 @@ def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
     if found["digest"] != sweep.digest:
         raise FileError(
             f"The numbers that are drawn now are not those with which the sweep in {folder} began, as with another "
-            "version of SciPy: go on with that, or begin again with --overwrite."
+            "version of SciPy: use that version, or begin again with --overwrite."
         )
     return found
 
 
 def probed(sweep: Sweep) -> dict[str, Any]:
-    """The variables of the first members, and whether parameters and starts of members may stand together."""
+    """The variables of the first members, and whether members may share parameters and starts with values for each."""
     first, alone = _first(sweep)
     quick = False
     if any(one.keys[0] in QUICK for one in sweep.varied):
@@ -130,13 +130,13 @@ def probed(sweep: Sweep) -> dict[str, Any]:
 
 
 def groups(sweep: Sweep, quick: bool) -> tuple[int, list[str]]:
-    """How many groups of members are set up one after another, and the names of the numbers in which they differ."""
+    """The number of groups of members that are set up separately, and the names of the numbers in which they differ."""
     apart = sweep.apart(quick)
     return len(np.unique(side_by_side(sweep.design[0], apart), axis=0)) if apart else 1, apart
 
 
 def _first(sweep: Sweep) -> tuple[tuple[Any, np.ndarray], Any]:
-    """The first of the sample that can be set up, its numbers and itself; raises what is wrong with the very first."""
+    """The first of the sample that can be set up, its numbers and itself; raises the error of the very first."""
 
     def made(row: Design, _: Runnable) -> tuple[tuple[Any, np.ndarray], Any]:
         chosen = (row, np.zeros(1, int))
@@ -155,7 +155,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _layout(sweep: Sweep, plan: Mapping[str, Any]) -> dict[str, Any]:
-    """The arrays of the store: numbers, what happened, results, and nodes where they are kept."""
+    """The arrays of the store: numbers, outcomes, results, and nodes if they are kept."""
     n, found = sweep.members, dict[str, Any]()
     for name, values in sweep.design[0].items():
         dims = (f"{name}_{axis}" for axis in range(values.ndim - 1))
@@ -183,7 +183,7 @@ def _compute(
     workers: int | None,
     progress: bool | None,
 ) -> dict[str, Any]:
-    """All tasks that are missing; what they took."""
+    """Compute all missing tasks; returns their times."""
     configuration = hashlib.sha256(sweep.text.encode()).hexdigest()
     place = str(folder.resolve())
 

@@ -46,7 +46,7 @@ REFUSED = -2
 
 
 _OF_MEMBER = re.compile(r"^Of member \d+: ")
-"""A number within those that are set up together, which says nothing of one that is alone."""
+"""A member number within those that are set up together, which means nothing for a single one."""
 
 
 _ONE = Lock()
@@ -56,10 +56,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Task:
-    """Some members of the sweep in a folder: all that a worker is told.
+    """Some members of the sweep in a folder: the data that a worker receives.
 
     configuration: the SHA-256 of the sweep's text; rows: the numbers of these members; quick: whether parameters and
-    starts may stand for all members at once; identity: what the sweep is known by; size: the members of a full task;
+    starts may have values for all members together; identity: that of the sweep; size: the members of a full task;
     sample: the numbers of some members, spread over all.
     """
 
@@ -78,11 +78,11 @@ class Task:
 
 
 _sweeps: dict[tuple[str, str], tuple[Sweep, dict[str, str]]] = {}
-"""The last sweep of this process, and what it is known by."""
+"""The last sweep of this process, and its identity."""
 
 
 def swept(task: Task) -> tuple[Sweep, dict[str, str]]:
-    """The sweep of a task, and what it is known by in this process."""
+    """The sweep of a task, and its identity in this process."""
     key = task.folder, task.configuration
     if key not in _sweeps:
         sweep = replace(read(*key), sampled=dict(task.sample))
@@ -92,7 +92,7 @@ def swept(task: Task) -> tuple[Sweep, dict[str, str]]:
 
 
 def read(folder: str, configuration: str) -> Sweep:
-    """The sweep that a folder holds; raises FileError where it is another."""
+    """The sweep in a folder; raises FileError if it is another."""
     import hashlib
 
     path = Path(folder) / RUN_FILE
@@ -112,7 +112,7 @@ def read(folder: str, configuration: str) -> Sweep:
 
 
 def perform(task: Task, threads: int = 1) -> dict[str, float]:
-    """Compute a task and write its shard; what this took, and the number of the process."""
+    """Compute a task and write its shard; returns its times, and the number of the process."""
     shard = compute(task, threads)
     began = time.perf_counter()
     sweep, _ = swept(task)
@@ -128,7 +128,8 @@ def compute(task: Task, threads: int = 1) -> Shard:
     sweep, known = swept(task)
     if differing := difference(task.identity, known):
         raise ArgumentError(
-            f"On a worker the model is another than where the sweep began: {differing}; all workers need the same "
+            f"The model of a worker differs from the one at the start of the sweep: {differing}; all workers need the "
+            "same "
             "files and versions."
         )
     with _ONE, at_most(threads), collector_off():
@@ -139,12 +140,12 @@ def compute(task: Task, threads: int = 1) -> Shard:
 
 
 def identity(sweep: Sweep) -> dict[str, str]:
-    """What a sweep is known by: the run of the first of its sample that can be set up."""
+    """The identity of a sweep: the run of the first of its sample that can be set up."""
     return first_possible(sweep, lambda _, file: runs.identity(file))
 
 
 def first_possible(sweep: Sweep, make: Callable[[Design, Runnable], T]) -> T:
-    """What is made of the first of the sample that can be set up; raises what is wrong with the very first.
+    """The value made from the first of the sample that can be set up; raises the error of the very first.
 
     make: (numbers of a member, its run) → anything.
     """
@@ -172,7 +173,7 @@ def _groups(sweep: Sweep, task: Task) -> Iterator[np.ndarray]:
 
 @dataclass
 class _Piece:
-    """Members that were run together, or one that was refused."""
+    """Members that were run together, or one that raised an error."""
 
     places: np.ndarray
     run: Any = None
@@ -181,7 +182,7 @@ class _Piece:
 
 
 def _part(sweep: Sweep, task: Task, places: np.ndarray) -> list[_Piece]:
-    """Members run together; where some cannot be set up or run, those alone are left out, found by halves."""
+    """Members run together; if some cannot be set up or run, only those are left out, found by bisection."""
     rows = {name: values[places] for name, values in task.rows.items()}
     try:
         run = ensemble(sweep, rows, task.first + places, task.quick, task.save_every)
@@ -196,7 +197,7 @@ def _part(sweep: Sweep, task: Task, places: np.ndarray) -> list[_Piece]:
 
 
 def _stepped(sweep: Sweep, task: Task, run: Ensemble) -> Reduction:
-    """What is kept of members, which are stepped to their ends."""
+    """The kept results of members, which are stepped to their ends."""
     kept = sweep.results
     reduction = Reduction(
         Observer(run.system, task.chosen), run.position.state, kept.courses, kept.keep == "trajectories"
@@ -212,7 +213,7 @@ def _stepped(sweep: Sweep, task: Task, run: Ensemble) -> Reduction:
 def ensemble(
     sweep: Sweep, rows: Mapping[str, np.ndarray], members: np.ndarray, quick: bool, save_every: int
 ) -> Ensemble:
-    """Members, by which they are, with these numbers, ready to run; raises what a run of them would raise."""
+    """Members by number, with these numbers, ready to run; raises the errors of their run."""
     file, count = sweep.run(rows, quick, members), len(members)
     made, alike = _set_up(sweep, file, quick)
     made = _known(sweep, made, alike) if quick and not sweep.apart(True) else made
@@ -239,9 +240,9 @@ _setups: dict[int, tuple[Sweep, Setup, Hashable]] = {}
 
 
 def _known(sweep: Sweep, made: Setup, alike: Hashable) -> Setup:
-    """A set-up with the system of the first one, so that what is known of its functions is found again.
+    """A set-up with the system of the first one, so that cached data of its functions are found again.
 
-    The numbers that differ stand in the parameters and the start alone.
+    Only the parameters and the start differ.
     """
     before = _setups.get(id(sweep))
     if before is None:
