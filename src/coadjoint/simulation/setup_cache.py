@@ -77,7 +77,7 @@ def read(
     try:
         numbers, structure = jax.tree_util.tree_flatten((system.parameters, start))
         own, here = identity(parts(system), events, observed), library()
-        whole = own is not None and own.whole and here is not None
+        whole = own is not None and own.library_only and here is not None
         if own is not None and whole:
             seen = f"{here} {own.digest}"
             key = (structure, seen, digest(numbers), *more)
