@@ -18,7 +18,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from coadjoint.checks import choice, unknown
 from coadjoint.errors import ArgumentError
-from coadjoint.units import Dimension, dimension_of, factor_to, split_name, times
+from coadjoint.units import Dimension, dimension_of, ending, factor_to, split_name, times
 
 T = TypeVar("T")
 
@@ -33,7 +33,8 @@ class Key:
     meaning: in words, for help and pages. dimension: what its numbers measure; None where they measure several things
     or are no numbers, and are in SI units. check: (value, name) → the value, or ArgumentError. words: the texts that it
     may be. turn: (value, axes) → the value in forward, starboard, down. others: names that it has in files, too.
-    rest: whether the field is a dictionary of all keys that the section does not declare.
+    rest: whether the field is a dictionary of all keys that the section does not declare. needs_unit: whether the key
+    must end in its unit, so that no SI unit is taken for granted.
     """
 
     meaning: str = ""
@@ -43,6 +44,7 @@ class Key:
     turn: Callable[[Any, Any], Any] | None = None
     others: tuple[str, ...] = ()
     rest: bool = False
+    needs_unit: bool = False
 
 
 def key(
@@ -54,11 +56,12 @@ def key(
     turn: Callable[[Any, Any], Any] | None = None,
     others: tuple[str, ...] = (),
     rest: bool = False,
+    needs_unit: bool = False,
     default: Any = MISSING,
     factory: Callable[[], Any] | None = None,
 ) -> Any:
     """A field of a dataclass that declares its `Key`; `default` and `factory` are those of `dataclasses.field`."""
-    metadata = {_KEY: Key(meaning, dimension, check, words, turn, others, rest)}
+    metadata = {_KEY: Key(meaning, dimension, check, words, turn, others, rest, needs_unit)}
     if factory is not None:
         return field(default_factory=factory, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -90,6 +93,10 @@ def read(kind: type[T], title: str, given: Any, **more: Any) -> T:
     named = {other: name for name, f in declared.items() for other in (name, *_of(f).others) if name != rest}
     own, free = (given, {}) if rest is None else _apart(given, named)
     measured = {other: _of(declared[name]).dimension for other, name in named.items()}
+    for name in own:
+        if name in named and (unit := _of(declared[named[name]])).needs_unit:
+            end = ending(unit.dimension.si if unit.dimension else "1")
+            raise ArgumentError(f"Key `{name}` of section [{title}] needs its unit at its end, as in `{name}{end}`.")
     values: dict[str, Any] = {} if rest is None else {rest: free}
     for other, value in in_si(title, own, named, measured).items():
         name = named[other]

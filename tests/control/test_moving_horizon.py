@@ -297,7 +297,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
         (lambda: of_cart().estimator(known=3), "must be names"),
         (lambda: of_cart().estimator(0.03), "whole number of steps"),
         (lambda: of_cart().estimator(0.0), "at least one"),
-        (lambda: of_cart().estimator(iterations=0), "at least 1"),
+        (lambda: of_cart().estimator(iterations=0), "whole number from 1"),
         (lambda: of_cart().estimator(known="thrust")({"height": 1.0}), "measures `place`, `speed`"),
         (lambda: of_cart().estimator(known="thrust")({"place": [1.0, 2.0]}), "must be 1 finite numbers"),
         (lambda: of_cart().estimator(known="thrust")({"place": np.inf}), "must be 1 finite numbers"),

@@ -223,7 +223,7 @@ REFUSED = {
     ),
     "a form of another shape": (lambda: co.Connection(SO3, 2, lambda x: jnp.zeros(3)), "must have shape (3, 2)"),
     "a form in NumPy": (lambda: co.Connection(SO3, 1, lambda x: np.sin(x)), "write it with jax.numpy"),
-    "no shapes": (lambda: co.Connection(SO3, 0, lambda x: x), "at least 1, but is 0"),
+    "no shapes": (lambda: co.Connection(SO3, 0, lambda x: x), "must be a whole number from 1, but is 0"),
     "no group": (lambda: co.Connection("SO3", 1, lambda x: x), "must be a Lie group"),  # type: ignore[arg-type]
     "open loop": (lambda: co.holonomy(CONNECTION, [[0, 0], [1, 1]]), "must end where it begins"),
     "shapes of another size": (lambda: co.horizontal_lift(CONNECTION, [[0.0], [1.0]]), "(N+1, 2)"),

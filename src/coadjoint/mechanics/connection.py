@@ -77,8 +77,7 @@ class Connection:
 def require_bundle(group: object, size: object) -> None:
     """Raise GroupError or ArgumentError unless G is a group and M = ℝᵐ with m ≥ 1."""
     checks.instance(group, "group", LieGroup, "a Lie group such as co.SO3()", error=GroupError)
-    if not isinstance(size, int) or isinstance(size, bool) or size < 1:
-        raise ArgumentError(f"Argument `size` must be the number of shape coordinates, at least 1, but is {size!r}.")
+    checks.whole(size, "Argument `size`, the number of shape coordinates,")
 
 
 def random_shapes(size: int, count: int) -> np.ndarray:

@@ -184,11 +184,11 @@ def test_a_model_from_sensors_off_the_origin_is_the_true_one(dive, bag):
 
 
 WRONG = {
-    "two numbers": ({"position_m": [1.0, 2.0]}, "`position_m` must be three numbers"),
-    "a word": ({"position_m": "nose"}, "`position_m` must be three numbers"),
+    "two numbers": ({"position_m": [1.0, 2.0]}, "position must be three numbers"),
+    "a word": ({"position_m": "nose"}, "position_m must hold numbers"),
     "millimetres": ({"position_m": [500, 0, 0]}, "at most 100 m from the origin O"),
-    "no number": ({"euler_zyx_deg": [0, 0, float("nan")]}, "`euler_zyx_deg` must be a number"),
-    "another unit": ({"euler_zyx": [0, 0, 1]}, "no key `euler_zyx`, the nearest is `euler_zyx_deg`"),
+    "no number": ({"euler_zyx_deg": [0, 0, float("nan")]}, "Each number of .* euler_zyx must be a number"),
+    "another unit": ({"euler_zyx": [0, 0, 1]}, "`euler_zyx` .* needs its unit at its end, as in `euler_zyx_deg`"),
     "a part of a vector": (
         {"columns": {"u_m_s": "twist.twist.linear.x"}, "euler_zyx_deg": [0, 0, 90]},
         "needs u, v, w together, but has u",
