@@ -40,7 +40,7 @@ KNOWN = {
     "cli/viewing.py": {"webbrowser"},
     "runs/factory.py": {"spec_from_file_location"},
     "sealed.py": {"subprocess"},  # a child that reads netCDF
-    "simulation/folder.py": {"socket"},  # the name of this machine
+    "simulation/lock.py": {"socket"},  # the name of this machine
     "sweeps/address.py": {"socket"},
     "sweeps/cluster.py": {"distributed"},
     "sweeps/local.py": {"pickle", "subprocess"},  # of this library's own processes

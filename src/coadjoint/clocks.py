@@ -68,17 +68,16 @@ def clock(
     for k in back.tolist():
         shift = sorted_time[k - 1] - sorted_time[k] + usual(sorted_time)
         notes.append(
-            f"The clock goes back from {sorted_time[k - 1]:.10g} s to {sorted_time[k]:.10g} s: what follows is a "
-            f"stretch of its own, whose times count {shift:.6g} s later than logged."
+            f"The clock goes back from {sorted_time[k - 1]:.10g} s to {sorted_time[k]:.10g} s: the rows after it are a "
+            f"separate stretch, with times {shift:.6g} s later than logged."
         )
         sorted_time[k:] += shift
     ahead = jumps_ahead(sorted_time) if jumps else np.zeros(0, int)
     if len(ahead) and jumps == "refuse":
         raise FileError(_ahead(sorted_time, int(ahead[0]), place(int(order[ahead[0]]))))
     notes += [
-        f"The clock jumps from {sorted_time[k - 1]:.10g} s to {sorted_time[k]:.10g} s: what follows is a stretch "
-        "of its "
-        "own."
+        f"The clock jumps from {sorted_time[k - 1]:.10g} s to {sorted_time[k]:.10g} s: the rows after it are a "
+        "separate stretch."
         for k in ahead.tolist()
     ]
     return Counted(order, sorted_time, tuple(sorted({*back.tolist(), *ahead.tolist()})), tuple(notes))

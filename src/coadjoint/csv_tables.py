@@ -47,7 +47,7 @@ class Sheet(NamedTuple):
             try:
                 found[row] = float(cells[column])
             except ValueError:
-                what = f"{cells[column]!r} is no number" if cells[column] else "there is no number"
+                what = f"{cells[column]!r} is not a number" if cells[column] else "a number is missing"
                 raise self.refuse(row, column, f"{what}.") from None
             if not np.isfinite(found[row]):
                 remedy = ": leave the cell empty where nothing was measured" if missing else ""

@@ -13,7 +13,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u2
 """Control characters but tab and newline, marks of direction, separators of lines, and halves of surrogate pairs."""
 
 LONGEST = 80
-"""The length of a value in a sentence."""
+"""The largest length of a value in a message."""
 
 
 def shown(value: Any) -> str:

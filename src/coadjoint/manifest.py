@@ -86,7 +86,7 @@ class Manifest:
         return cls(folder, found["facts"], found["files"])
 
     def enter(self, name: str) -> None:
-        """Add a file of the folder, as it is on disk now."""
+        """Add a file of the folder with its present content."""
         path = self.folder / name
         with path.open("rb") as file:
             self.files[name] = [path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest()]

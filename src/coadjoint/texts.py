@@ -40,7 +40,7 @@ def told_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
     except OSError as error:
         raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
     except ValueError as error:
-        raise FileError(f"There is no {what} {path}: no file can have this name, which holds a NUL.") from error
+        raise FileError(f"There is no {what} {path}: a file name cannot hold a NUL.") from error
 
 
 def too_large(name: object, most: int) -> FileError:

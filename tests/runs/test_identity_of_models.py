@@ -65,7 +65,7 @@ def test_a_finished_run_of_a_factory_is_another_where_the_model_has_changed(fold
     assert "nothing was run" in told and "not compared" not in told
     change_module(folder)
     assert main(["run", "r.toml", "--out", "out"]) == 2
-    assert "its equations are others; choose another one with --out, or begin" in capsys.readouterr().err
+    assert "its equations differ; choose another one with --out, or begin" in capsys.readouterr().err
 
 
 def test_the_identity_of_a_factory_is_what_is_traced_of_it(folder, monkeypatch):
@@ -73,10 +73,10 @@ def test_the_identity_of_a_factory_is_what_is_traced_of_it(folder, monkeypatch):
     before = identity(file)
     assert difference(before, identity(file)) == ""
     monkeypatch.setenv("DRAG_OF_TEST", "1.25")
-    assert difference(before, identity(file)) == "its start is another"
+    assert difference(before, identity(file)) == "its start differs"
     monkeypatch.undo()
     change_data(folder)
-    assert difference(before, identity(file)) == "its parameters are others"
+    assert difference(before, identity(file)) == "its parameters differ"
 
 
 def test_a_finished_run_of_a_model_is_another_with_other_files_of_the_library(folder, capsys, monkeypatch):

@@ -96,7 +96,7 @@ def test_a_sweep_of_a_factory_goes_on_with_the_model_that_it_began_with(sweep, b
 
 def test_a_sweep_does_not_go_on_where_the_trace_is_another(sweep, begun, monkeypatch):
     monkeypatch.setattr("coadjoint.sweeps.task.runs.identity", lambda file: {"equations": "others"})
-    with pytest.raises(co.FileError, match="its equations are others"):
+    with pytest.raises(co.FileError, match="its equations differ"):
         execute(sweep, begun, workers=1, progress=False)
 
 

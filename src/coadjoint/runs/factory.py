@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
 
 STATE = ("g", "q", "xi", "qdot", "a0", "t")
-"""What `System.state` takes, as far as a file can hold it."""
+"""The arguments of `System.state` that a file can hold."""
 ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_rates")
 """Ways to give g and xi of a group of rotations; see `coadjoint.models.orientation`."""
 
 
 def maker(factory: str, source: Path) -> Callable[[dict[str, Any], dict[str, Any]], tuple[System, State]]:
-    """What makes a system and its start of sections [parameters] and [initial] by a function in the file `source`.
+    """A maker of a system and its start from sections [parameters] and [initial], by a function in the file `source`.
 
     The function takes [parameters] and returns a System, or a pair of it and a State. A system alone starts from
-    [initial]: keywords of `System.state`, or an attitude in other words. Raises FileError for a file or function that
-    does not exist; what it returns raises ArgumentError for keys that do not fit and for a factory that raises or
-    returns something else.
+    [initial]: keywords of `System.state`, or an attitude in another form. Raises FileError for a file or function that
+    does not exist; the maker raises ArgumentError for keys that do not fit and for a factory that raises or returns
+    something else.
     """
     function = _function(source, factory.split(":")[1])
 
@@ -115,7 +115,7 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
 
 
 def _keywords(function: Callable[..., Any], parameters: dict[str, Any]) -> dict[str, Any]:
-    """[parameters] as keywords of the factory, in SI units as far as its signature tells the names."""
+    """[parameters] as keywords of the factory, in SI units where its signature has the names."""
     taken = inspect.signature(function).parameters.values()
     if any(p.kind is p.VAR_KEYWORD for p in taken):
         return parameters
@@ -138,7 +138,7 @@ def _called(function: Callable[..., Any], source: Path, keywords: dict[str, Any]
 
 
 def _told(error: BaseException, source: Path) -> str:
-    """The error in a line, with the last line of the user's file that it went through."""
+    """The error in one line, with the last line of the user's file in its traceback."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == source]
     if isinstance(error, SyntaxError) and error.lineno:
         lines = [error.lineno]

@@ -1,8 +1,8 @@
-"""What a folder of results is known by, beside its files: the model that was run, wherever a change to it is made.
+"""The identity of a folder of results: the model of its run, wherever a change to the model is made.
 
-Models of the catalogue and vehicles are those of the library's files. What a file of Python makes may depend on other
-modules, on files that it opens and on the environment: it is made and traced each time, and the digest of the trace
-counts.
+Models of the catalogue and vehicles are identified by the files of the library. A system made by a file of Python may
+depend on other modules, on files that it opens and on the environment: it is made and traced each time, and identified
+by the digest of the trace.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from coadjoint.runs.setup import Setup
 
 IDENTITY = "identity"
-"""Where a manifest keeps it."""
-NOT_COMPARED = "Whether its model is the one of now was not compared: the folder keeps no identity of it."
+"""The key of the identity in a manifest."""
+NOT_COMPARED = "The model was not compared with the present one: the folder keeps no identity of it."
 
 _PARTS = {
-    "equations": "its equations are others",
-    "parameters": "its parameters are others",
-    "start": "its start is another",
-    "monitors": "what it observes is other",
-    "grid": "its step size, steps or method are others",
+    "equations": "its equations differ",
+    "parameters": "its parameters differ",
+    "start": "its start differs",
+    "monitors": "its observed quantities differ",
+    "grid": "its step size, steps or method differ",
     "tracing": "its equations were traced by another version of coadjoint",
     "kernels": "its kernels are of other files of coadjoint",
     "library": "it was computed by other files of coadjoint",
@@ -36,7 +36,7 @@ _PARTS = {
 
 
 def identity(file: Runnable, made: Setup | None = None) -> dict[str, str]:
-    """What the run of a file is known by. made: its set-up, if there is one; needed where `file.written_in_python`.
+    """The identity of the run of a file. made: its set-up, if there is one; needed if `file.written_in_python`.
 
     Without a file of Python nothing is set up, and JAX is not imported.
     """
@@ -51,7 +51,7 @@ def identity(file: Runnable, made: Setup | None = None) -> dict[str, str]:
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, str]) -> str:
-    """What differs between two identities, in words; nothing where they are the same."""
+    """The difference between two identities as text; empty if they are equal."""
     for name in _PARTS:
         if before.get(name) != now.get(name):
             packages = [f"{key} {before.get(key)}" for key in now if key not in _PARTS and before.get(key) != now[key]]
@@ -61,7 +61,7 @@ def difference(before: Mapping[str, Any], now: Mapping[str, str]) -> str:
 
 
 def require_same(folder: Path, facts: Mapping[str, Any], now: Mapping[str, str]) -> bool:
-    """Whether a folder with these facts keeps an identity; raises FileError where it is another than that of now."""
+    """Whether a folder with these facts keeps an identity; raises FileError if it differs from the present one."""
     before = facts.get(IDENTITY)
     if not isinstance(before, Mapping):
         return False

@@ -1,4 +1,4 @@
-"""Initial values in the words of run files: units in key names, and yaw, pitch, roll one by one."""
+"""Initial values in the form of run files: units in key names, and yaw, pitch, roll one by one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = {
     "angular_velocity": u.ANGULAR_VELOCITY,
     "euler_rates": u.ANGULAR_VELOCITY,
 }
-"""What initial values measure."""
+"""The quantities of initial values."""
 
 _ANGLES = ("yaw", "pitch", "roll")
 

@@ -1,8 +1,8 @@
-"""The members of a run file in which numbers stand for each of them, `co.each`: made one by one, and put together.
+"""The members of a run file with numbers for each member, `co.each`: made one by one, and put together.
 
 A model or a factory gets the plain numbers of one member at a time, so that it may compute with them, branch on them
-and refuse them. What it makes must differ in parameters and in arguments of the start alone; then all members are one
-system and one start, as if `co.each` stood there.
+and reject them. Its systems must differ only in parameters and in arguments of the start; then all members are one
+system and one start with `co.each` in these places.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ Maker = Callable[[dict[str, Any], dict[str, Any]], tuple[Any, Any]]
 
 @dataclass(frozen=True)
 class MadeMembers:
-    """Systems and starts of members. signatures: what each is beside its numbers, when it was made."""
+    """Systems and starts of members. signatures: those of the systems apart from their numbers, at the time of
+    making."""
 
     systems: Sequence[System]
     starts: Sequence[State | StartGiven]
@@ -82,7 +83,7 @@ class MadeMembers:
 
 
 def members(file: RunFile, possible: bool = False) -> MadeMembers:
-    """The members of a run file with `co.each` in [parameters] or [initial]; raises what making one of them raises.
+    """The members of a run file with `co.each` in [parameters] or [initial]; raises the errors of making one of them.
 
     possible: leave out those that cannot be made.
     """
@@ -95,7 +96,7 @@ def members(file: RunFile, possible: bool = False) -> MadeMembers:
 
 
 class _Looked(Exception):
-    """A maker looks at the start that it made, or changes it: it needs one."""
+    """A maker reads or changes the start that it made, so it needs a computed one."""
 
 
 def _made(make: Maker, rows: Sequence[tuple[dict[str, Any], dict[str, Any]]], possible: bool) -> MadeMembers:
@@ -114,7 +115,7 @@ def _made(make: Maker, rows: Sequence[tuple[dict[str, Any], dict[str, Any]]], po
             raise _Looked from None
         systems.append(system)
         starts.append(start)
-        signatures.append(signature(system))  # now: another call may change what functions read
+        signatures.append(signature(system))  # now: another call may change the values that functions read
     return MadeMembers(systems, starts, signatures)
 
 
@@ -146,7 +147,7 @@ def _differ(leaves: Sequence[np.ndarray]) -> bool:
 
 
 def _element(given: Any, count: int) -> Any:
-    """An element of a group, of which the whole is `co.each` where a part is."""
+    """An element of a group; with `co.each` in one of its parts, `co.each` of elements."""
     if not isinstance(given, tuple) or not any(isinstance(one, Each) for one in given):
         return given
     return Each(tuple(one.values if isinstance(one, Each) else np.repeat(one[None], count, axis=0) for one in given))

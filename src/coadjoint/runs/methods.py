@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from coadjoint.methods import Method
 
 _CONTRACTS = ("Method", "DifferenceMap", "Squared")
-"""Names that are no rule or map of their own."""
+"""Names of base classes and wrappers, which are not rules or maps themselves."""
 
 _OPTIONS = {
     "base": "a method over another, such as Suzuki4",
@@ -29,7 +29,7 @@ _OPTIONS = {
 """Keys of [method] that only some rules take."""
 
 _BASES = {"VariableStep": "Simpson"}
-"""What a method is over where [method] base is not given; Midpoint for all others."""
+"""The base of a method if [method] base is not given; Midpoint for all others."""
 
 
 def method_name(written: str) -> str:

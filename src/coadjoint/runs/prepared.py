@@ -1,4 +1,4 @@
-"""A run of a file before its first step: what would run, and whether all that the file asks for fits it."""
+"""A run of a file before its first step, and the check that all requests of the file fit it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def prepared(file: Runnable, made: Setup) -> Run:
-    """The run of a file as it stands before its first step; nothing is compiled.
+    """The run of a file before its first step; nothing is compiled.
 
-    Raises ArgumentError and LagrangianError for what does not fit, figures that cannot be drawn of it among them.
+    Raises ArgumentError and LagrangianError for settings that do not fit, also for figures that cannot be drawn of it.
     """
     from coadjoint.runs.methods import method
     from coadjoint.simulation.arguments import grid, require_kinds

@@ -59,7 +59,7 @@ class RunFile(Runnable):
 
     @property
     def maker(self) -> Callable[[dict[str, Any], dict[str, Any]], tuple[System, State]]:
-        """What makes the system and its start of sections [parameters] and [initial]."""
+        """The maker of the system and its start from sections [parameters] and [initial]."""
         if self.system.factory:
             from coadjoint.runs.factory import maker
 
@@ -98,7 +98,7 @@ class RunFile(Runnable):
 def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
     """The run in a TOML file, of a system or of another kind, with `changes` such as "run.dt=0.02".
 
-    Raises FileError for a file that cannot be read or is no TOML, ArgumentError for what does not belong there.
+    Raises FileError for a file that cannot be read or is not TOML, ArgumentError for unknown sections, keys and values.
     """
     source = Path(path)
     text = told_text(source, "run file")
@@ -116,7 +116,8 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
 
 
 def of_table(table: dict[str, Any], source: Path, text: str) -> Runnable:
-    """The run in a table, of a system or of another kind; raises ArgumentError for what does not belong there."""
+    """The run in a table, of a system or of another kind; raises ArgumentError for unknown sections, keys and
+    values."""
     readers = [reader for section, reader in KINDS.items() if section in table]
     return import_string(readers[0])(table, source, text) if readers else from_table(table, source, text)
 
@@ -131,7 +132,7 @@ def _require_run(table: dict[str, Any], source: Path) -> None:
     if "sweep" in table:
         raise ArgumentError(
             f"{source} is a sweep, not a run: `coadjoint sweep FILE`, with the file that it was written from, begins "
-            "it, or goes on with it."
+            "it, or continues it."
         )
     if "body" in table:
         raise ArgumentError(
@@ -153,7 +154,7 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
 
 
 def _require_short(value: Any) -> None:
-    """Raise OverflowError for a whole number that is no float."""
+    """Raise OverflowError for an integer too large for a float."""
     if isinstance(value, (dict, list)):
         for inner in value.values() if isinstance(value, dict) else value:
             _require_short(inner)
@@ -198,11 +199,11 @@ MEASURES = {
     "inertia": u.INERTIA,
     **dict.fromkeys(("added_mass", "inertia_about")),
 }
-"""What the parameters of the catalogue's models measure."""
+"""The quantities of the parameters of the catalogue's models."""
 
 
 def _apply(table: dict[str, Any], change: str) -> None:
-    """Make a change "section.key=value" to a table; the value is TOML, and a text where it is none.
+    """Make a change "section.key=value" to a table; the value is TOML, and a text if it is not valid TOML.
 
     It replaces the same key in another unit too; with nothing behind the = the key, or section, is left out.
     """
@@ -223,7 +224,7 @@ def _apply(table: dict[str, Any], change: str) -> None:
 def put(table: dict[str, Any], keys: Sequence[str], value: Any, what: str, change: str) -> None:
     """Put a value in the place of the same key, in another unit too; None leaves the key out.
 
-    Raises ArgumentError, which begins with `what` and shows the `change`, for a key of what is no section.
+    Raises ArgumentError, which begins with `what` and shows the `change`, for a key of a value that is not a section.
     """
     inner = table
     for key in keys[:-1]:

@@ -1,4 +1,4 @@
-"""What every kind of run file has: a grid, a method, an output, and a way to results."""
+"""The base of all kinds of run files: a grid, a method, an output, and the writing of results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Runnable(ABC):
-    """A run as a file states it. `path` is where it came from, `text` what is copied into the output folder."""
+    """A run as given by a file. `path` is its origin, `text` is copied into the output folder."""
 
     run: RunSection
     method: MethodSection = field(default_factory=MethodSection)
@@ -31,19 +31,19 @@ class Runnable(ABC):
     path: Path = Path("run.toml")
     text: str = ""
     places: Mapping[str, Path] = field(default_factory=dict)
-    """Where files are that it names, if not beside it."""
+    """The paths of files that it names, if they are not in its folder."""
     WORD: ClassVar[str] = "run file"
-    """What such a file is called."""
+    """The name of such a file in messages."""
     SECTIONS: ClassVar[dict[str, type]] = {}
     """The sections that are dataclasses, by name."""
     FREE: ClassVar[tuple[str, ...]] = ()
-    """The sections that are tables as they stand."""
+    """The sections that are kept as plain tables."""
     NEEDED: ClassVar[tuple[str, ...]] = ("run",)
-    """The sections that there must be."""
+    """The required sections."""
 
     @classmethod
     def sections(cls, table: Mapping[str, Any], path: Path) -> dict[str, Any]:
-        """The sections of a file by name; raises ArgumentError, also for methods and maps that there are not."""
+        """The sections of a file by name; raises ArgumentError, also for unknown methods and maps."""
         known = [*cls.SECTIONS, *cls.FREE]
         for name, given in table.items():
             if name not in known:
@@ -73,12 +73,12 @@ class Runnable(ABC):
 
     @property
     def written_in_python(self) -> bool:
-        """Whether a file of Python says what is run."""
+        """Whether a file of Python defines the run."""
         return False
 
     @property
     def inputs(self) -> dict[str, Path]:
-        """Where the files are that it names; raises FileError where one is not there."""
+        """The paths of the files that it names; raises FileError if one is missing."""
         return {name: self.located(name) for name in self.names}
 
     @property
@@ -87,7 +87,7 @@ class Runnable(ABC):
         return []
 
     def located(self, name: Any) -> Path:
-        """A file that it names, beside it or where the folder of results keeps it; raises FileError."""
+        """A file that it names, in its folder or in the folder of results; raises FileError."""
         if not isinstance(name, str):
             raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")
         found = self.places.get(name, self.path.parent / name)
@@ -108,11 +108,11 @@ class Runnable(ABC):
         return []
 
     def observe(self, run: Run) -> None:  # noqa: B027 — by default nothing is
-        """Put into the dataset of a run that has ended what is observed of it beside its motion."""
+        """Put observed quantities besides the motion into the dataset of a run that has ended."""
 
     @abstractmethod
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
-        """Write what belongs to a run but its trajectory: what the summary says, and the names of the figures.
+        """Write the results of a run besides its trajectory: the entries of the summary, and the names of the figures.
 
-        A summary with "members" is all that is said; of another the certificate is a part.
+        A summary with "members" is complete; the certificate is added to any other.
         """

@@ -40,10 +40,10 @@ _log = logger(__name__)
 
 @dataclass(frozen=True)
 class Written:
-    """A run, the folder that holds it, and its summary; `failure` tells why it stopped early.
+    """A run, the folder that holds it, and its summary; `failure` is the reason why it stopped early.
 
-    `before`: whether the folder held it already; `run` is then what co.load reads, None where no step was saved.
-    `compared`: whether it is known that its model is the one of now.
+    `before`: whether the folder held it already; `run` is then the run of co.load, None if no step was saved.
+    `compared`: whether its model was compared with the present one.
     """
 
     run: Any
@@ -55,9 +55,9 @@ class Written:
 
 
 def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
-    """The warnings with which a run of the file would begin; raises what `execute` raises before its first step.
+    """The warnings with which a run of the file would begin; raises the errors of `execute` before its first step.
 
-    What is mistaken in the file comes before what is in the way in the folder, where nothing is left behind.
+    Errors in the file come before obstacles in the folder, and nothing is left in the folder.
     """
     _ = file.inputs
     made = file.set_up()
@@ -72,10 +72,10 @@ def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
 def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:
     """Run a run file and write run.toml, trajectory.nc, figures and summary.json to `folder`.
 
-    Where the folder holds this run already, one that was interrupted goes on, and of one that has finished the results
-    are returned, checked; `overwrite` begins it again. A step that fails ends the run; what was computed is written
-    nevertheless, and the result tells. Until the results are written the records are in `unfinished`. Raises FileError
-    where the folder holds another run or cannot be written, ArgumentError and LagrangianError before the run.
+    If the folder already holds this run, an interrupted one is continued, and the checked results of a finished one are
+    returned; `overwrite` begins it again. A failed step ends the run; the steps before it are written nevertheless, and
+    `failure` of the result has the reason. Until the results are written the records are in `unfinished`. Raises
+    FileError if the folder holds another run or cannot be written, ArgumentError and LagrangianError before the run.
     """
     require_free(folder, file.text, file.inputs)
     there, made = held_manifest(folder), None
@@ -91,9 +91,9 @@ def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: boo
 
 
 def resume(folder: Path, progress: bool | None = None) -> Written:
-    """Go on with the run of a run file that was interrupted, from its folder alone, as `execute` does.
+    """Continue the interrupted run of a run file, from its folder alone, as `execute` does.
 
-    Raises FileError where the folder holds no such run, or a damaged one; ArgumentError where the system has changed.
+    Raises FileError if the folder holds no such run, or a damaged one; ArgumentError if the system has changed.
     """
     with held(folder) as claim:
         file = read(folder / RUN_FILE)
@@ -103,7 +103,7 @@ def resume(folder: Path, progress: bool | None = None) -> Written:
 def _carried_on(
     file: Runnable, claim: Claim, made: Setup | None, progress: bool | None, now: dict[str, str] | None = None
 ) -> Written:
-    """The run of a claimed folder from where it stands to its results. now: what it is known by, if that is found."""
+    """Continue the run of a claimed folder from its present records to its results. now: its identity, if known."""
     if claim.complete:
         claim.tidy()
         return finished(claim)
@@ -114,7 +114,7 @@ def _carried_on(
 
 
 def finished(claim: Claim) -> Written:
-    """What a folder holds that is complete; raises FileError where any of its files is not what was written."""
+    """The results of a complete folder; raises FileError if any of its files has changed since it was written."""
     from coadjoint.simulation.saved import load
 
     if damaged := next(claim.manifest.problems(), None):
@@ -126,7 +126,7 @@ def finished(claim: Claim) -> Written:
 
 
 def _ended(run: Callable[[], Run], folder: Path) -> tuple[Run, str | None]:
-    """A run that has ended, and why it did so early; one that is interrupted tells its folder."""
+    """A run that has ended, with the reason of an early end; an interruption is raised with the folder of the run."""
     try:
         return run(), None
     except StepError as error:
@@ -159,12 +159,12 @@ def simulate(file: Runnable, made: Setup, progress: bool | None = None, store: P
 
 
 def write(file: Runnable, folder: Path, stage: Path, made: Setup, run: Run, failure: str | None) -> Written:
-    """Put the results that `folder` is to have into the folder `stage`."""
+    """Write the results for `folder` into the folder `stage`."""
     figures: list[str] = []
     summary: dict[str, Any] = {}
     run.warnings += made.warnings
     if run.count:
-        run.dataset.attrs.update(made.told)
+        run.dataset.attrs.update(made.attributes)
         file.observe(run)
         run.warnings += file.warnings(run)
         run.save(stage / TRAJECTORY)

@@ -1,4 +1,4 @@
-"""What a run file leads to: a system with its start, and what drives and ends its run."""
+"""The set-up of a run file: a system with its start, and the inputs and events of its run."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Setup:
-    """A system, its start, the inputs and the event of its run; `told` goes into the attributes of the dataset.
+    """A system, its start, the inputs and the event of its run; `attributes` go into the dataset.
 
-    warnings: what is doubtful about what the file states, one sentence each.
+    warnings: doubtful settings of the file, one sentence each.
     """
 
     system: System
     start: State
     inputs: Any = None
     until: Any = None
-    told: dict[str, Any] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)

@@ -1,7 +1,7 @@
-"""What a system is but for its parameters, as a value to compare within a process: do members differ in numbers alone?
+"""The signature of a system without its parameters, compared within a process: do members differ in numbers only?
 
-A function counts by its code and by all that it reads: closures, defaults, and what its global names stand for when the
-system is made. What is not known here counts by identity, so that two of it differ.
+A function counts by its code and by all that it reads: closures, defaults, and the values of its global names when the
+system is made. Objects of unknown types count by identity, so that two of them differ.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Seen = dict[int, tuple[int, Any]]
 
 
 def signature(system: System) -> Hashable:
-    """The signature of a system; two that are equal are of systems that differ in parameters alone."""
+    """The signature of a system; equal ones are of systems that differ in parameters only."""
     seen: Seen = {}
     names = [name for name in type(system).__dataclass_fields__ if name not in _LEFT_OUT]
     return tuple(_of(getattr(system, name), seen) for name in names)

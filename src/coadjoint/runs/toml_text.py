@@ -7,7 +7,7 @@ from typing import Any
 
 
 def to_toml(table: dict[str, Any]) -> str:
-    """The TOML of a table of sections, whose values are what TOML itself holds."""
+    """The TOML of a table of sections, whose values are of the types of TOML."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in table.items() if not isinstance(value, dict)]
     for key, value in table.items():
         if isinstance(value, dict):

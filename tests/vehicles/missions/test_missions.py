@@ -173,7 +173,7 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
     )
     runs = []
     for made in map(set_up, (ned, enu)):
-        assert made.told["way_points"] == [40, 10, 5, 60, 60, 8]
+        assert made.attributes["way_points"] == [40, 10, 5, 60, 60, 8]
         runs.append(co.simulate(made.system, made.start, dt=0.1, duration=20, inputs=made.inputs))
     assert np.linalg.norm(runs[0].final.q - [1, 2, 3]) > 10
     assert np.allclose(runs[0].final.q, runs[1].final.q, rtol=0, atol=1e-9)

@@ -48,7 +48,7 @@ class Mission:
         from coadjoint.runs.running import simulate
 
         run = simulate(self.file, self.setup, progress)
-        run.dataset.attrs.update(self.setup.told)
+        run.dataset.attrs.update(self.setup.attributes)
         self.file.observe(run)
         run.warnings += [*self.setup.warnings, *self.file.warnings(run)]
         return run
