@@ -188,3 +188,10 @@ def test_a_unit_of_long_steps_says_so_in_the_log(tmp_path):
         slave.fmu.doStep(currentCommunicationPoint=0.3 * k, communicationStepSize=0.3)
     slave.close()
     assert sum("dt = 0.3 does not resolve this motion" in line for line in slave.told) == 1
+
+
+def test_units_that_version_0_1_0_wrote_find_what_they_import():
+    from coadjoint.simulation.steppers.fmi_instance import FmiInstance
+    from coadjoint.simulation.steppers.slave import StepperSlave, hold
+
+    assert StepperSlave is FmiInstance and callable(hold)

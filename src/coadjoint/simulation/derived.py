@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint.groups import Power
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node
@@ -97,11 +98,10 @@ def at_nodes(derive: Derivation, system: System, records: State, members: np.nda
     return records.replace(**{name: found[name] for name in ("xi", "nu") if name in found}, origin=origin)
 
 
-def one_at_node(derive: Derivation, system: System, record: State) -> State:
-    """`at_nodes` of one record."""
+def one_at_node(derive: Derivation, system: System, record: State, unknowns: tuple[Array, Array]) -> State:
+    """`at_nodes` of one record; `unknowns`: Newton's guess (ξ, ν) of a run that continues from it."""
     rows = at_nodes(derive, system, jax.tree.map(lambda leaf: np.asarray(leaf)[None], record))
-    origin = Origin(record.origin.system, (record.xi, record.nu))
-    return jax.tree.map(lambda leaf: leaf[0], rows).replace(origin=origin)
+    return jax.tree.map(lambda leaf: leaf[0], rows).replace(origin=Origin(record.origin.system, unknowns))
 
 
 def known_at_nodes(system: System, records: State) -> bool:

@@ -10,9 +10,10 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, printable
+from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.simulation.certificate import card, certificate, failure
-from coadjoint.simulation.derived import at_nodes, derivation, one_at_node
+from coadjoint.simulation.derived import at_nodes, derivation, known_at_nodes, one_at_node
 from coadjoint.simulation.result import Result
 
 if TYPE_CHECKING:
@@ -87,8 +88,18 @@ class Run(_Shown):
 
     @cached_property
     def final(self) -> State:
-        """The last record, with the velocities at the node in place of those of the step that starts there."""
-        return one_at_node(derivation(self.plan.program), self.system, self.last_record)
+        """The last record, with the velocities at the node in place of those of the step that starts there.
+
+        A run that continues from it is bitwise identical to an undivided one: Newton's iteration begins with the
+        unknowns of the step before, as there.
+        """
+        return one_at_node(derivation(self.plan.program), self.system, self.last_record, self._guess)
+
+    @property
+    def _guess(self) -> tuple[Array, Array]:
+        """Newton's guess for the step that starts at the last record: the unknowns of the step before it."""
+        last = self.position.state if self.position.complete else self.last_record
+        return last.xi, last.nu
 
     @property
     def last_record(self) -> State:
@@ -103,7 +114,10 @@ class Run(_Shown):
     def _last_record(self) -> dict[str, Any]:
         from coadjoint.simulation.restart import written
 
-        return written(self.last_record, self.system)
+        last = self.last_record
+        if known_at_nodes(self.system, last):  # the velocities at the node are in the dataset
+            last = last.replace(xi=self._guess[0], nu=self._guess[1])
+        return written(last, self.system)
 
     def size(self, name: str) -> float:
         """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off of what X becomes."""
