@@ -61,7 +61,7 @@ def test_several_speeds_make_a_table_and_a_figure_and_json_has_it_all(tmp_path, 
             ["remus_100", "--rudder", "5", "--free", "propeller"], "moved propeller, and not ", marks=pytest.mark.long
         ),
         (["remus_100", "--hold", "propeller=nan"], "finite number, but is 'propeller=nan'"),
-        (["remus_100", "--climb", "200"], "between -90 and 90 degrees, but is 200"),
+        (["remus_100", "--climb", "200"], "must be a number from -90 to 90, but is 200"),
         (["remus_100", "--without", "sail"], "has no part `sail`"),
     ],
 )

@@ -56,7 +56,7 @@ def test_a_check_runs_nothing(file, tmp_path, capsys):
     [
         (["top.toml"], "is not a sweep file"),
         (["nothing.toml"], "There is no sweep file"),
-        (["masses.toml", "--workers", "0"], "must be at least 1"),
+        (["masses.toml", "--workers", "0"], "must be a whole number from 1, but is 0"),
         (["masses.toml", "--scheduler", "somewhere://x"], "tcp://HOST:8786"),
     ],
 )

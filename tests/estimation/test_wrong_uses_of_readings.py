@@ -84,7 +84,7 @@ WRONG = {
         "unlike counts of nodes: .*velocity .4, 3., position .5, 3.",
     ),
     "a number as drift": (lambda: Strapdown(drifting=1.0), "`drifting` of .* must be name → drift, but is 1.0"),
-    "gravity up": (lambda: Strapdown(gravity=-9.81), "`gravity` of .* must not be negative, but is -9.81"),
+    "gravity up": (lambda: Strapdown(gravity=-9.81), "`gravity` of .* must be a finite number from 0, but is -9.81"),
     "mounting in degrees": (lambda: Strapdown(euler_zyx=(180, 0, 0)), "must be angles in rad, up to 2π"),
     "no reading": (lambda: run(), "no step without a reading of `imu`, but those of `inputs` are missing"),
     "a prediction without one": (

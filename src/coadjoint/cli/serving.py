@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import isfinite, radians
+from math import radians
 from typing import TYPE_CHECKING, Any
 
 import tyro
@@ -82,17 +82,16 @@ class Serve:
         return 0
 
     def _require(self) -> None:
-        numbers = {"depth": self.depth, "speed": self.speed, "heading": self.heading}
-        for name, value in numbers.items():
-            if not isfinite(value):
-                raise ArgumentError(f"--{name} must be finite, but is {value:g}.")
-        if self.depth < 0:
-            raise ArgumentError(f"--depth is measured downwards and must not be negative, but is {self.depth:g} m.")
+        from coadjoint import checks
+
+        checks.not_negative(self.depth, "--depth, measured downwards,")
+        for name, value in {"speed": self.speed, "heading": self.heading}.items():
+            checks.number(value, f"--{name}")
         for name, value in {"answers": self.answers, "idle": self.idle}.items():
-            if value is not None and not value > 0:
-                raise ArgumentError(f"--{name} must be positive, but is {value:g}.")
-        if self.rate is not None and not 1 <= self.rate <= 100_000:
-            raise ArgumentError(f"--rate must be from 1 to 100000 steps a second, but is {self.rate:g}.")
+            if value is not None:
+                checks.positive(value, f"--{name}")
+        if self.rate is not None:
+            checks.number(self.rate, "--rate, in steps a second,", 1, 100_000)
         if self.ardupilot and self.controller:
             raise ArgumentError("ArduPilot is the controller: leave --controller out.")
 

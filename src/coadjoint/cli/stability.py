@@ -50,12 +50,12 @@ class Stability:
     """Print JSON, and nothing else."""
 
     def __call__(self) -> int:
+        from coadjoint import checks
         from coadjoint.vehicles.files.registry import load_vehicle
         from coadjoint.vehicles.trim.flight import SteadyFlight
 
         speeds = speeds_from(self.speed)
-        if not -90 <= self.climb <= 90:
-            raise ArgumentError(f"--climb must be between -90 and 90 degrees, but is {self.climb:g}.")
+        checks.number(self.climb, "--climb, in degrees,", -90, 90)
         vehicle = _without(load_vehicle(self.vehicle), self.without)
         hold = dict(map(_setting, self.hold))
         if self.rudder is not None:

@@ -155,19 +155,13 @@ def _largest(values: np.ndarray) -> float:
 
 def _node(fields: Any, name: str, time: Any) -> int:
     """The node nearest to a time; raises ArgumentError for one before the first or after the last."""
-    t, wanted = fields["time"].values, _finite(name, time)
+    t, wanted = fields["time"].values, checks.number(time, name)
     first, last = np.min(t), np.max(t)
     if not first - SLACK * (last - first) <= wanted <= last + SLACK * (last - first):
         raise ArgumentError(
             f"Argument `{name}` must be within these fields, from {first:g} s to {last:g} s, but is {wanted:g}."
         )
     return int(np.argmin(np.abs(t - wanted)))
-
-
-def _finite(name: str, value: Any) -> float:
-    if isinstance(value, (bool, str)) or not np.isscalar(value) or not np.isfinite(value):
-        raise ArgumentError(f"Argument `{name}` must be finite, in s, but is {shown(value)}.")
-    return float(value)  # pyright: ignore[reportArgumentType]
 
 
 def _require(fields: Any, variable: str, projection: str = "mollweide") -> None:

@@ -144,10 +144,11 @@ def number(given: Mapping[str, Any], name: str) -> Number:
         raise ArgumentError(f"{what}: `{wrong[0]}` belongs to `from` and `to`; leave it out.")
     if "values" in given:
         return Number(name, values=_values(given["values"], what))
-    numbers = [_one(given[key], f"{what} {key}") for key in ("from", "to", "mean", "deviation") if key in given]
+    numbers = [
+        checks.number(given[key], f"{what} {key}") for key in ("from", "to", "mean", "deviation") if key in given
+    ]
     if "mean" in given:
-        if numbers[1] <= 0:
-            raise ArgumentError(f"{what} deviation must be positive, but is {numbers[1]:g}.")
+        checks.positive(numbers[1], f"{what} deviation")
         return Number(name, normal=(numbers[0], numbers[1]))
     return _between(given, numbers, name, what)
 
@@ -175,12 +176,6 @@ def _values(given: Any, what: str) -> np.ndarray:
     if found.ndim == 0 or not len(found) or not np.all(np.isfinite(found)) or isinstance(given, (bool, int, float)):
         raise ArgumentError(f"{what} values must be a list of finite numbers, not empty, but is {shown(given)}.")
     return found
-
-
-def _one(given: Any, what: str) -> float:
-    if isinstance(given, bool) or not isinstance(given, (int, float)) or not np.isfinite(given):
-        raise ArgumentError(f"{what} must be a finite number, but is {shown(given)}.")
-    return float(given)
 
 
 def _leaves(template: Any) -> Iterator[Number]:

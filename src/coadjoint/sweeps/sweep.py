@@ -13,9 +13,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint import disk
+from coadjoint import checks, disk
 from coadjoint.disk import write_text
-from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.errors import CoadjointError, FileError
 from coadjoint.kernels.run.ensemble import cores
 from coadjoint.log import logger
 from coadjoint.manifest import Manifest
@@ -50,8 +50,8 @@ def execute(
     Raises FileError if the folder holds something else, is in use, or cannot be written; ArgumentError for wrong
     numbers and for a wrong address of a scheduler.
     """
-    if workers is not None and workers < 1:
-        raise ArgumentError(f"The number of workers must be at least 1, but is {workers}.")
+    if workers is not None:
+        checks.whole(workers, "The number of workers")
     if scheduler is not None:
         cluster.require()
         require_address(scheduler)
