@@ -189,7 +189,7 @@ WRONG = {
     "noise": (lambda: StrapdownProcess(noise={"gyro": 1.0}), "has `gyroscope` and `accelerometer`, but no `gyro`"),
     "shape of noise": (lambda: StrapdownProcess(noise={"gyroscope": [1.0, 2.0]}), r"one number or have shape \(3,\)"),
     "drifting": (lambda: StrapdownProcess(drifting={"scale": RandomWalk()}), "but no `scale`"),
-    "position": (lambda: StrapdownProcess(position=(1.0, 2.0)), r"`position`.*the shape \(3,\)"),
+    "position": (lambda: StrapdownProcess(position=(1.0, 2.0)), r"`position`.*have shape \(3,\)"),
     "state": (lambda: unit().row(3.0), "must be an InertialState"),
     "rotation": (lambda: unit().row(InertialState(rotation=2 * np.eye(3))), "must be a rotation"),
     "current": (lambda: StrapdownProcess().row(InertialState(current=(1, 0, 0))), "has no `current`"),

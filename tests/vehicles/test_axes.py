@@ -90,5 +90,5 @@ def test_euler_angles_turn_inside_traced_code() -> None:
 def test_axes_that_nobody_defined_are_refused() -> None:
     with pytest.raises(ArgumentError, match=r"NED/FRD.*ENU/FLU.*but is 'NWU'"):
         axes.body_vector([1.0, 0, 0], "NWU")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ArgumentError, match=r"shape \(\.\.\., 3\), but has shape \(2,\)"):
+    with pytest.raises(ArgumentError, match=r"shape \(…, 3\), but has shape \(2,\)"):
         axes.space_vector([1.0, 0], ENU)
