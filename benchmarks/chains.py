@@ -44,7 +44,7 @@ def springs(count: int) -> tuple[co.System, co.State, float]:
     def lagrangian(xi, a):
         return 0.5 * jnp.sum(INERTIA * xi**2) + 0.5 * STIFFNESS * jnp.sum(jnp.trace(a, axis1=1, axis2=2))
 
-    system = co.System(co.Power(co.SO3(), count), lagrangian, advected=co.RelativePoses())
+    system = co.System(co.Power(co.SO3(), count), lagrangian, advected=co.spaces.RelativePoses())
     return system, system.state(xi=_velocities(count)), STEP
 
 

@@ -27,7 +27,7 @@ def measure(quick: bool) -> dict[str, Any]:
     return found
 
 
-def _of_method(method: co.Method, steps: int, repetitions: int) -> dict[str, Any]:
+def _of_method(method: co.methods.Method, steps: int, repetitions: int) -> dict[str, Any]:
     problem = vehicle()
     case = ready(problem, method, H)
     final_bar = jax.tree.map(np.zeros_like, case.run(1, steps).final)

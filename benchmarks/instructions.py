@@ -56,7 +56,7 @@ def _tasks(folder: Path, quick: bool) -> Iterator[tuple[str, tuple[Path, int]]]:
         ("native: left rule", vehicle(), PAPER, H, 1),
         (f"native: left rule, {LANES} lanes", vehicle(), PAPER, H, LANES),
         ("native: midpoint", vehicle(), co.Midpoint(), H, 1),
-        ("native: left–right pair", vehicle(), co.LeftRight(), H, 1),
+        ("native: left–right pair", vehicle(), co.methods.LeftRight(), H, 1),
         ("native: trapezoidal", vehicle(), co.Trapezoidal(), H, 1),
         ("native: heavy top, left rule", top, co.LeftRectangle(), 1e-4, 1),
     ]

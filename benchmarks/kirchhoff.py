@@ -32,7 +32,7 @@ METHODS = {
     "left rule": co.LeftRectangle(co.Cayley()),
     "midpoint": _MIDPOINT,
     "Suzuki-4 (midpoint)": co.Suzuki4(_MIDPOINT),
-    "Kahan–Li-8 (midpoint)": co.KahanLi8(_MIDPOINT),
+    "Kahan–Li-8 (midpoint)": co.methods.KahanLi8(_MIDPOINT),
     "energy–momentum": co.EnergyMomentum(),
 }
 
@@ -148,7 +148,7 @@ def _programs(body: Fluid, duration: float) -> Iterator[Program]:
         yield Program("the same with all of its terms", 0.02, lambda: _by_pvs(body, 0.02, duration, False))
 
 
-def _ours(body: Fluid, method: co.Method, duration: float) -> Callable[[], Rows]:
+def _ours(body: Fluid, method: co.methods.Method, duration: float) -> Callable[[], Rows]:
     def rows() -> Rows:
         s = co.simulate(body.system, body.start, dt=STEP, duration=duration, method=method, progress=False).records
         V = np.concatenate([s.pi, s.mu], axis=1) @ np.linalg.inv(body.mass)

@@ -43,14 +43,14 @@ def chain(unknowns: int) -> tuple[co.System, co.State]:
     return system, system.state(xi=[0.1, 0.2, 0.3], q=q, qdot={name: [0.0, 0.05, 0.02] for name in names})
 
 
-def free(group: co.LieGroup) -> tuple[co.System, co.State]:
+def free(group: co.groups.LieGroup) -> tuple[co.System, co.State]:
     """Free motion on a group: ℓ = ½ Σ w_i ξ_i², where all unknowns are coupled."""
     weights = 1.0 + np.linspace(0, 1, group.dim)
     system = co.System(group, lambda xi: 0.5 * xi @ (weights * xi))
     return system, system.state(xi=0.3 * np.cos(np.arange(group.dim)))
 
 
-def unitary(size: int, special: bool) -> co.LieGroup:
+def unitary(size: int, special: bool) -> co.groups.LieGroup:
     """U(N) or SU(N) by matrices like those of Gell-Mann."""
     basis = []
     for i in range(size):

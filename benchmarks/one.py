@@ -126,12 +126,12 @@ def _methods(times: int) -> dict[str, Row]:
     cases = [
         ("left rule, exponential", vehicle(), co.LeftRectangle(co.Exponential(), start="velocity"), H),
         ("midpoint", vehicle(), co.Midpoint(), H),
-        ("left–right pair", vehicle(), co.LeftRight(), H),
+        ("left–right pair", vehicle(), co.methods.LeftRight(), H),
         ("trapezoidal", vehicle(), co.Trapezoidal(), H),
         ("Suzuki-4 over midpoint", vehicle(), co.Suzuki4(co.Midpoint()), H),
         ("heavy top, left rule", top, co.LeftRectangle(), 1e-4),
         ("heavy top, midpoint", top, co.Midpoint(), 1e-4),
-        ("heavy top, left–right pair", top, co.LeftRight(), 1e-4),
+        ("heavy top, left–right pair", top, co.methods.LeftRight(), 1e-4),
     ]
     found = {}
     for name, problem, method, h in cases:

@@ -22,32 +22,32 @@ PAPER = "left rule, as in the paper"
 TARGET = 1e-10
 """What the position of the fast heavy top at t = 2 s shall be off by, m."""
 
-MIDPOINT, PAIR = co.Midpoint(co.Cayley()), co.LeftRight(co.Cayley())
-EQUAL_WORK: dict[str, tuple[co.Method, int]] = {
+MIDPOINT, PAIR = co.Midpoint(co.Cayley()), co.methods.LeftRight(co.Cayley())
+EQUAL_WORK: dict[str, tuple[co.methods.Method, int]] = {
     PAPER: (co.LeftRectangle(co.Cayley(), start="velocity"), 50_000),
     "midpoint": (MIDPOINT, 50_000),
     "Galerkin, order 4": (co.Galerkin(co.Cayley(), degree=2), 25_000),
     "Suzuki-4 (midpoint)": (co.Suzuki4(MIDPOINT), 50_000),
-    "Kahan–Li-6 (midpoint)": (co.KahanLi6(MIDPOINT), 50_000),
-    "Sofroniou–Spaletta-6 (midpoint)": (co.SofroniouSpaletta6(MIDPOINT), 50_000),
-    "Kahan–Li-8 (midpoint)": (co.KahanLi8(MIDPOINT), 50_000),
-    "Sofroniou–Spaletta-8 (midpoint)": (co.SofroniouSpaletta8(MIDPOINT), 50_000),
-    "Sofroniou–Spaletta-10 (midpoint)": (co.SofroniouSpaletta10(MIDPOINT), 50_000),
+    "Kahan–Li-6 (midpoint)": (co.methods.KahanLi6(MIDPOINT), 50_000),
+    "Sofroniou–Spaletta-6 (midpoint)": (co.methods.SofroniouSpaletta6(MIDPOINT), 50_000),
+    "Kahan–Li-8 (midpoint)": (co.methods.KahanLi8(MIDPOINT), 50_000),
+    "Sofroniou–Spaletta-8 (midpoint)": (co.methods.SofroniouSpaletta8(MIDPOINT), 50_000),
+    "Sofroniou–Spaletta-10 (midpoint)": (co.methods.SofroniouSpaletta10(MIDPOINT), 50_000),
     "pair": (PAIR, 100_000),
     "Suzuki-4 (pair)": (co.Suzuki4(PAIR), 100_000),
     "Suzuki-4 (pair), 3/4 of the solves": (co.Suzuki4(PAIR), 75_000),
-    "Kahan–Li-8 (pair)": (co.KahanLi8(PAIR), 100_000),
-    "Kahan–Li-8 (pair), twice the solves": (co.KahanLi8(PAIR), 200_000),
+    "Kahan–Li-8 (pair)": (co.methods.KahanLi8(PAIR), 100_000),
+    "Kahan–Li-8 (pair), twice the solves": (co.methods.KahanLi8(PAIR), 200_000),
 }
 """Methods with the number of their single solves in 500 s."""
 
 _EXP = co.Exponential()
-TOP: dict[str, tuple[co.Method, tuple[float, ...]]] = {
-    "Suzuki-4 (pair)": (co.Suzuki4(co.LeftRight(_EXP)), (5e-4, 2.5e-4)),
-    "Kahan–Li-6 (pair)": (co.KahanLi6(co.LeftRight(_EXP)), (2e-3, 1e-3, 5e-4)),
-    "Kahan–Li-8 (pair)": (co.KahanLi8(co.LeftRight(_EXP)), (1e-2, 5e-3, 4e-3)),
-    "Sofroniou–Spaletta-10 (pair)": (co.SofroniouSpaletta10(co.LeftRight(_EXP)), (2e-2, 1e-2)),
-    "Sofroniou–Spaletta-10 (midpoint)": (co.SofroniouSpaletta10(co.Midpoint(_EXP)), (1e-2, 5e-3)),
+TOP: dict[str, tuple[co.methods.Method, tuple[float, ...]]] = {
+    "Suzuki-4 (pair)": (co.Suzuki4(co.methods.LeftRight(_EXP)), (5e-4, 2.5e-4)),
+    "Kahan–Li-6 (pair)": (co.methods.KahanLi6(co.methods.LeftRight(_EXP)), (2e-3, 1e-3, 5e-4)),
+    "Kahan–Li-8 (pair)": (co.methods.KahanLi8(co.methods.LeftRight(_EXP)), (1e-2, 5e-3, 4e-3)),
+    "Sofroniou–Spaletta-10 (pair)": (co.methods.SofroniouSpaletta10(co.methods.LeftRight(_EXP)), (2e-2, 1e-2)),
+    "Sofroniou–Spaletta-10 (midpoint)": (co.methods.SofroniouSpaletta10(co.Midpoint(_EXP)), (1e-2, 5e-3)),
     "Galerkin, order 8": (co.Galerkin(_EXP, degree=4), (4e-3, 2e-3)),
 }
 """Methods with the steps at which they are tried on the top."""
@@ -113,8 +113,8 @@ def _top_courses(quick: bool) -> dict[str, Any]:
     problem = replace(heavy_top(), duration=2.0 if quick else 20.0)
     points = [_ours(name, problem, co.Midpoint(_EXP) if scheme is None else scheme(co.Midpoint(_EXP)), h)
               for name, scheme, h in (("midpoint", None, 1e-3), ("Suzuki-4 (midpoint)", co.Suzuki4, 5e-3),
-                                      ("Kahan–Li-6 (midpoint)", co.KahanLi6, 1e-2),
-                                      ("Kahan–Li-8 (midpoint)", co.KahanLi8, 1e-2))]  # fmt: skip
+                                      ("Kahan–Li-6 (midpoint)", co.methods.KahanLi6, 1e-2),
+                                      ("Kahan–Li-8 (midpoint)", co.methods.KahanLi8, 1e-2))]  # fmt: skip
     points.append(by_rk4(problem, 1e-3))
     points.append(_by("DOP853, 1e-09", 1e-9, _dop853(problem, 1e-9)))
     if peers.version("mujoco"):
@@ -124,7 +124,7 @@ def _top_courses(quick: bool) -> dict[str, Any]:
         return {p.name: _course(problem, problem.times, p.solve()).tolist() for p in points}
 
 
-def _case(name: str, method: co.Method, solves: int, nodes: int) -> Case:
+def _case(name: str, method: co.methods.Method, solves: int, nodes: int) -> Case:
     """Steps that need about `solves` single solves and are a multiple of the nodes."""
     steps = max(round(solves / len(method.stages) / nodes), 1) * nodes
     case = ready(vehicle(), method, DURATION / steps)
@@ -183,7 +183,7 @@ def _points(problem: Problem, quick: bool) -> Iterator[Point]:
         yield _by("Exudyn generalised-α", 1e-4, peers.by_exudyn(problem, False, 1e-4))
 
 
-def _ours(name: str, problem: Problem, method: co.Method, h: float) -> Point:
+def _ours(name: str, problem: Problem, method: co.methods.Method, h: float) -> Point:
     every, case = round(problem.duration / h) // NODES, ready(problem, method, h)
     return Point(name, h, lambda: problem.path(case.run(NODES, every)), lambda: case.run(NODES, every))
 

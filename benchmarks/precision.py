@@ -19,9 +19,9 @@ METHODS = {
     "left rule": co.LeftRectangle(co.Cayley()),
     "midpoint": co.Midpoint(co.Cayley()),
     "trapezoidal": co.Trapezoidal(co.Cayley()),
-    "left–right pair": co.LeftRight(co.Exponential()),
+    "left–right pair": co.methods.LeftRight(co.Exponential()),
     "Suzuki-4 (midpoint)": co.Suzuki4(co.Midpoint(co.Cayley())),
-    "Kahan–Li-8 (pair)": co.KahanLi8(co.LeftRight(co.Exponential())),
+    "Kahan–Li-8 (pair)": co.methods.KahanLi8(co.methods.LeftRight(co.Exponential())),
     "Galerkin, order 6": co.Galerkin(co.Exponential(), degree=3),
 }
 OURS = tuple(METHODS)
@@ -65,7 +65,7 @@ def _errors(problem: Problem, point: Point, exact: np.ndarray) -> dict[str, floa
             if path.shape != exact.shape or not np.all(np.isfinite(path)):
                 return None
             errors = problem.errors(path, exact)
-    except (RuntimeError, ValueError, co.CoadjointError):
+    except (RuntimeError, ValueError, co.errors.CoadjointError):
         return None
     scale = max(1.0, float(np.max(np.abs(problem.place(exact)))))
     return errors if errors["position"] < 30 * scale and errors["energy"] < 10 else None
@@ -112,7 +112,7 @@ def _points(problem: Problem, quick: bool) -> Iterator[Point]:
         yield from _multibody(problem, halvings)
 
 
-def _ours(name: str, problem: Problem, method: co.Method, h: float) -> Point:
+def _ours(name: str, problem: Problem, method: co.methods.Method, h: float) -> Point:
     every, case = round(problem.duration / h) // NODES, ready(problem, method, h)
 
     def solve() -> np.ndarray:

@@ -80,7 +80,7 @@ class Ready:
         return native.run(self.program, self.constants, self.state, self.h, records, save_every, monitors=False)
 
 
-def ready(problem: Problem, method: co.Method, h: float) -> Ready:
+def ready(problem: Problem, method: co.methods.Method, h: float) -> Ready:
     """What a kernel needs to run `method` on `problem`."""
     state = method.begin(problem.system, problem.start, h)
     program = StepProgram(replace_parameters(problem.system, None), method)

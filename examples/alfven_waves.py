@@ -20,7 +20,7 @@ duration = float(sys.argv[1]) if len(sys.argv) > 1 else 12.0
 
 strength, size, order, degrees = 1.0, 10, 1, np.arange(2, 9)
 fluid = fluids.magnetohydrodynamics(size)
-fluid = fluid.watching(co.trace_casimirs(fluid, degree=3))
+fluid = fluid.watching(co.mechanics.trace_casimirs(fluid, degree=3))
 
 field = np.zeros((2, 2), complex)
 field[1, 0] = strength * np.sqrt(4 * np.pi / 3)

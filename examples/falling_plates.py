@@ -28,7 +28,7 @@ def lagrangian(xi, a, p):
 plate = co.System(
     co.SE2(),
     lagrangian,
-    advected={"up": co.Dual(), "field": co.Defining()},
+    advected={"up": co.spaces.Dual(), "field": co.Defining()},
     parameters={
         "inertia": 0.2,
         "masses": np.diag([1.2, 4.0]),

@@ -43,8 +43,8 @@ start = top.state(xi=[0, 150, -4.61538], a0=[0, 0, 1])
 methods = [
     co.Midpoint(co.Cayley()),
     co.Midpoint(co.Exponential()),
-    co.LeftRight(co.Cayley()),
-    co.LeftRight(co.Exponential()),
+    co.methods.LeftRight(co.Cayley()),
+    co.methods.LeftRight(co.Exponential()),
     co.Suzuki4(co.Midpoint(co.Cayley())),
 ]
 print(f"{'method':<30} {'dt = 2e-4':>10} {'1e-4':>10} {'order':>6} {'steps/s':>12} {'momentum':>10}")

@@ -19,10 +19,10 @@ from scipy.integrate import solve_ivp
 import coadjoint as co
 
 duration = float(sys.argv[1]) if len(sys.argv) > 1 else 4.0
-group = co.SLn(2)
+group = co.groups.SLn(2)
 
 
-class Moments(co.Space):
+class Moments(co.spaces.Space):
     """Symmetric matrices S ↦ FSFᵀ, row by row."""
 
     def ambient(self, group):

@@ -34,7 +34,7 @@ viscous = co.simulate(fluid, run.final, duration=2 * duration / 3, method=method
 
 def eigenvalues(state):
     """Of −iW, in order: all Casimirs."""
-    return np.linalg.eigvalsh(-1j * co.complex_form(np.asarray(co.Un(size).hat(state.mu))))
+    return np.linalg.eigvalsh(-1j * co.groups.complex_form(np.asarray(co.Un(size).hat(state.mu))))
 
 
 with co.float64():

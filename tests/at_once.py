@@ -70,7 +70,7 @@ def _begun(run: Callable[[], str], kill: int | None, seed: str, start: tuple[int
 def _answer(run: Callable[[], str]) -> str:
     try:
         return f"found {run()}"
-    except co.FileError as error:
+    except co.errors.FileError as error:
         return f"refused {error}"
     except BaseException as error:
         return f"refused {type(error).__name__} {error}"

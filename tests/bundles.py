@@ -26,12 +26,12 @@ def difference_map(name: str) -> DifferenceMap:
     """Cayley's map where it fits the group, the exponential elsewhere."""
     try:
         co.Cayley().require_fit(GROUPS[name])
-    except co.GroupError:
+    except co.errors.GroupError:
         return co.Exponential()
     return co.Cayley()
 
 
-def random_connection(name: str, index: int = 0, scale: float = 0.6) -> co.DiscreteConnection:
+def random_connection(name: str, index: int = 0, scale: float = 0.6) -> co.mechanics.DiscreteConnection:
     """Ω(x, x⁺) = τ(0.6 sin(C(x, x⁺, 1))): far from e also where x⁺ = x."""
     group = GROUPS[name]
     C = generator("connection", name, index).normal(scale=scale, size=(group.dim, 2 * SIZE + 1))
@@ -39,14 +39,14 @@ def random_connection(name: str, index: int = 0, scale: float = 0.6) -> co.Discr
     def increment(x, x_next):
         return difference_map(name).tau(group, 0.6 * jnp.sin(C @ jnp.concatenate([x, x_next, jnp.ones(1)])))
 
-    return co.DiscreteConnection(group, SIZE, increment)
+    return co.mechanics.DiscreteConnection(group, SIZE, increment)
 
 
-def smooth_connection(name: str) -> co.Connection:
+def smooth_connection(name: str) -> co.mechanics.Connection:
     """A(x) = sin(Cx + D), a connection with curvature."""
     group, random = GROUPS[name], generator("smooth", name)
     C, D = random.normal(size=(group.dim, SIZE, SIZE)), random.normal(size=(group.dim, SIZE))
-    return co.Connection(group, SIZE, lambda x: jnp.sin(C @ x + D))
+    return co.mechanics.Connection(group, SIZE, lambda x: jnp.sin(C @ x + D))
 
 
 def random_motion(name: str, steps: int, scale: float = 0.5) -> tuple[Any, np.ndarray]:

@@ -98,7 +98,7 @@ def driven(rate, dt=0.05, steps=400, held=False, explicit=False, method=None):
             return co.Force(force=size * np.array([1.0]))
 
         system = co.System(co.SO3(), lagrangian, additional=co.Trivial(1), forces=forces)
-        given = (lambda motion: jnp.sin(rate * motion.t)) if held else co.Signal(lambda t: jnp.sin(rate * t))
+        given = (lambda motion: jnp.sin(rate * motion.t)) if held else co.mechanics.Signal(lambda t: jnp.sin(rate * t))
         start = system.state(q=[0.3], inputs=None if explicit else 0.0)
         arguments = {"dt": dt, "steps": steps, "method": method}
         return system, start, arguments if explicit else {**arguments, "inputs": given}
@@ -272,7 +272,7 @@ RESOLVED = [
     Case("top, h|ω| = 0.5, exponential", top(0.5, method=co.Midpoint(co.Exponential()))),
     Case("light top, h|ω| = 2, exponential", top(2.0, method=co.Midpoint(co.Exponential()))),
     Case("body, 0.2 rad a step", body([0.8, 1.6, 0.8])),
-    Case("body, 0.2 rad a step, order 6", body([0.8, 1.6, 0.8], method=co.KahanLi6(co.Midpoint()))),
+    Case("body, 0.2 rad a step, order 6", body([0.8, 1.6, 0.8], method=co.methods.KahanLi6(co.Midpoint()))),
     Case("body, 0.2 rad a step, variable step", body([0.8, 1.6, 0.8], method=co.VariableStep())),
     Case("body that does not turn", body([0.0, 0.0, 0.0])),
     Case("body, inertia 1e-3, about its long axis", body([0.0, 0.0, 1.0], inertia=(1.0, 1.0, 1e-3))),
@@ -292,7 +292,10 @@ RESOLVED = [
     Case("soft wall", wall(5.0, 0.01, speed=0.5, steps=400)),
     Case("stiff spring for a constraint, slaved", constrained(0.0)),
     Case("ripple on a constant force", pushed(lambda t: 1.0 + 1e-4 * jnp.cos(1000 * t))),
-    Case("dither on a constant input", pushed(still, dt=0.05, inputs=co.Signal(lambda t: 1 + 0.05 * jnp.sin(101 * t)))),
+    Case(
+        "dither on a constant input",
+        pushed(still, dt=0.05, inputs=co.mechanics.Signal(lambda t: 1 + 0.05 * jnp.sin(101 * t))),
+    ),
     Case("table of many values a step", pushed(still, inputs=co.Linear(GRID, np.sin(GRID)))),
     Case("held command that jumps within a step", pushed(still, dt=0.05, inputs=co.Held([0.0, 5.03], [0.0, 1.0]))),
     Case(
@@ -301,7 +304,7 @@ RESOLVED = [
     ),
     Case(
         "body, 1.2 rad a step, order 8",
-        body([0.96, 0.36, 0.6], dt=1.0, steps=60, method=co.KahanLi8(co.Midpoint(co.Exponential()))),
+        body([0.96, 0.36, 0.6], dt=1.0, steps=60, method=co.methods.KahanLi8(co.Midpoint(co.Exponential()))),
     ),
     Case("long ellipse, short steps", near_collision(0.001, steps=4000)),
 ]

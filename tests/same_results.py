@@ -106,9 +106,9 @@ RULES = {
     "midpoint": lambda: co.Midpoint(co.Cayley()),
     "midpoint_exponential": lambda: co.Midpoint(co.Exponential()),
     "simpson": co.Simpson,
-    "left_right": co.LeftRight,
+    "left_right": co.methods.LeftRight,
     "suzuki": lambda: co.Suzuki4(co.Midpoint(co.Cayley())),
-    "kahan_li": lambda: co.KahanLi6(co.Trapezoidal(co.Exponential())),
+    "kahan_li": lambda: co.methods.KahanLi6(co.Trapezoidal(co.Exponential())),
     "galerkin": co.Galerkin,
 }
 SYSTEMS = {"vehicle": vehicle, "top": top, "pendulum": pendulum}

@@ -30,7 +30,7 @@ class Leap(NamedTuple):
 class Stepper:
     """The steps of a method on a system: the library's Newton and step on NumPy numbers, or native for many steps."""
 
-    def __init__(self, system: co.System, method: co.Method, compiled: bool = False):
+    def __init__(self, system: co.System, method: co.methods.Method, compiled: bool = False):
         self.system, self.method, self.compiled = system, method, compiled
         self.constants = Constants(system.parameters, None)
         self._solvers: dict[Step, Any] = {}

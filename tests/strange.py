@@ -197,7 +197,7 @@ RESULTS: dict[str, Callable[[Any], Any]] = {
     "divide": lambda y: 1 / 0,
     "raise": lambda y: (_ for _ in ()).throw(KeyError("two\nlines")),
     "raise silent": lambda y: (_ for _ in ()).throw(ValueError(Silent())),
-    "raise ours": lambda y: (_ for _ in ()).throw(co.ArgumentError("Argument `y` must not be.")),
+    "raise ours": lambda y: (_ for _ in ()).throw(co.errors.ArgumentError("Argument `y` must not be.")),
     "stop": lambda y: next(iter(())),
     "recursion": _deep,
     "memory": lambda y: np.zeros(10**15),

@@ -72,19 +72,19 @@ GROUPS: dict[str, LieGroup] = {
     "SL2": SL2,
     "Heisenberg": HEISENBERG,
     "SO4": SO4,
-    "quaternions": co.UnitQuaternion(),
-    "SU2": co.SU2(),
+    "quaternions": co.groups.UnitQuaternion(),
+    "SU2": co.groups.SU2(),
     "SOn4": co.SOn(4),
-    "SLn3": co.SLn(3),
-    "GLn2": co.GLn(2),
+    "SLn3": co.groups.SLn(3),
+    "GLn2": co.groups.GLn(2),
     "Un2": co.Un(2),
     "SUn3": co.SUn(3),
-    "Sp1": co.Sp(1),
-    "Sp2": co.Sp(2),
-    "H2": co.Heisenberg(2),
-    "opposite": co.Opposite(co.SE2()),
+    "Sp1": co.groups.Sp(1),
+    "Sp2": co.groups.Sp(2),
+    "H2": co.groups.Heisenberg(2),
+    "opposite": co.groups.Opposite(co.SE2()),
     "SO3_R3": co.SemidirectProduct(co.SO3(), co.Defining()),
-    "SL2_dual": co.SemidirectProduct(SL2, co.Dual()),
+    "SL2_dual": co.SemidirectProduct(SL2, co.spaces.Dual()),
     "nested": co.DirectProduct(
         co.SemidirectProduct(co.SemidirectProduct(co.SO2(), co.Defining()), co.Adjoint()), co.Translation(1)
     ),
@@ -102,10 +102,10 @@ class Bent(DifferenceMap):
 MAPS: dict[str, DifferenceMap] = {
     "cayley": co.Cayley(),
     "exponential": co.Exponential(),
-    "squared": co.Squared(co.Cayley()),
+    "squared": co.difference_maps.Squared(co.Cayley()),
     "bent": Bent(),
-    "pade": co.Pade(2),
-    "second kind": co.SecondKind(),
+    "pade": co.difference_maps.Pade(2),
+    "second kind": co.difference_maps.SecondKind(),
 }
 
 RULES: dict[str, Any] = {
@@ -113,7 +113,7 @@ RULES: dict[str, Any] = {
     "right": co.RightRectangle,
     "midpoint": co.Midpoint,
     "trapezoidal": co.Trapezoidal,
-    "pair": co.LeftRight,
+    "pair": co.methods.LeftRight,
 }
 
 ALL_RULES: dict[str, Any] = {**RULES, "simpson": co.Simpson}
@@ -133,22 +133,26 @@ def _frame(x):
     return jnp.stack([x.e @ x.e - 1, x.f @ x.f - 1, x.e @ x.f])
 
 
-FRAMES = co.Submanifold(_frame, co.Several({"e": co.Defining(), "f": co.Defining()}))
+FRAMES = co.spaces.Submanifold(_frame, co.spaces.Several({"e": co.Defining(), "f": co.Defining()}))
 """Pairs of orthonormal vectors: a Stiefel manifold."""
 
 WORLDS: dict[str, World] = {
     "SO3 alone": World(co.SO3()),
     "SO3": World(co.SO3(), co.Defining(), {"down": co.Defining(), "spin": co.Adjoint()}),
-    "SE3": World(co.SE3(), {"buoy": co.Points(), "fill": co.Trivial(1)}, {"plane": co.Dual(), "field": co.Coadjoint()}),
-    "SE2": World(co.SE2(), co.Points(), {"twist": co.Adjoint(), "row": co.Defining()}),
-    "SL2": World(SL2, co.Defining(), co.Dual()),
+    "SE3": World(
+        co.SE3(),
+        {"buoy": co.spaces.Points(), "fill": co.Trivial(1)},
+        {"plane": co.spaces.Dual(), "field": co.Coadjoint()},
+    ),
+    "SE2": World(co.SE2(), co.spaces.Points(), {"twist": co.Adjoint(), "row": co.Defining()}),
+    "SL2": World(SL2, co.Defining(), co.spaces.Dual()),
     "Heisenberg": World(HEISENBERG, co.Coadjoint(), co.Adjoint()),
     "SO4": World(SO4, None, co.Defining()),
     "SO2": World(co.SO2(), co.Trivial(2), None),
-    "R3": World(co.Translation(3), co.Trivial(1), co.Dual()),
+    "R3": World(co.Translation(3), co.Trivial(1), co.spaces.Dual()),
     "SO3xSE2": World(GROUPS["SO3xSE2"], co.Defining(), co.Coadjoint()),
     "SO3 on a sphere": World(co.SO3(), co.Sphere(), co.Defining()),
-    "SL2_dual": World(GROUPS["SL2_dual"], co.Points(), co.Dual()),
+    "SL2_dual": World(GROUPS["SL2_dual"], co.spaces.Points(), co.spaces.Dual()),
     "curved and flat": World(
         co.SO3(),
         {"frame": FRAMES, "shape": co.Trivial(1)},
@@ -194,15 +198,15 @@ def point(space: Space, group: LieGroup, random: np.random.Generator) -> Any:
     if isinstance(space, Several):
         return {name: point(s, group, random) for name, s in zip(space.names, space.factors, strict=True)}
     x = random.normal(size=space.ambient(group))
-    if isinstance(space, co.GroupItself):
+    if isinstance(space, co.spaces.GroupItself):
         return element(group, random)
-    if isinstance(space, co.Submanifold):
+    if isinstance(space, co.spaces.Submanifold):
         found = evaluate(lambda x: space.view(group, _nearest(space, group, x)), x)
         return found if isinstance(found, np.ndarray) else found.asdict()
     return x if space.flat else x / np.linalg.norm(x)
 
 
-def _nearest(space: co.Submanifold, group: LieGroup, x):
+def _nearest(space: co.spaces.Submanifold, group: LieGroup, x):
     """The point of Q that Gauss–Newton leads to."""
     for _ in range(30):
         rows = space.normals(group, x)

@@ -20,7 +20,7 @@ FRONT, REAR, DARK = "#E69F00", "#4C86B8", "#3b3b3b"
 BEND = 2 * np.arccos((np.sqrt(13) - 1) / 3)  # the bend of 59.4° that turns by 180°
 DURATION = 0.5
 
-connection = co.mechanical_connection(catalogue["falling_cat"].make())
+connection = co.mechanics.mechanical_connection(catalogue["falling_cat"].make())
 
 
 def smooth(t, first, last):
@@ -111,7 +111,7 @@ def draw(axes, parts, place):
 
 times = np.linspace(0.0, DURATION, 201)
 upside_down = np.diag([1.0, -1.0, -1.0])
-g = co.horizontal_lift(connection, shape, upside_down, times=times)
+g = co.mechanics.horizontal_lift(connection, shape, upside_down, times=times)
 x = evaluate(jax.vmap(shape), times)
 relative = upside_down.T @ g
 turn = np.degrees(np.unwrap(np.arctan2(relative[:, 2, 1], relative[:, 1, 1])))

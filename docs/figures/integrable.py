@@ -28,7 +28,7 @@ def draw() -> None:
     for i, (name, (label, integral)) in enumerate(SYSTEMS.items()):
         entry = catalogue[name]
         system = entry.make()
-        casimirs = co.casimirs(system)
+        casimirs = co.mechanics.casimirs(system)
         system = system.watching(casimirs)
         run = co.simulate(system, entry.start(system), dt=entry.dt, steps=STEPS, save_every=SAVE_EVERY)
         print(f"{run}\n")

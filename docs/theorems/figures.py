@@ -20,7 +20,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 FIGURES = Path(__file__).parents[1] / "figures"
-METHOD = co.GroupVariational(co.Exponential(), start="velocity")
+METHOD = co.methods.GroupVariational(co.Exponential(), start="velocity")
 
 
 def save(figure, name: str) -> None:
@@ -47,7 +47,7 @@ def kelvin_noether() -> None:
 
     system, method, h = co.System(co.SO3(), body, additional=co.Defining(), advected=co.Defining()), co.Midpoint(), 0.1
     start = system.state(q=[0.2, 0.0, 0.5], qdot=[0.3, -0.1, 0.2], xi=[0.5, 0.9, -0.3], a0=[0, 0, 1])
-    noether = co.KelvinNoether([1.0, 0.5, 0.2], lambda c, a: jnp.cross(c, a) + c, co.Defining())
+    noether = co.mechanics.KelvinNoether([1.0, 0.5, 0.2], lambda c, a: jnp.cross(c, a) + c, co.Defining())
     records = co.simulate(system, start, dt=h, steps=100, method=method).records
 
     def sides(record):
@@ -95,7 +95,7 @@ def moser_veselov() -> None:
             start = system.state(xi=[0.5 * tilt, tilt, speed])
             try:
                 records = co.simulate(system, start, dt=1.0, steps=1500, method=METHOD, monitors=False).records
-            except co.StepError:
+            except co.errors.StepError:
                 continue
             mu = records.mu / np.linalg.norm(records.mu[0])
             panel.plot(mu[:, 0], mu[:, 1], ".", ms=1.2)
@@ -125,14 +125,16 @@ def four_settings() -> None:
     first = theory.Link(*(x[0] for x in links[:4]))
     found = {}
     for name, group in (("SE(3)", co.SE3()), ("semidirect product", co.SemidirectProduct(co.SO3(), co.Defining()))):
-        other = co.System(group, advected=co.Dual(), group_lagrangian=lambda F, a, h: core(F[0], F[1], a[:3], a[3], h))
+        other = co.System(
+            group, advected=co.spaces.Dual(), group_lagrangian=lambda F, a, h: core(F[0], F[1], a[:3], a[3], h)
+        )
         a = np.append(first.a, path.q[0] @ down)
         link = theory.Link((first.F, first.s - first.n), np.zeros(0), np.zeros(0), a)
         left = evaluate(lambda link, other=other: theory.left_momenta(other, link, h), link)
         velocity = np.concatenate([start.xi, (first.s - first.n) / h])
         state = other.state(g=(path.g[0], path.q[0]), xi=velocity, a0=np.append(down, 0.0))
         state = state.replace(mu=left.mu, pi=left.pi, from_velocities=False)
-        method = co.GroupVariational(co.Exponential())
+        method = co.methods.GroupVariational(co.Exponential())
         found[name] = theory.Configuration(*co.simulate(other, state, dt=h, steps=steps, method=method).records.g)
     ends = [theory.Configuration(path.g[k], path.q[k]) for k in (0, 1)]
     found["unreduced"] = theory.discrete_euler_lagrange_algorithm(L, *ends, down, h, steps)

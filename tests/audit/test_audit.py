@@ -29,7 +29,7 @@ CAYLEY = {"Cayley": co.Cayley()}
 BY_NAME = {shipped.name: shipped for shipped in SHIPPED}
 
 
-def findings(shipped: Shipped, tau: co.DifferenceMap, problem=TOP):
+def findings(shipped: Shipped, tau: co.difference_maps.DifferenceMap, problem=TOP):
     cell = audit_cell(shipped, "a map", tau, problem, STEPS)
     return {found.claim: found for found in cell.findings}
 
@@ -40,8 +40,10 @@ def not_shown(found) -> set[str]:
 
 def test_every_public_method_is_audited():
     public = {
-        kind for name in co.__all__ if inspect.isclass(kind := getattr(co, name)) and issubclass(kind, co.Method)
-    } - {co.Method}
+        kind
+        for name in co.__all__
+        if inspect.isclass(kind := getattr(co, name)) and issubclass(kind, co.methods.Method)
+    } - {co.methods.Method}
     assert public == {getattr(coadjoint.methods, kind.__name__) for kind in public}
     audited = {type(shipped.make(co.Cayley())) for shipped in SHIPPED}
     assert public == audited, f"not in coadjoint.audit.shipped: {public - audited}"
@@ -117,7 +119,7 @@ def test_a_false_half_has_order_3_and_no_symmetry():
     found = findings(wrong.FALSE_HALF, co.Cayley())
     assert not_shown(found) == {"order", "symmetric"}
     assert found["order"].measured == pytest.approx(3, abs=0.2)
-    assert not not_shown(findings(wrong.FALSE_HALF, co.Squared(co.Cayley())))
+    assert not not_shown(findings(wrong.FALSE_HALF, co.difference_maps.Squared(co.Cayley())))
 
 
 def test_a_step_that_is_not_symplectic_is_found():

@@ -16,7 +16,7 @@ def test_a_basis_of_a_unitary_group_spans_it(size: int) -> None:
         group = large.unitary(size, special)
         assert group.dim == dim
         with co.float64():
-            g = co.complex_form(np.asarray(group.matrix(group.exp(0.3 * np.cos(np.arange(dim))))))
+            g = co.groups.complex_form(np.asarray(group.matrix(group.exp(0.3 * np.cos(np.arange(dim))))))
         assert np.max(np.abs(g.conj().T @ g - np.eye(size))) < 1e-12
         assert (abs(np.linalg.det(g) - 1) < 1e-12) == special
 

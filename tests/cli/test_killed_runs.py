@@ -76,7 +76,7 @@ def test_every_flipped_bit_is_found(tmp_path, monkeypatch, done):
         path.write_bytes(data)
         try:
             problems = verify(tmp_path / "out").problems
-        except co.FileError as error:
+        except co.errors.FileError as error:
             problems = [str(error)]
         assert len(problems) == 1 and str(path.name) in problems[0] and "damaged" in problems[0], path
         path.write_bytes(kept)

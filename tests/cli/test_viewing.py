@@ -76,7 +76,7 @@ def test_of_a_sweep_it_is_told_what_shows_it(command, tmp_path, capsys):
     assert main([*command, str(folder)]) == 2
     told = capsys.readouterr().err
     assert f"holds a sweep of 24 members, not a single run: its results are drawn in {folder}/parallel.png" in told
-    assert "co.load_sweep(" in told
+    assert "co.sweeps.load_sweep(" in told
     facts["complete"] = False
     held.write()
     assert main([*command, str(folder)]) == 2

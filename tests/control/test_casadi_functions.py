@@ -73,5 +73,5 @@ def test_arguments_and_results_keep_their_names_and_shapes():
     ],
 )
 def test_what_casadi_cannot_have_is_told(function, arguments, told):
-    with pytest.raises(co.CoadjointError, match=told):
+    with pytest.raises(co.errors.CoadjointError, match=told):
         co.control.casadi_function(function, arguments)

@@ -155,7 +155,7 @@ def test_a_bound_leaves_nothing_unknown_and_what_is_not_measured_is_told():
     assert tumbling(drag=(0.5, 1.0)).solve().deviations()["drag"] == 0.0
     _, _, _, rates = log(SEED)
     blind = tumbling(measured={"rates": Measured(lambda motion, p: motion.xi, rates, 0.03)})
-    with pytest.raises(co.OptimumError, match="measurements do not determine"):
+    with pytest.raises(co.errors.OptimumError, match="measurements do not determine"):
         blind.solve().deviations()  # no attitude: every start in g is as likely
 
 
@@ -178,7 +178,7 @@ def test_ill_posed_estimations_are_told():
         ({"measured": {"rates": Measured(see, rates, [0.1, 0.1])}}, "deviation of the shape"),
         ({"free_duration": (1.0, 5.0)}, "leave `free_duration` out"),
     ]:
-        with pytest.raises(co.ArgumentError, match=words):
+        with pytest.raises(co.errors.ArgumentError, match=words):
             tumbling(**more).solve()
     for values, deviation, words in [
         (rates, 0.0, "positive"),
@@ -186,7 +186,7 @@ def test_ill_posed_estimations_are_told():
         (3.0, 0.1, "NaN for gaps"),
         ("many", 0.1, "numbers"),
     ]:
-        with pytest.raises(co.ArgumentError, match=words):
+        with pytest.raises(co.errors.ArgumentError, match=words):
             Measured(see, values, deviation)
 
 
@@ -204,5 +204,5 @@ def test_a_stationary_motion_that_is_no_minimum_has_no_deviations():
         measured={"square": Measured(lambda motion, p: motion.g[0] ** 2, np.ones(3), 0.5)},
     ).solve()
     assert found.iterations == 0
-    with pytest.raises(co.OptimumError, match="not a minimum"):
+    with pytest.raises(co.errors.OptimumError, match="not a minimum"):
         found.deviations()

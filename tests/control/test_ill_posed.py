@@ -57,7 +57,7 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_an_ill_posed_problem_is_told_in_one_sentence(name):
     changes, told = WRONG[name]
-    with pytest.raises(co.CoadjointError, match=told) as error:
+    with pytest.raises(co.errors.CoadjointError, match=told) as error:
         Problem(SYSTEM, START, **(GOOD | changes)).solve()
     assert "\n" not in str(error.value) and len(str(error.value)) < 500
 
@@ -76,7 +76,7 @@ def test_an_ill_posed_problem_is_told_in_one_sentence(name):
     ],
 )
 def test_wrong_inputs_and_bounds_are_told(make, told):
-    with pytest.raises(co.ArgumentError, match=told):
+    with pytest.raises(co.errors.ArgumentError, match=told):
         make()
 
 
@@ -93,7 +93,7 @@ def test_wrong_inputs_and_bounds_are_told(make, told):
     ],
 )
 def test_wrong_options_of_the_solver_are_told(options, told):
-    with pytest.raises(co.ArgumentError, match=told):
+    with pytest.raises(co.errors.ArgumentError, match=told):
         Problem(SYSTEM, START, **GOOD).solve(**options)
 
 
@@ -125,7 +125,7 @@ RESISTS = {
 def test_of_constraints_that_no_motion_satisfies_the_one_that_resists_is_named(name):
     """By how much the motion that comes nearest leaves it, not by what the solver left in the equations of motion."""
     changes, resists, amount = RESISTS[name]
-    with pytest.raises(co.OptimumError, match=f"most violated: .*({resists}).*, by ") as error:
+    with pytest.raises(co.errors.OptimumError, match=f"most violated: .*({resists}).*, by ") as error:
         pushed(**changes).solve()
     assert "\n" not in str(error.value)
     if amount is not None:
@@ -133,13 +133,13 @@ def test_of_constraints_that_no_motion_satisfies_the_one_that_resists_is_named(n
 
 
 def test_many_starts_are_refused():
-    with pytest.raises(co.ArgumentError, match="one start"):
+    with pytest.raises(co.errors.ArgumentError, match="one start"):
         Problem(SYSTEM, SYSTEM.state(g=co.each([[0.0], [1.0]])), **GOOD)
 
 
 def test_a_guess_of_other_length_is_refused():
     run = co.simulate(SYSTEM, START, dt=0.1, steps=4, inputs={"push": np.zeros(1)}, accuracy=False)
-    with pytest.raises(co.ArgumentError, match="5 steps"):
+    with pytest.raises(co.errors.ArgumentError, match="5 steps"):
         Problem(SYSTEM, START, **GOOD).solve(guess=run)
 
 
@@ -147,7 +147,7 @@ def test_casadi_that_is_not_there_is_told(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(co.ArgumentError, match=r'pip install "coadjoint\[control\]"'):
+    with pytest.raises(co.errors.ArgumentError, match=r'pip install "coadjoint\[control\]"'):
         Problem(SYSTEM, START, **GOOD).solve()
 
 

@@ -121,7 +121,11 @@ def test_the_numbers_of_a_profile_have_the_deviations_of_their_normal_equations(
     waves = [jnp.sin, jnp.cos]
     runs = [
         co.simulate(
-            system, system.state(g=[0.0]), dt=h, steps=steps, inputs={"u": co.Signal(lambda t, w=w: w(t)[None])}
+            system,
+            system.state(g=[0.0]),
+            dt=h,
+            steps=steps,
+            inputs={"u": co.mechanics.Signal(lambda t, w=w: w(t)[None])},
         )
         for w in waves
     ]
@@ -162,14 +166,14 @@ def given(u, **more):
     ],
 )
 def test_what_is_no_input_is_told_in_one_sentence(ask, words):
-    with pytest.raises(co.CoadjointError, match=words) as error:
+    with pytest.raises(co.errors.CoadjointError, match=words) as error:
         ask()
     assert "\n" not in str(error.value)
 
 
 def test_a_rate_or_a_place_that_cannot_be_reached_is_named():
     far = End(g=[1.0], xi=[0.0])
-    with pytest.raises(co.OptimumError, match="most violated: `g` at the end"):
+    with pytest.raises(co.errors.OptimumError, match="most violated: `g` at the end"):
         given(Input((1,), rate=1.0, course="linear"), end=far).solve()
-    with pytest.raises(co.OptimumError, match="most violated: "):
+    with pytest.raises(co.errors.OptimumError, match="most violated: "):
         given(Profile(lambda t, theta: theta, [0.1], upper=0.2), end=far).solve()

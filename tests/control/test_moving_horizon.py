@@ -319,7 +319,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
     ],
 )  # fmt: skip
 def test_what_cannot_be_estimated_is_told_in_one_sentence(ask, words):
-    with pytest.raises(co.CoadjointError, match=words) as error:
+    with pytest.raises(co.errors.CoadjointError, match=words) as error:
         ask()
     assert "\n" not in str(error.value)
 

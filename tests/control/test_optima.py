@@ -223,7 +223,7 @@ def test_an_actuator_that_lags_is_part_of_the_optimum():
     def rule(motion, h, p):
         late = jnp.exp(-h / p.lag)
         x, u = motion.internal.push, motion.ahead.push
-        return {"push": co.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
+        return {"push": co.mechanics.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
 
     system = co.System(
         co.Translation(1), lambda xi, p: 0.5 * xi @ xi, parameters={"lag": 0.3}, internal=rule,
@@ -251,13 +251,13 @@ def test_what_has_no_optimum_is_told_with_the_constraint_that_resists():
         system, system.state(g=[0.0]), dt=0.1, duration=1.0, inputs={"push": Input((1,), -1, 1)},
         cost=lambda motion: motion.inputs.push @ motion.inputs.push, end=End(g=[10.0], xi=[0.0]),
     )  # fmt: skip
-    with pytest.raises(co.OptimumError, match=r"most violated: .*, by "):
+    with pytest.raises(co.errors.OptimumError, match=r"most violated: .*, by "):
         far.solve()
     endless = Problem(
         system, system.state(g=[0.0]), dt=0.1, duration=1.0, inputs={"push": Input((1,))},
         cost=lambda motion: motion.inputs.push[0],
     )  # fmt: skip
-    with pytest.raises(co.OptimumError, match="No optimum was found"):
+    with pytest.raises(co.errors.OptimumError, match="No optimum was found"):
         endless.solve(max_iterations=50)
 
 

@@ -257,6 +257,6 @@ PLANE = co.System(
     ],
 )  # fmt: skip
 def test_what_are_no_phases_is_told_in_one_sentence(ask, words):
-    with pytest.raises(co.CoadjointError, match=words) as error:
+    with pytest.raises(co.errors.CoadjointError, match=words) as error:
         ask()
     assert "\n" not in str(error.value)

@@ -246,7 +246,7 @@ def test_a_changed_parameter_is_that_of_another_model():
     changed = controller(state)
     assert changed.plan["torque"] == pytest.approx(other(state).plan["torque"], abs=1e-8)
     assert np.max(np.abs(changed.plan["torque"] - first.plan["torque"])) > 0.1
-    with pytest.raises(co.ArgumentError, match="name it in `changing`"):
+    with pytest.raises(co.errors.ArgumentError, match="name it in `changing`"):
         controller.change(mass=2.0)
 
 
@@ -287,7 +287,7 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_no_controller_is_told_in_one_sentence(name):
     of_problem, of_controller, told = WRONG[name]
-    with pytest.raises(co.ArgumentError, match=told) as error:
+    with pytest.raises(co.errors.ArgumentError, match=told) as error:
         turning(**of_problem).controller(**of_controller)
     assert "\n" not in str(error.value)
 
@@ -304,14 +304,14 @@ STATES = {
 @pytest.mark.parametrize("name", STATES)
 def test_what_is_no_state_is_told_in_one_sentence(name):
     state, told = STATES[name]
-    with pytest.raises(co.ArgumentError, match=told):
+    with pytest.raises(co.errors.ArgumentError, match=told):
         turning().controller()(state)
 
 
 def test_a_fallback_of_other_inputs_is_told():
     slow = {"slow": Bounds(lambda motion, p: motion.xi, -0.5, 0.5)}
     controller = turning(path=slow).controller(fallback=lambda state: {"force": 0.0})
-    with pytest.raises(co.ArgumentError, match="`fallback` must return a dictionary of `torque`"):
+    with pytest.raises(co.errors.ArgumentError, match="`fallback` must return a dictionary of `torque`"):
         controller(BODY.state(xi=[3.0, 0.0, 0.0]))
 
 

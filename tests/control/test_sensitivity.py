@@ -134,11 +134,11 @@ def test_what_has_no_derivative_is_told():
         ((), (), "Name the data"),
         (("J",), ("mu",), "one after the other"),
     ]:
-        with pytest.raises(co.ArgumentError, match=words):
+        with pytest.raises(co.errors.ArgumentError, match=words):
             optimum.sensitivity(*names, start=start)
     largest = float(np.max(np.abs(optimum.inputs["torque"])))
     reached = turn(limits={"lower": -largest, "upper": largest}).solve(tolerance=1e-11)
-    with pytest.raises(co.OptimumError, match="only just reached"):
+    with pytest.raises(co.errors.OptimumError, match="only just reached"):
         reached.sensitivity("weight")
 
 
@@ -185,5 +185,5 @@ def test_by_a_start_whose_direction_in_the_world_and_place_stay_while_it_is_turn
 @pytest.mark.long
 def test_a_start_whose_momenta_depend_on_the_step_has_no_derivative_by_parameters():
     optimum = heavy(method=co.LeftRectangle(start="velocity")).solve()
-    with pytest.raises(co.ArgumentError, match='start="momentum"'):
+    with pytest.raises(co.errors.ArgumentError, match='start="momentum"'):
         optimum.sensitivity("mass")

@@ -37,7 +37,7 @@ def lagging():
     def rule(motion, h, p):
         late = jnp.exp(-h / p.lag)
         x, u = motion.internal.torque, motion.ahead.u
-        return {"torque": co.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
+        return {"torque": co.mechanics.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
 
     made = co.System(
         co.SE3(),
@@ -134,5 +134,5 @@ def test_an_exported_step_is_saved_and_names_what_it_depends_on(tmp_path):
 
 def test_a_method_that_chooses_its_steps_is_refused():
     system, start = vehicle()
-    with pytest.raises(co.ArgumentError, match="with fixed steps"):
+    with pytest.raises(co.errors.ArgumentError, match="with fixed steps"):
         step_graph(Begun(system, co.VariableStep(), 0.1, start))

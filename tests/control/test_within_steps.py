@@ -67,7 +67,7 @@ def test_path_points_hold_with_an_actuator_that_lags_and_a_method_of_two_stages(
 
     def rule(motion, h, p):
         x, u, late = motion.internal.thrust, motion.inputs.f, jnp.exp(-h / p.lag)
-        return {"thrust": co.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
+        return {"thrust": co.mechanics.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
 
     system = co.System(
         co.Translation(2), lambda xi, p: 0.5 * xi @ xi, forces=lambda m, p: co.Force(torque=m.internal.thrust),
@@ -77,7 +77,7 @@ def test_path_points_hold_with_an_actuator_that_lags_and_a_method_of_two_stages(
         system, system.state(g=[-2.0, 0.3], internal={"thrust": np.zeros(2)}), dt=1.0, duration=3.0,
         inputs={"f": Input((2,), -20.0, 20.0)}, cost=lambda m, p: 0.5 * m.inputs.f @ m.inputs.f,
         path={"clear": Bounds(lambda m, p: m.g @ m.g, lower=RADIUS**2)}, end=End(g=[2.0, 0.01]), path_points=2,
-        method=co.LeftRight(),
+        method=co.methods.LeftRight(),
     ).solve()  # fmt: skip
     assert optimum.difference < 1e-6
     assert clearances(optimum, [1 / 3, 2 / 3]).min() > RADIUS**2 - 1e-6
@@ -107,13 +107,13 @@ def test_the_derivative_of_an_optimum_with_path_points_is_that_of_its_neighbours
 
 @pytest.mark.parametrize("given", [-1, 1.5, True, 10**6, "3"])
 def test_path_points_must_be_a_whole_number(given):
-    with pytest.raises(co.ArgumentError, match="path_points"):
+    with pytest.raises(co.errors.ArgumentError, match="path_points"):
         past_an_obstacle(path_points=given)
 
 
 def test_path_points_need_a_path_and_a_problem_that_is_solved():
-    with pytest.raises(co.ArgumentError, match="give `path`"):
+    with pytest.raises(co.errors.ArgumentError, match="give `path`"):
         Problem(point(), point().state(), dt=1.0, steps=2, inputs={"f": Input((2,))}, path_points=2)
     for made in (lambda p: p.controller(), lambda p: p.estimator()):
-        with pytest.raises(co.ArgumentError, match="nodes alone"):
+        with pytest.raises(co.errors.ArgumentError, match="nodes alone"):
             made(past_an_obstacle(path_points=2))

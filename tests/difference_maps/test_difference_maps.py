@@ -24,7 +24,7 @@ def close(found, expected, size=1.0):
         np.testing.assert_allclose(x, y, rtol=0, atol=ROUND_OFF * max(size, np.max(np.abs(y), initial=0.0)))
 
 
-ALL_MAPS = MAPS | {"pade3": co.Pade(3)}
+ALL_MAPS = MAPS | {"pade3": co.difference_maps.Pade(3)}
 UNFIT_PAIRS = {(group, name) for group in ("SLn3", "SUn3") for name in ("cayley", "squared", "bent", "pade", "pade3")}
 PAIRS = [(g, m) for g in GROUPS for m in ALL_MAPS if (g, m) not in UNFIT_PAIRS]
 EXPENSIVE = {"SOn4", "SLn3", "SUn3", "Sp2", "SL2_dual", "nested"}
@@ -154,8 +154,8 @@ def test_pade_is_refused_where_the_representation_has_another():
     """ρ(τ(ξ)) of SL(2) on its algebra is not the Padé approximant of ad_ξ, so τ(−ξ) is not τ(ξ)⁻¹ on the vectors."""
     group = co.SemidirectProduct(GROUPS["Sp1"], co.Adjoint())
     with pytest.raises(GroupError, match="is not a group difference map"):
-        co.Pade(2).require_fit(group)
-    for tau in (co.Cayley(), co.SecondKind(), co.Exponential()):
+        co.difference_maps.Pade(2).require_fit(group)
+    for tau in (co.Cayley(), co.difference_maps.SecondKind(), co.Exponential()):
         tau.require_fit(group)
 
 
@@ -165,7 +165,9 @@ def test_first_pade_approximant_is_the_cayley_transform(name):
     xi, mu = generator("pade", name).normal(scale=0.4, size=(2, group.dim))
 
     def both(xi, mu):
-        return [(t.tau(group, xi), t.dtau_inverse_dual(group, xi, mu)) for t in (co.Pade(1), co.Cayley())]
+        return [
+            (t.tau(group, xi), t.dtau_inverse_dual(group, xi, mu)) for t in (co.difference_maps.Pade(1), co.Cayley())
+        ]
 
     close(*evaluate(both, xi, mu), size=10)
 
@@ -177,19 +179,23 @@ def test_pade_approximants_are_the_exponential_up_to_their_order(order):
     xi /= np.linalg.norm(xi)
 
     def error(xi):
-        return jnp.max(jnp.abs(co.Pade(order).tau(co.SO3(), xi) - co.SO3().exp(xi)))
+        return jnp.max(jnp.abs(co.difference_maps.Pade(order).tau(co.SO3(), xi) - co.SO3().exp(xi)))
 
     coarse, fine = (float(evaluate(error, scale * xi)) for scale in (0.4, 0.2))
     assert np.log2(coarse / fine) == pytest.approx(2 * order + 1, abs=0.1)
 
 
-@pytest.mark.parametrize("tau", [co.Cayley(), co.Pade(2), co.SecondKind()], ids=repr)
+@pytest.mark.parametrize("tau", [co.Cayley(), co.difference_maps.Pade(2), co.difference_maps.SecondKind()], ids=repr)
 def test_only_the_exponential_is_its_own_squared_map(tau):
     """τ(ξ/2)² = τ(ξ) for the exponential; the others need Squared where F must be the square of H."""
     xi = np.array([0.7, -0.4, 0.5])
 
     def gap(t):
-        return float(evaluate(lambda xi: jnp.max(jnp.abs(t.tau(co.SO3(), xi) - co.Squared(t).tau(co.SO3(), xi))), xi))
+        return float(
+            evaluate(
+                lambda xi: jnp.max(jnp.abs(t.tau(co.SO3(), xi) - co.difference_maps.Squared(t).tau(co.SO3(), xi))), xi
+            )
+        )
 
     assert gap(co.Exponential()) < 1e-15
     assert gap(tau) > 1e-5
@@ -201,7 +207,7 @@ def test_second_kind_goes_forwards_and_backwards():
 
     def product(xi):
         a, b, c = (turn(0.5 * xi * e) for turn, e in zip((x, y, z), np.eye(3), strict=True))
-        return co.SecondKind().tau(co.SO3(), xi), a @ b @ c @ c @ b @ a
+        return co.difference_maps.SecondKind().tau(co.SO3(), xi), a @ b @ c @ c @ b @ a
 
     close(*evaluate(product, xi))
 
@@ -215,7 +221,7 @@ def test_closed_forms_of_the_specification_on_rotations():
     expected = {
         co.Cayley(): once + 0.25 * xi * (xi @ mu),
         co.Exponential(): once + beta * cross(xi, cross(xi, mu)),
-        co.Squared(co.Cayley()): once - (xi @ xi) / 16 * mu + xi * (xi @ mu) / 8,
+        co.difference_maps.Squared(co.Cayley()): once - (xi @ xi) / 16 * mu + xi * (xi @ mu) / 8,
     }
     for tau, value in expected.items():
         close(evaluate(lambda xi, mu, t=tau: t.dtau_inverse_dual(group, xi, mu), xi, mu), value)
@@ -332,7 +338,7 @@ def test_cayley_fits(name):
 
 
 @pytest.mark.parametrize("name", UNFIT)
-@pytest.mark.parametrize("tau", [co.Cayley(), co.Squared(co.Cayley())], ids=repr)
+@pytest.mark.parametrize("tau", [co.Cayley(), co.difference_maps.Squared(co.Cayley())], ids=repr)
 def test_cayley_is_refused_where_it_leaves_the_group(name, tau):
     group = co.MatrixGroup(UNFIT[name], name=name)
     with pytest.raises(GroupError, match=r"leaves the algebra .* use Exponential\(\), which fits every group\.$"):
@@ -362,14 +368,16 @@ def test_squared_cayley_reaches_half_a_turn_and_cayley_does_not():
     def tau(difference_map, xi):
         return evaluate(lambda xi: difference_map.tau(co.SO3(), xi), np.array(xi))
 
-    close(tau(co.Squared(co.Cayley()), [4.0, 0.0, 0.0]), np.diag([1.0, -1.0, -1.0]))
+    close(tau(co.difference_maps.Squared(co.Cayley()), [4.0, 0.0, 0.0]), np.diag([1.0, -1.0, -1.0]))
     angles = [np.arccos(np.clip((np.trace(tau(co.Cayley(), [x, 0.0, 0.0])) - 1) / 2, -1, 1)) for x in (4.0, 40.0)]
     assert max(angles) < np.pi - 0.09
 
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
-    "method", [co.LeftRectangle(co.Squared(co.Cayley()), start="velocity"), co.Midpoint(start="velocity")], ids=repr
+    "method",
+    [co.LeftRectangle(co.difference_maps.Squared(co.Cayley()), start="velocity"), co.Midpoint(start="velocity")],
+    ids=repr,
 )
 def test_a_step_may_turn_by_half_a_turn(method):
     body = co.System(co.SO3(), lambda xi: 0.5 * (3 * xi[0] ** 2 + 2 * xi[1] ** 2 + xi[2] ** 2))

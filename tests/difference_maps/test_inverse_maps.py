@@ -53,14 +53,16 @@ def test_its_derivative_is_the_inverse_tangent(pair):
 
 
 def test_its_sign_changes_with_the_inverse_of_the_element():
-    for tau in (co.Cayley(), co.Exponential(), co.Pade(2)):
+    for tau in (co.Cayley(), co.Exponential(), co.difference_maps.Pade(2)):
         g = evaluate(lambda x, tau=tau: tau.tau(co.SE3(), x), np.array([0.5, -1.0, 0.3, 1.0, 0.2, -0.4]))
         back = evaluate(co.SE3().inverse, g)
         np.testing.assert_allclose(tau.inverse(co.SE3(), back), -tau.inverse(co.SE3(), g), rtol=0, atol=1e-14)
 
 
 @pytest.mark.cases(6)
-@pytest.mark.parametrize("tau", [co.Cayley(), co.Squared(co.Cayley()), co.Pade(2)], ids=repr)
+@pytest.mark.parametrize(
+    "tau", [co.Cayley(), co.difference_maps.Squared(co.Cayley()), co.difference_maps.Pade(2)], ids=repr
+)
 @pytest.mark.parametrize("angle", [0.0, 0.9272, 0.9273, 3.1])
 def test_two_derivatives_are_right_with_a_unit_translation_up_to_the_branch(tau, angle):
     """τ⁻¹(τ(ξ + tη)) is ξ + tη, for ξ with τ(ξ) of this angle."""
@@ -78,7 +80,7 @@ def test_two_derivatives_are_right_with_a_unit_translation_up_to_the_branch(tau,
     np.testing.assert_allclose(second, np.zeros(6), rtol=0, atol=1e-13 * size)
 
 
-@pytest.mark.parametrize("tau", [co.Cayley(), co.Pade(3)], ids=repr)
+@pytest.mark.parametrize("tau", [co.Cayley(), co.difference_maps.Pade(3)], ids=repr)
 def test_an_element_outside_the_image_raises_one_sentence(tau):
     """Cayley's map reaches no half turn; in SO(4) none is on the principal branch."""
     group, g = (co.SO3(), np.diag([1.0, -1.0, -1.0])) if tau == co.Cayley() else (co.SOn(4), -np.eye(4))
@@ -89,7 +91,7 @@ def test_an_element_outside_the_image_raises_one_sentence(tau):
 
 def test_half_a_turn_is_reached_by_the_squared_map():
     """τ₂ of SO(3) is Cayley's transform of SU(2): |ξ| = 4 at half a turn."""
-    xi = co.Squared(co.Cayley()).inverse(co.SO3(), np.diag([-1.0, 1.0, -1.0]))
+    xi = co.difference_maps.Squared(co.Cayley()).inverse(co.SO3(), np.diag([-1.0, 1.0, -1.0]))
     np.testing.assert_allclose(xi, [0.0, 4.0, 0.0], rtol=0, atol=1e-14)
 
 

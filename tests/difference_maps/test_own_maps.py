@@ -87,7 +87,9 @@ def test_a_wrong_map_may_be_used_by_who_asks_for_it():
 
 
 def test_a_wrong_map_is_found_inside_its_square():
-    assert "`_dtau` of Wrong()" in sentence_of(lambda: begin(co.Squared(changed(co.Cayley, "_dtau", scaled))))
+    assert "`_dtau` of Wrong()" in sentence_of(
+        lambda: begin(co.difference_maps.Squared(changed(co.Cayley, "_dtau", scaled)))
+    )
 
 
 def test_a_form_that_ships_does_not_fit_a_subclass_of_its_group():

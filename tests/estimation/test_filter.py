@@ -212,7 +212,7 @@ def test_half_a_turn_is_not_consistent_with_small_deviations():
     half = process.moved(found.rows, np.pi * np.eye(process.width)[[2, 2]])
     assert found.nees(half)[0][0] == pytest.approx((np.pi / 0.1) ** 2, rel=1e-9)
     known = Filter(process, start, measurements={}, deviations={"g": 0.1}).run({}, dt=H, until=H, covariances=True)
-    with pytest.raises(co.ArgumentError, match="known exactly"):
+    with pytest.raises(co.errors.ArgumentError, match="known exactly"):
         known.nees(known.rows)
 
 
@@ -317,7 +317,7 @@ def test_steps_that_are_drawn_have_the_covariance_of_the_filter():
 def test_rows_of_another_size_are_refused(rows):
     process, start = body("left")
     filter = Filter(process, start, measurements={"place": Measurement(lambda m: m.q, 1.0)}, deviations={"q": 1.0})
-    with pytest.raises(co.ArgumentError, match=r"must be rows \(…, \d+\) of the process"):
+    with pytest.raises(co.errors.ArgumentError, match=r"must be rows \(…, \d+\) of the process"):
         filter.expected(rows)
 
 
@@ -328,7 +328,9 @@ def test_a_value_that_is_too_large_for_numbers_is_told_and_leaves_the_filter_as_
     filter.predict(H)
     rows = filter.rows.copy()
     for take in (filter.update, lambda seen: filter.run({"place": ([0.2], [seen["place"]])}, dt=H)):
-        with pytest.raises(co.StepError, match=r"does not stay finite.*: a measurement is too far|no finite NIS"):
+        with pytest.raises(
+            co.errors.StepError, match=r"does not stay finite.*: a measurement is too far|no finite NIS"
+        ):
             take({"place": [1e200, 1e200, 1e200]})
         assert np.array_equal(filter.rows, rows)
     assert not filter.update({"gated": [1e200, 1e200, 1e200]})["gated"].used

@@ -42,7 +42,7 @@ def test_a_measurement_that_is_refused_leaves_the_filter_as_it_was(t):
     for _ in range(20):
         one.predict(0.1)
     before = one.t, one.rows.copy(), one.P.copy()
-    with pytest.raises(co.ArgumentError, match="is 2 numbers at each time"):
+    with pytest.raises(co.errors.ArgumentError, match="is 2 numbers at each time"):
         one.update({"usbl": [1.0, 2.0, 3.0]}, t=t)
     assert one.t == before[0] and np.array_equal(one.rows, before[1]) and np.array_equal(one.P, before[2])
     one.update({"usbl": [1.0, 2.0]}, t=1.0)
@@ -113,13 +113,13 @@ def test_what_is_too_late_is_told():
     one = filter(memory=0.5)
     for _ in range(10):
         one.predict(H)
-    with pytest.raises(co.ArgumentError, match=r"remembers its steps from 0.5 s on; `memory`"):
+    with pytest.raises(co.errors.ArgumentError, match=r"remembers its steps from 0.5 s on; `memory`"):
         one.update({"usbl": [0.0, 0.0]}, t=0.2)
-    with pytest.raises(co.ArgumentError, match="cannot be processed: the filter is at 1 s"):
+    with pytest.raises(co.errors.ArgumentError, match="cannot be processed: the filter is at 1 s"):
         one.update({"usbl": [0.0, 0.0]}, t=2.0)
-    with pytest.raises(co.ArgumentError, match="The filter has no measurement `gps`"):
+    with pytest.raises(co.errors.ArgumentError, match="The filter has no measurement `gps`"):
         one.update({"gps": [0.0, 0.0]}, t=0.8)
-    with pytest.raises(co.ArgumentError, match="`memory` must be a finite number from 0, but is"):
+    with pytest.raises(co.errors.ArgumentError, match="`memory` must be a finite number from 0, but is"):
         filter(memory=-1.0)
 
 
@@ -128,7 +128,7 @@ def test_angles_go_the_shorter_way():
     angle = Measurement(lambda motion: np.pi - 0.1 + 0 * motion.q[:1], 0.01, angles=True)
     one = Filter(process, start, measurements={"heading": angle}, deviations={"q": 1.0})
     assert one.update({"heading": -np.pi + 0.1})["heading"].nis == pytest.approx(0.2**2 / 0.01)
-    with pytest.raises(co.ArgumentError, match="`angles` of `heading` must be a truth value"):
+    with pytest.raises(co.errors.ArgumentError, match="`angles` of `heading` must be a truth value"):
         Filter(
             process, start, measurements={"heading": Measurement(angle.function, 0.01, angles=[1, 0])}, deviations={}
         )

@@ -56,7 +56,7 @@ def test_a_linear_log_is_smoothed_as_the_whole_problem_is_solved():
 
 def test_a_run_that_was_not_kept_whole_cannot_be_smoothed():
     found = filter().run({"speed": ([0.1], [[0.5, 0.0]])}, dt=H)
-    with pytest.raises(co.ArgumentError, match="covariances=True, save_every=1"):
+    with pytest.raises(co.errors.ArgumentError, match="covariances=True, save_every=1"):
         smoothed(found)
 
 

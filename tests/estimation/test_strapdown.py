@@ -203,5 +203,5 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_use_of_an_inertial_unit_is_told(case):
     call, sentence = WRONG[case]
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         call()

@@ -132,6 +132,6 @@ def other():
 @pytest.mark.parametrize("case", WRONG)
 def test_a_truth_that_is_none_is_told(case):
     call, sentence = WRONG[case]
-    with pytest.raises(co.ArgumentError, match=sentence) as told:
+    with pytest.raises(co.errors.ArgumentError, match=sentence) as told:
         call()
     assert str(told.value).endswith(".") and len(str(told.value)) < 400

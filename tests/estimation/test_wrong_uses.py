@@ -51,7 +51,10 @@ def run(**given):
 
 WRONG = {
     "error": (lambda: ModelProcess(system(), start(), error="middle"), '`error`.*must be "left" or "right"'),
-    "method": (lambda: ModelProcess(system(), start(), method=co.Yoshida4(co.Midpoint())), "a method of one stage"),
+    "method": (
+        lambda: ModelProcess(system(), start(), method=co.methods.Yoshida4(co.Midpoint())),
+        "a method of one stage",
+    ),
     "noise": (lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"drag": 1.0}), "no `drag`"),
     "negative noise": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"force": -1.0}),
@@ -161,7 +164,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_use_is_told(case):
     call, sentence = WRONG[case]
-    with pytest.raises(co.ArgumentError, match=sentence) as told:
+    with pytest.raises(co.errors.ArgumentError, match=sentence) as told:
         call()
     assert str(told.value).endswith(".") and len(str(told.value)) < 400
 
@@ -170,7 +173,7 @@ def test_a_model_without_a_step_is_told():
     wild = ModelProcess(system(), start(), inputs={"push": [0.0]})
     lost = Filter(wild, start(), measurements={}, deviations={"q": 1.0})
     lost.rows[:, :] = np.nan
-    with pytest.raises(co.StepError, match="The filter failed at t"):
+    with pytest.raises(co.errors.StepError, match="The filter failed at t"):
         lost.predict(0.1)
 
 
@@ -180,17 +183,17 @@ def test_arrays_that_do_not_fit_are_told():
     filter = estimation.Filter(one, first, measurements=known, deviations={"q": 1.0, "nu": 1.0})
     rows = filter.rows.copy()
     for name, value in (("rows", rows[0]), ("rows", rows[:, 1:]), ("rows", rows.astype(int)), ("P", np.eye(2))):
-        with pytest.raises(co.ArgumentError, match=f"`{name}` of a filter must be a float64 array"):
+        with pytest.raises(co.errors.ArgumentError, match=f"`{name}` of a filter must be a float64 array"):
             setattr(filter, name, value)
     random = np.random.default_rng(1)
     for given, of in ((rows[0], random), (rows[:, 1:], random), (rows, 3)):
-        with pytest.raises(co.ArgumentError, match="A step is drawn from rows"):
+        with pytest.raises(co.errors.ArgumentError, match="A step is drawn from rows"):
             one.drawn(given, 0.1, of)
-    with pytest.raises(co.ArgumentError, match="velocities of rows"):
+    with pytest.raises(co.errors.ArgumentError, match="velocities of rows"):
         one.with_velocities(rows, np.zeros((1, 2)), np.zeros((1, 1)))
-    with pytest.raises(co.ArgumentError, match="`dt` must be positive"):
+    with pytest.raises(co.errors.ArgumentError, match="`dt` must be positive"):
         filter.predict(True)
-    with pytest.raises(co.ArgumentError, match=r"Smoothing takes the result of `Filter\.run`"):
+    with pytest.raises(co.errors.ArgumentError, match=r"Smoothing takes the result of `Filter\.run`"):
         co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]
 
 

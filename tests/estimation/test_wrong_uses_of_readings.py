@@ -112,7 +112,7 @@ WRONG = {
 @pytest.mark.cases(2)
 @pytest.mark.parametrize(("call", "says"), WRONG.values(), ids=WRONG)
 def test_a_wrong_use_of_readings_is_told(call, says):
-    with pytest.raises(co.CoadjointError, match=says) as caught:
+    with pytest.raises(co.errors.CoadjointError, match=says) as caught:
         call()
     assert len(str(caught.value)) < 400 and "\n" not in str(caught.value)
 
@@ -120,7 +120,8 @@ def test_a_wrong_use_of_readings_is_told(call, says):
 def test_a_log_that_is_too_large_to_keep_is_refused(monkeypatch):
     monkeypatch.setattr("coadjoint.estimation.timetable.LARGEST", 2e6)
     with pytest.raises(
-        co.ArgumentError, match=r"A log of 1,501 nodes would take .* GB of memory, and may take at most 0.002 GB: raise"
+        co.errors.ArgumentError,
+        match=r"A log of 1,501 nodes would take .* GB of memory, and may take at most 0.002 GB: raise",
     ):
         run((np.arange(0.0, 2.0, 0.001), np.tile(REST[0], (2000, 1))), dt=0.001, covariances=True)
     run((TIMES, REST), covariances=True)
@@ -140,7 +141,7 @@ def test_a_gap_between_readings_is_told(hole: slice, told: str):
 
 def test_a_pause_of_an_hour_between_readings_is_refused():
     with pytest.raises(
-        co.ArgumentError, match=r"no reading of `imu` from 0\.58 s to 3600\.6 s.*one filter on each stretch"
+        co.errors.ArgumentError, match=r"no reading of `imu` from 0\.58 s to 3600\.6 s.*one filter on each stretch"
     ):
         run((TIMES + np.where(np.arange(len(TIMES)) >= 30, 3600.0, 0.0), REST), until=3601.0)
 

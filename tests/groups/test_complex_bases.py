@@ -40,8 +40,8 @@ def test_the_real_form_of_su3_has_its_brackets_exponential_and_adjoint_action():
     bracket, g = evaluate(lambda x, y: (SU3.ad(x, y), SU3.exp(x)), xi, eta)
     U = scipy.linalg.expm(X)
     np.testing.assert_allclose(np.tensordot(bracket, basis, axes=1), X @ Y - Y @ X, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(co.complex_form(g), U, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(co.real_form(U), g, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(co.groups.complex_form(g), U, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(co.groups.real_form(U), g, rtol=0, atol=1e-14)
     turned = np.tensordot(evaluate(SU3.Ad, g, eta), basis, axes=1)
     np.testing.assert_allclose(turned, U @ Y @ U.conj().T, rtol=0, atol=1e-13)
 
@@ -51,7 +51,7 @@ def test_a_motion_on_su3_stays_there_and_keeps_its_momentum_and_casimir():
     system = co.System(SU3, lambda xi: 0.5 * xi @ (np.arange(1.0, 9.0) * xi))
     start = system.state(xi=0.1 * np.arange(8.0))
     run = co.simulate(system, start, dt=0.05, steps=60, method=co.Midpoint(co.Exponential()), backend="xla")
-    U = co.complex_form(run.final.g)
+    U = co.groups.complex_form(run.final.g)
     assert np.max(np.abs(U.conj().T @ U - np.eye(3))) < 1e-13
     assert abs(np.linalg.det(U) - 1) < 1e-13
     size = np.sum(run.records.mu**2, axis=1)
@@ -103,5 +103,5 @@ def test_a_constraint_sees_the_real_form_and_projection_keeps_it():
     ],
 )
 def test_complex_matrices_that_are_no_real_algebra_are_refused_in_its_words(basis, says):
-    with pytest.raises(co.GroupError, match=says):
+    with pytest.raises(co.errors.GroupError, match=says):
         co.MatrixGroup(basis)

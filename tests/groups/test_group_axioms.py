@@ -179,7 +179,7 @@ def test_projection_removes_a_small_defect_quadratically(group, random):
     assert evaluate(group.defect, g) <= 100 * ROUND_OFF * matrix_sizes(group, g)
     far = evaluate(group.defect, disturbed)
     if far == 0.0:
-        assert isinstance(group, (co.Translation, co.Heisenberg, co.GLn))
+        assert isinstance(group, (co.Translation, co.groups.Heisenberg, co.groups.GLn))
         return
     assert far > 1e-6
     once = evaluate(group.project, disturbed)

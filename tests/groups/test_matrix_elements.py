@@ -15,8 +15,8 @@ from coadjoint.groups.unitary import product, sum_of_parts
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import element, generator
 
-KINDS = [co.SOn(4), co.SLn(3), co.GLn(3), co.Un(3), co.SUn(3)]
-LARGE = [co.SOn(20), co.SLn(12), co.GLn(12), co.Un(10), co.SUn(10)]
+KINDS = [co.SOn(4), co.groups.SLn(3), co.groups.GLn(3), co.Un(3), co.SUn(3)]
+LARGE = [co.SOn(20), co.groups.SLn(12), co.groups.GLn(12), co.Un(10), co.SUn(10)]
 FORMS = ("hat", "vee", "Ad", "Ad_dual", "ad", "ad_dual")
 
 
@@ -87,7 +87,7 @@ def test_elements_of_unitary_groups_are_unitary():
 
 
 def test_a_basis_that_does_not_fit_is_told():
-    for group, size in ((co.Un(128), "8.59"), (co.SOn(300), "32.3"), (co.GLn(200), "12.8")):
+    for group, size in ((co.Un(128), "8.59"), (co.SOn(300), "32.3"), (co.groups.GLn(200), "12.8")):
         with pytest.raises(GroupError, match=rf"would take {size} GB of memory: use `hat` and `vee`"):
             group.basis  # noqa: B018
     with pytest.raises(GroupError, match="`size` of SUn must be a whole number from 2, but is 1"):
@@ -98,7 +98,7 @@ def test_cayley_is_refused_on_special_unitary_groups():
     for group in (co.SUn(3), co.SUn(9)):
         with pytest.raises(GroupError, match="does not map the algebra"):
             co.Cayley().require_fit(group)
-    for group in (co.SUn(2), co.Un(9), co.GLn(9), co.SOn(12)):
+    for group in (co.SUn(2), co.Un(9), co.groups.GLn(9), co.SOn(12)):
         co.Cayley().require_fit(group)
 
 
@@ -107,8 +107,11 @@ def test_what_has_an_inverse_is_told_by_singular_values():
     turned = np.linalg.qr(generator("singular").normal(size=(200, 200)))[0]
     nearly = turned[:5, :5] * np.array([1, 1, 1, 1, 0.0]) @ turned[:5, 5:10]
     assert np.linalg.det(0.01 * turned) == 0 != np.linalg.det(nearly)
-    assert evaluate(co.GLn(200).outside, 0.01 * turned) == 0 and evaluate(co.GLn(5).outside, nearly) == np.inf
-    assert evaluate(co.GLn(3).outside, np.zeros((3, 3))) == np.inf
+    assert (
+        evaluate(co.groups.GLn(200).outside, 0.01 * turned) == 0
+        and evaluate(co.groups.GLn(5).outside, nearly) == np.inf
+    )
+    assert evaluate(co.groups.GLn(3).outside, np.zeros((3, 3))) == np.inf
 
 
 def test_sizes_of_numpy_are_sizes():

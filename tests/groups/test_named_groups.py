@@ -14,7 +14,7 @@ from coadjoint.groups.matrix_functions import REACH, exponential, exponential_mi
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import element, generator
 
-COVERS = [co.UnitQuaternion(), co.SU2()]
+COVERS = [co.groups.UnitQuaternion(), co.groups.SU2()]
 
 
 @pytest.mark.parametrize("cover", COVERS, ids=repr)
@@ -43,7 +43,7 @@ def test_the_cayley_transform_of_the_cover_is_the_squared_one_of_rotations(cover
     xi, mu = generator("squared").normal(size=(2, 3))
 
     def both(xi, mu):
-        above, below = co.Cayley(), co.Squared(co.Cayley())
+        above, below = co.Cayley(), co.difference_maps.Squared(co.Cayley())
         return (
             (cover.rotation(above.tau(cover, xi)), below.tau(co.SO3(), xi)),
             (above.dtau_inverse_dual(cover, xi, mu), below.dtau_inverse_dual(co.SO3(), xi, mu)),
@@ -55,8 +55,8 @@ def test_the_cayley_transform_of_the_cover_is_the_squared_one_of_rotations(cover
 
 def test_su2_is_of_unitary_matrices_with_determinant_one():
     """[[Re U, −Im U], [Im U, Re U]] with U = w − i(xσ₁ + yσ₂ + zσ₃)."""
-    q = element(co.SU2(), generator("su2"))
-    real = evaluate(co.SU2().matrix, q)
+    q = element(co.groups.SU2(), generator("su2"))
+    real = evaluate(co.groups.SU2().matrix, q)
     U = real[:2, :2] + 1j * real[2:, :2]
     np.testing.assert_allclose(U, [[q[0] - 1j * q[3], -q[2] - 1j * q[1]], [q[2] - 1j * q[1], q[0] + 1j * q[3]]])
     np.testing.assert_allclose(U @ U.conj().T, np.eye(2), atol=1e-15)
@@ -65,7 +65,14 @@ def test_su2_is_of_unitary_matrices_with_determinant_one():
 
 @pytest.mark.parametrize(
     ("group", "dim"),
-    [(co.SOn(2), 1), (co.SOn(5), 10), (co.SLn(2), 3), (co.SLn(4), 15), (co.Sp(1), 3), (co.Sp(3), 21)],
+    [
+        (co.SOn(2), 1),
+        (co.SOn(5), 10),
+        (co.groups.SLn(2), 3),
+        (co.groups.SLn(4), 15),
+        (co.groups.Sp(1), 3),
+        (co.groups.Sp(3), 21),
+    ],
     ids=repr,
 )
 def test_bases_span_the_algebra(group, dim):
@@ -81,10 +88,10 @@ def test_bases_span_the_algebra(group, dim):
 
 
 def test_symplectic_and_heisenberg_matrices_are_what_they_are_called():
-    g = element(co.Sp(2), generator("sp"))
+    g = element(co.groups.Sp(2), generator("sp"))
     J = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
     np.testing.assert_allclose(g.T @ J @ g, J, atol=1e-12)
-    matrix = evaluate(co.Heisenberg().matrix, np.array([2.0, 3.0, 5.0]))
+    matrix = evaluate(co.groups.Heisenberg().matrix, np.array([2.0, 3.0, 5.0]))
     np.testing.assert_array_equal(matrix, [[1, 2, 5], [0, 1, 3], [0, 0, 1]])
 
 
@@ -114,7 +121,7 @@ def test_matrix_exponential_takes_large_translations():
     np.testing.assert_allclose(evaluate(exponential, A), scipy.linalg.expm(A), rtol=1e-13, atol=1e-16)
 
 
-@pytest.mark.parametrize("make", [co.SOn, co.SLn, co.Sp, co.Heisenberg])
+@pytest.mark.parametrize("make", [co.SOn, co.groups.SLn, co.groups.Sp, co.groups.Heisenberg])
 def test_a_size_that_is_none_is_refused(make):
     for size in (0, 2.5, True):
         with pytest.raises(GroupError, match=f"Argument `size` of {make.__name__} must be a whole number"):
@@ -126,7 +133,7 @@ def test_exponential_steps_beyond_its_chart_fail_in_a_sentence():
     body = co.System(co.SOn(4), lambda xi: 0.5 * xi @ xi)
     start = body.state(xi=[3.0, 0, 0, 0, 0, 0])
     co.simulate(body, start, dt=0.4, steps=2, method=co.LeftRectangle(co.Exponential()))
-    with pytest.raises(co.ArgumentError, match=r"leave the chart of Exponential\(\) by a factor"):
+    with pytest.raises(co.errors.ArgumentError, match=r"leave the chart of Exponential\(\) by a factor"):
         co.simulate(body, start, dt=0.8, steps=2, method=co.LeftRectangle(co.Exponential()))
 
 

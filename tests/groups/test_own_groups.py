@@ -85,7 +85,7 @@ def test_a_wrong_member_of_a_group_is_named(name, error):
 
 
 @pytest.mark.cases(3)
-@pytest.mark.parametrize("base", [co.SE3, co.UnitQuaternion], ids=lambda base: base.__name__)
+@pytest.mark.parametrize("base", [co.SE3, co.groups.UnitQuaternion], ids=lambda base: base.__name__)
 @pytest.mark.parametrize("name", ["compose", "inverse", "Ad", "Ad_dual", "exp", "project"])
 def test_a_wrong_member_is_named_where_elements_are_no_matrices(base, name):
     error = ERRORS[name][0]

@@ -8,7 +8,7 @@ import coadjoint as co
 from coadjoint.errors import GroupError
 from coadjoint.kernels.trace.evaluate import evaluate
 
-MAPS = [co.Cayley(), co.Exponential(), co.Squared(co.Cayley())]
+MAPS = [co.Cayley(), co.Exponential(), co.difference_maps.Squared(co.Cayley())]
 RANDOM = np.random.default_rng(3)
 
 
@@ -25,7 +25,7 @@ def same(power, product):
 
 
 @pytest.mark.cases(2)
-@pytest.mark.parametrize("factor", [co.SO3(), co.SE3(), co.SE2(), co.UnitQuaternion()], ids=repr)
+@pytest.mark.parametrize("factor", [co.SO3(), co.SE3(), co.SE2(), co.groups.UnitQuaternion()], ids=repr)
 def test_a_power_is_the_product_of_its_links(factor):
     power, product = co.Power(factor, 3), co.DirectProduct(*[factor] * 3)
     xi, eta, mu = 0.4 * RANDOM.normal(size=(3, power.dim))
@@ -64,7 +64,7 @@ def test_a_power_of_a_thousand_links_forms_no_array_of_pairs_of_coordinates():
 
 
 def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
-    group, space = co.Power(co.SE3(), 3), co.RelativePoses([(0, 1), (-1, 0), (2, 0)])
+    group, space = co.Power(co.SE3(), 3), co.spaces.RelativePoses([(0, 1), (-1, 0), (2, 0)])
     space.require_fit(group)
     random = np.random.default_rng(5)
     xi, eta = 0.5 * random.normal(size=(2, group.dim))
@@ -79,7 +79,7 @@ def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
         assert np.allclose(moved[1][i], expected[:3, 3], atol=1e-14)
     # Its own forms of ξ·e and b⋄e are those that follow from the action.
     at = np.concatenate([np.reshape(leaf, (3, -1)) for leaf in moved], axis=1).ravel()
-    b, derived = random.normal(size=at.size), co.Space
+    b, derived = random.normal(size=at.size), co.spaces.Space
     for name, arguments in (("infinitesimal", (xi, at)), ("diamond", (b, at))):
         ours = evaluate(lambda *x, name=name: getattr(space, name)(group, *x), *arguments)
         theirs = evaluate(lambda *x, name=name: getattr(derived, name)(space, group, *x), *arguments)
@@ -98,10 +98,10 @@ def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
         (lambda: co.Power(co.SO3(), 3, 7), "must be a list of pairs of links"),
         (lambda: co.Power(co.SO3(), 3, [(0, 3)]), "The pair \\(0, 3\\) of `coupling` must be of two links from 0 to 2"),
         (lambda: co.Power(co.SO3(), 3, [(1, 1)]), "and of different ones"),
-        (lambda: co.RelativePoses([(0, 1, 2)]), "must be pairs of links such as"),
-        (lambda: co.RelativePoses([(0.5, 1.7)]), "must be pairs of links such as"),
-        (lambda: co.RelativePoses([(0, 9)]).require_fit(co.Power(co.SE3(), 3)), "or −1 for the ground"),
-        (lambda: co.RelativePoses().require_fit(co.SE3()), "need a group of links such as co.Power"),
+        (lambda: co.spaces.RelativePoses([(0, 1, 2)]), "must be pairs of links such as"),
+        (lambda: co.spaces.RelativePoses([(0.5, 1.7)]), "must be pairs of links such as"),
+        (lambda: co.spaces.RelativePoses([(0, 9)]).require_fit(co.Power(co.SE3(), 3)), "or −1 for the ground"),
+        (lambda: co.spaces.RelativePoses().require_fit(co.SE3()), "need a group of links such as co.Power"),
     ],
 )
 def test_what_is_no_power_is_told_in_a_sentence(made, sentence):
@@ -112,7 +112,7 @@ def test_what_is_no_power_is_told_in_a_sentence(made, sentence):
 @pytest.mark.parametrize(
     "made",
     [
-        lambda power: co.Opposite(power),
+        lambda power: co.groups.Opposite(power),
         lambda power: co.DirectProduct(power, co.SO3()),
         lambda power: co.SemidirectProduct(power, co.Defining()),
     ],
@@ -123,7 +123,7 @@ def test_a_power_within_another_group_is_refused(made):
 
 
 def test_poses_that_are_given_are_elements_of_the_group():
-    group, space = co.Power(co.SO3(), 3), co.RelativePoses()
+    group, space = co.Power(co.SO3(), 3), co.spaces.RelativePoses()
     rows = np.tile(np.eye(3), (2, 1, 1))
     assert np.array_equal(space.point(group, rows, "a0"), rows.ravel())
     rows[1, 0, 1] = 1e-3
@@ -134,8 +134,8 @@ def test_poses_that_are_given_are_elements_of_the_group():
 
 
 def test_all_has_no_pairs_and_says_which_to_give():
-    with pytest.raises(GroupError, match=r"give the pairs that are meant, as in co.RelativePoses\(\[\(0, 1\)"):
-        co.RelativePoses().require_fit(co.Power(co.SO3(), 3, "all"))
+    with pytest.raises(GroupError, match=r"give the pairs that are meant, as in co.spaces.RelativePoses\(\[\(0, 1\)"):
+        co.spaces.RelativePoses().require_fit(co.Power(co.SO3(), 3, "all"))
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 COUNT = 4_000
 
 
-@pytest.mark.parametrize("group", [co.SO2(), co.SO3(), co.SOn(4), co.UnitQuaternion()], ids=repr)
+@pytest.mark.parametrize("group", [co.SO2(), co.SO3(), co.SOn(4), co.groups.UnitQuaternion()], ids=repr)
 def test_what_projection_leaves_has_no_sign(group):
     """The mean of gᵀg − 1 over products near the identity, in longer precision, is within five standard errors."""
     random = np.random.default_rng(20260118)

@@ -23,7 +23,7 @@ PRODUCTS = {
     "SO3 Adjoint": co.SemidirectProduct(co.SO3(), co.Adjoint()),
     "SL2 Dual": GROUPS["SL2_dual"],
     "SL2 Coadjoint": co.SemidirectProduct(SL2, co.Coadjoint()),
-    "SE2 Dual": co.SemidirectProduct(co.SE2(), co.Dual()),
+    "SE2 Dual": co.SemidirectProduct(co.SE2(), co.spaces.Dual()),
     "SO4 Defining": co.SemidirectProduct(SO4, co.Defining()),
     "SO3 Trivial": co.SemidirectProduct(co.SO3(), co.Trivial(2)),
     "SO3xSO2 Defining": co.SemidirectProduct(co.DirectProduct(co.SO3(), co.SO2()), co.Defining()),
@@ -143,7 +143,7 @@ def test_rotations_with_vectors_are_the_rigid_motions():
         made += [G.angle_squared(xi), G.rotation_angle(xi), G.rotation(g)]
         for tau in MAPS.values():
             made += [tau.tau(G, xi), tau.dtau_inverse_dual(G, xi, mu), tau.chart(G, xi)]
-        made += [co.Points().act(G, g, mu[:3]), co.Points().diamond(G, mu[:3], xi[:3])]
+        made += [co.spaces.Points().act(G, g, mu[:3]), co.spaces.Points().diamond(G, mu[:3], xi[:3])]
         return made
 
     found, expected = (evaluate(lambda *x, G=G: everything(G, *x), g, h, xi, eta, mu) for G in (S, group))
@@ -161,7 +161,12 @@ def test_a_body_moves_alike_on_the_rigid_motions_and_on_the_semidirect_product(m
 
     def end(group):
         system = co.System(
-            group, lagrangian, additional=co.Points(), advected=co.Dual(), parameters=parameters, name="body"
+            group,
+            lagrangian,
+            additional=co.spaces.Points(),
+            advected=co.spaces.Dual(),
+            parameters=parameters,
+            name="body",
         )
         start = system.state(q=[1.0, 0.5, 0.2], qdot=[0, 0.1, 0], xi=[0.5, -0.3, 0.8, 1.0, 0.2, 0.1], a0=[0, 0, 1, 0])
         run = co.simulate(system, start, dt=0.05, steps=200, method=method, backend="native", monitors=False)
@@ -171,10 +176,10 @@ def test_a_body_moves_alike_on_the_rigid_motions_and_on_the_semidirect_product(m
 
 
 def test_a_product_on_a_product_names_its_parts():
-    S = co.SemidirectProduct(PRODUCTS["SO3 Defining"], co.Dual())
+    S = co.SemidirectProduct(PRODUCTS["SO3 Defining"], co.spaces.Dual())
     assert S.leaf_names == ("R", "v", "v_2")
     assert S.dim == 10
-    assert co.SemidirectProduct(co.SemidirectProduct(co.SO3(), co.Defining()), co.Dual()) == S
+    assert co.SemidirectProduct(co.SemidirectProduct(co.SO3(), co.Defining()), co.spaces.Dual()) == S
 
 
 @dataclass(frozen=True)
@@ -192,7 +197,7 @@ def test_what_is_no_representation_is_refused_in_one_sentence():
     with pytest.raises(GroupError, match=r"must carry a left action of .*, act\(gh, x\) = act\(g, act\(h, x\)\)"):
         co.SemidirectProduct(co.SO3(), _RightAction())
     with pytest.raises(GroupError, match="needs a linear action, but Points\\(\\) moves the origin"):
-        co.SemidirectProduct(co.SE3(), co.Points())
+        co.SemidirectProduct(co.SE3(), co.spaces.Points())
     for stranger in (co.Sphere(), co.SO3(), 3):
         with pytest.raises(GroupError, match="needs a representation such as"):
             co.SemidirectProduct(co.SO3(), stranger)

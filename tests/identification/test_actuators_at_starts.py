@@ -38,7 +38,7 @@ def rotor(internal, **parameters) -> Any:
 def lagging(motion, h, p):
     """τ ẋ = u − x."""
     x, u, late = motion.internal.motor, motion.ahead.motor, jnp.exp(-h / p.lag)
-    return {"motor": co.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
+    return {"motor": co.mechanics.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
 
 
 def limited(motion, h, p):
@@ -46,7 +46,11 @@ def limited(motion, h, p):
     gap = motion.ahead.motor - motion.internal.motor
     moved = jnp.clip(gap, -p.rate * h, p.rate * h)
     time = jnp.abs(moved) / p.rate
-    return {"motor": co.Course(motion.internal.motor + moved, motion.internal.motor + moved * (1 - 0.5 * time / h))}
+    return {
+        "motor": co.mechanics.Course(
+            motion.internal.motor + moved, motion.internal.motor + moved * (1 - 0.5 * time / h)
+        )
+    }
 
 
 def braked(motion, h, p):

@@ -37,7 +37,7 @@ def matrices(group, g):
 def test_a_discrete_connection_is_equivariant_and_its_global_form_gives_it_back(name):
     """(B29), (B31): 𝒜(fζ, f⁺ζ⁺) = f⁺𝒜(ζ, ζ⁺)f⁻¹, and Ω(x, x⁺) = 𝒜((x, e), (x⁺, e))⁻¹."""
     group, connection = GROUPS[name], random_connection(name)
-    again = co.DiscreteConnection.from_form(group, SIZE, connection.form)
+    again = co.mechanics.DiscreteConnection.from_form(group, SIZE, connection.form)
     (x, x_next), e = generator("places", name).normal(size=(2, SIZE)), evaluate(group.identity)
     assert apart(again(x, x_next), connection(x, x_next)) <= ROUND_OFF
     assert apart(evaluate(connection.form, e, x, connection(x, x_next), x_next), e) <= ROUND_OFF
@@ -68,7 +68,7 @@ def test_sigma_is_e_exactly_on_horizontal_steps(name):
     """σ = e ⇔ 𝒜 = e ⇔ F = Ω."""
     group, connection = GROUPS[name], random_connection(name)
     g, x = random_motion(name, 6)
-    lift = co.horizontal_lift(connection, x, jax.tree.map(lambda leaf: leaf[0], g))
+    lift = co.mechanics.horizontal_lift(connection, x, jax.tree.map(lambda leaf: leaf[0], g))
     e = evaluate(group.identity)
     assert apart(matrices(group, reduced(connection, lift, x)), evaluate(group.matrix, e)) <= 20 * ROUND_OFF
     steps = matrices(group, reduced(connection, g, x)) - evaluate(group.matrix, e)
@@ -99,8 +99,8 @@ def test_a_change_of_section_conjugates_sigma_and_carries_horizontal_lifts_along
     expected = evaluate(jax.vmap(conjugated), reduced(connection, g, x), x[1:])
     assert apart(reduced(other, moved, x), expected) <= 50 * ROUND_OFF
     begin = [jax.tree.map(lambda leaf: leaf[0], way) for way in (g, moved)]
-    lift = co.horizontal_lift(connection, x, begin[0])
-    assert apart(co.horizontal_lift(other, x, begin[1]), evaluate(jax.vmap(seen), lift, x)) <= 50 * ROUND_OFF
+    lift = co.mechanics.horizontal_lift(connection, x, begin[0])
+    assert apart(co.mechanics.horizontal_lift(other, x, begin[1]), evaluate(jax.vmap(seen), lift, x)) <= 50 * ROUND_OFF
 
 
 def round_the_origin(t):
@@ -114,12 +114,12 @@ def round_the_origin(t):
 @pytest.mark.parametrize(("at", "order"), [("start", 1), ("middle", 2)])
 def test_the_holonomy_of_a_discretised_connection_converges_with_its_order(name, at, order):
     connection = smooth_connection(name)
-    exact = co.holonomy(connection, round_the_origin)
-    discrete = co.DiscreteConnection.from_connection(connection, at=at)
+    exact = co.mechanics.holonomy(connection, round_the_origin)
+    discrete = co.mechanics.DiscreteConnection.from_connection(connection, at=at)
     errors = []
     for count in (100, 200, 400):
         loop = evaluate(jax.vmap(round_the_origin), np.arange(count) / count)
-        errors.append(apart(co.holonomy(discrete, [*loop, loop[0]]), exact))
+        errors.append(apart(co.mechanics.holonomy(discrete, [*loop, loop[0]]), exact))
     print(name, at, errors)
     assert abs(np.log2(errors[1] / errors[2]) - order) < 0.15 and abs(np.log2(errors[0] / errors[1]) - order) < 0.3
 
@@ -138,7 +138,7 @@ def test_the_holonomy_of_small_loops_is_their_area_times_curvature(name):
             u, v = corner(t, 0) - corner(t, 2), corner(t, 1) - corner(t, 3)
             return at + size * jnp.stack([u, v])
 
-        turned = evaluate(group.matrix, co.holonomy(connection, loop))
+        turned = evaluate(group.matrix, co.mechanics.holonomy(connection, loop))
         return evaluate(group.vee, turned - np.eye(len(turned))) / size**2
 
     bent = connection.curvature(at)[:, 0, 1]
@@ -151,7 +151,7 @@ def test_the_holonomy_of_small_loops_is_their_area_times_curvature(name):
 def test_a_path_lifted_from_time_to_time_is_the_whole_lift():
     connection = smooth_connection("SO3")
     coarse, fine = (
-        co.horizontal_lift(connection, round_the_origin, times=np.linspace(0, 1, count)) for count in (3, 33)
+        co.mechanics.horizontal_lift(connection, round_the_origin, times=np.linspace(0, 1, count)) for count in (3, 33)
     )
     assert apart(coarse[-1], fine[-1]) < 1e-11
 
@@ -161,7 +161,7 @@ def test_a_path_lifted_from_time_to_time_is_the_whole_lift():
 def test_the_mechanical_connection_makes_momentum_vanish(name):
     """∂_ξℓ(−A(x)ẋ, x, ẋ) = 0."""
     system = kinetic_system(name)
-    connection = co.mechanical_connection(system)
+    connection = co.mechanics.mechanical_connection(system)
     x, v = generator("velocities", name).normal(size=(2, SIZE))
     state = system.state(q=x, qdot=v, xi=evaluate(connection.velocity, x, v))
     moving = system.state(q=x, qdot=v)
@@ -182,21 +182,21 @@ def test_motion_with_momentum_zero_is_the_horizontal_lift_of_its_shapes(name, ru
     g = jax.tree.map(lambda *rows: np.stack(rows), *(state.g for state in states))
     x = np.stack([state.n for state in states])
     assert np.max(np.abs(x[-1] - x[0])) > 0.1
-    connection = co.discrete_mechanical_connection(system, method, h)
-    assert apart(co.horizontal_lift(connection, x), g) <= ROUND_OFF * 10
-    other_step = co.discrete_mechanical_connection(system, method, 10 * h)
+    connection = co.theory.discrete_mechanical_connection(system, method, h)
+    assert apart(co.mechanics.horizontal_lift(connection, x), g) <= ROUND_OFF * 10
+    other_step = co.theory.discrete_mechanical_connection(system, method, 10 * h)
     assert apart(connection(x[0], x[1]), other_step(x[0], x[1])) <= ROUND_OFF
 
 
 @pytest.mark.long
 def test_the_discrete_mechanical_connection_tends_to_the_continuous_one_with_the_order_of_the_rule():
     system = kinetic_system("SE2")
-    exact = co.holonomy(co.mechanical_connection(system), round_the_origin)
+    exact = co.mechanics.holonomy(co.mechanics.mechanical_connection(system), round_the_origin)
     for rule, order in (("left", 1), ("midpoint", 2), ("trapezoidal", 2)):
-        connection, errors = co.discrete_mechanical_connection(system, RULES[rule](co.Cayley()), 0.1), []
+        connection, errors = co.theory.discrete_mechanical_connection(system, RULES[rule](co.Cayley()), 0.1), []
         for count in (100, 200):
             loop = evaluate(jax.vmap(round_the_origin), np.arange(count) / count)
-            errors.append(apart(co.holonomy(connection, [*loop, loop[0]]), exact))
+            errors.append(apart(co.mechanics.holonomy(connection, [*loop, loop[0]]), exact))
         print(rule, errors)
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.2
 
@@ -204,57 +204,70 @@ def test_the_discrete_mechanical_connection_tends_to_the_continuous_one_with_the
 SO3, CONNECTION = co.SO3(), random_connection("SO3")
 REFUSED = {
     "form that ignores g": (
-        lambda: co.DiscreteConnection.from_form(SO3, 1, lambda g, x, g_next, x_next: g_next @ g_next),
+        lambda: co.mechanics.DiscreteConnection.from_form(SO3, 1, lambda g, x, g_next, x_next: g_next @ g_next),
         "A discrete connection must be equivariant",
     ),
     "the printed (B29)": (
-        lambda: co.DiscreteConnection.from_form(
+        lambda: co.mechanics.DiscreteConnection.from_form(
             SO3, 2, lambda g, x, g_next, x_next: g_next.T @ CONNECTION.increment(x, x_next).T @ g.T
         ),
         "A discrete connection must be equivariant",
     ),
     "outside the group": (
-        lambda: co.DiscreteConnection(SO3, 1, lambda x, y: (1 + x[0]) * jnp.eye(3)),
+        lambda: co.mechanics.DiscreteConnection(SO3, 1, lambda x, y: (1 + x[0]) * jnp.eye(3)),
         "must lie in SO3(), but is outside by",
     ),
     "another shape": (
-        lambda: co.DiscreteConnection(SO3, 1, lambda x, y: jnp.eye(2)),
+        lambda: co.mechanics.DiscreteConnection(SO3, 1, lambda x, y: jnp.eye(2)),
         "must be an element of SO3(), with arrays of shape (3, 3), but has (2, 2)",
     ),
-    "a form of another shape": (lambda: co.Connection(SO3, 2, lambda x: jnp.zeros(3)), "must have shape (3, 2)"),
-    "a form in NumPy": (lambda: co.Connection(SO3, 1, lambda x: np.sin(x)), "write it with jax.numpy"),
-    "no shapes": (lambda: co.Connection(SO3, 0, lambda x: x), "must be a whole number from 1, but is 0"),
-    "no group": (lambda: co.Connection("SO3", 1, lambda x: x), "must be a Lie group"),  # type: ignore[arg-type]
-    "open loop": (lambda: co.holonomy(CONNECTION, [[0, 0], [1, 1]]), "must end where it begins"),
-    "shapes of another size": (lambda: co.horizontal_lift(CONNECTION, [[0.0], [1.0]]), "(N+1, 2)"),
-    "shapes that are not numbers": (lambda: co.horizontal_lift(CONNECTION, [[0, 0], [1, np.nan]]), "must be finite"),
-    "a function for a discrete one": (lambda: co.holonomy(CONNECTION, round_the_origin), "not a function"),
+    "a form of another shape": (
+        lambda: co.mechanics.Connection(SO3, 2, lambda x: jnp.zeros(3)),
+        "must have shape (3, 2)",
+    ),
+    "a form in NumPy": (lambda: co.mechanics.Connection(SO3, 1, lambda x: np.sin(x)), "write it with jax.numpy"),
+    "no shapes": (lambda: co.mechanics.Connection(SO3, 0, lambda x: x), "must be a whole number from 1, but is 0"),
+    "no group": (lambda: co.mechanics.Connection("SO3", 1, lambda x: x), "must be a Lie group"),  # type: ignore[arg-type]
+    "open loop": (lambda: co.mechanics.holonomy(CONNECTION, [[0, 0], [1, 1]]), "must end where it begins"),
+    "shapes of another size": (lambda: co.mechanics.horizontal_lift(CONNECTION, [[0.0], [1.0]]), "(N+1, 2)"),
+    "shapes that are not numbers": (
+        lambda: co.mechanics.horizontal_lift(CONNECTION, [[0, 0], [1, np.nan]]),
+        "must be finite",
+    ),
+    "a function for a discrete one": (lambda: co.mechanics.holonomy(CONNECTION, round_the_origin), "not a function"),
     "an array for a continuous one": (
-        lambda: co.horizontal_lift(smooth_connection("SO3"), [[0, 0], [1, 1]], times=[0, 1]),
+        lambda: co.mechanics.horizontal_lift(smooth_connection("SO3"), [[0, 0], [1, 1]], times=[0, 1]),
         "give `shapes` as such",
     ),
-    "no times": (lambda: co.horizontal_lift(smooth_connection("SO3"), round_the_origin), "needs `times`"),
+    "no times": (lambda: co.mechanics.horizontal_lift(smooth_connection("SO3"), round_the_origin), "needs `times`"),
     "elements that are too few": (
         lambda: reduced(CONNECTION, np.stack([np.eye(3)] * 2), np.zeros((3, 2))),
         "must be arrays of shape (3, 3, 3)",
     ),
-    "a Lagrangian of time": (lambda: co.mechanical_connection(random_system("SO3")[0]), "but this one takes `t`"),
+    "a Lagrangian of time": (
+        lambda: co.mechanics.mechanical_connection(random_system("SO3")[0]),
+        "but this one takes `t`",
+    ),
     "a space that turns": (
-        lambda: co.mechanical_connection(co.System(SO3, lambda xi, n, nu: xi @ xi + nu @ nu, additional=co.Defining())),
+        lambda: co.mechanics.mechanical_connection(
+            co.System(SO3, lambda xi, n, nu: xi @ xi + nu @ nu, additional=co.Defining())
+        ),
         "additional=co.Trivial(m), but this system has additional=Defining()",
     ),
     "a momentum at rest": (
-        lambda: co.mechanical_connection(
+        lambda: co.mechanics.mechanical_connection(
             co.System(SO3, lambda xi, x, v: xi @ xi + v @ v + xi[0], additional=co.Trivial(1))
         ),
         "needs ∂ℓ/∂ξ linear",
     ),
     "no inertia": (
-        lambda: co.mechanical_connection(co.System(SO3, lambda xi, x, v: xi[0] ** 2 + v @ v, additional=co.Trivial(1))),
+        lambda: co.mechanics.mechanical_connection(
+            co.System(SO3, lambda xi, x, v: xi[0] ** 2 + v @ v, additional=co.Trivial(1))
+        ),
         "locked inertia",
     ),
     "a composition": (
-        lambda: co.discrete_mechanical_connection(kinetic_system("SO3"), co.Suzuki4(co.Midpoint()), 0.1),
+        lambda: co.theory.discrete_mechanical_connection(kinetic_system("SO3"), co.Suzuki4(co.Midpoint()), 0.1),
         "needs a variational rule of one stage",
     ),
 }
@@ -263,6 +276,6 @@ REFUSED = {
 @pytest.mark.parametrize("case", sorted(REFUSED))
 def test_what_is_no_connection_is_refused_in_one_sentence(case):
     call, says = REFUSED[case]
-    with pytest.raises(co.CoadjointError) as caught:
+    with pytest.raises(co.errors.CoadjointError) as caught:
         call()
     assert says in str(caught.value) and str(caught.value).count(". ") == 0, caught.value

@@ -29,7 +29,7 @@ def test_a_dissipation_function_of_degree_d_takes_d_times_itself(world, degree):
         return p * jnp.sum(jnp.abs(v) ** degree)
 
     def power_and_loss(motion):
-        force = co.rayleigh(R)(motion, 0.7)
+        force = co.mechanics.rayleigh(R)(motion, 0.7)
         return force.torque @ motion.xi + flat(force.force) @ flat(motion.nu), R(motion, 0.7)
 
     power, loss = evaluate(power_and_loss, motion)
@@ -39,7 +39,7 @@ def test_a_dissipation_function_of_degree_d_takes_d_times_itself(world, degree):
 def test_a_quadratic_dissipation_function_is_linear_drag_in_a_run():
     p = co.Parameters(D=[[2.0, 0.5, 0.0], [0.5, 1.0, 0.2], [0.0, 0.2, 3.0]])
     by_hand = {"drag": lambda motion, p: co.Force(torque=-p.D @ motion.xi)}
-    derived = {"drag": co.rayleigh(lambda motion, p: 0.5 * motion.xi @ p.D @ motion.xi)}
+    derived = {"drag": co.mechanics.rayleigh(lambda motion, p: 0.5 * motion.xi @ p.D @ motion.xi)}
     ends = []
     for forces in (by_hand, derived):
         body = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (jnp.array([3, 2, 1]) * xi), parameters=p, forces=forces)
@@ -52,16 +52,16 @@ def test_quadratic_drag_is_minus_the_gradient_of_a_third_of_the_cube_of_speed(C)
     v = np.array([0.3, -0.4, 1.2])
     C = np.asarray(C)
     matrix = C if C.ndim == 2 else C * np.eye(3)
-    np.testing.assert_allclose(evaluate(lambda v: co.quadratic_drag(C, v), v), -1.3 * matrix @ v, rtol=1e-14)
+    np.testing.assert_allclose(evaluate(lambda v: co.mechanics.quadratic_drag(C, v), v), -1.3 * matrix @ v, rtol=1e-14)
     if C.ndim == 0:
         slope = evaluate(jax.grad(lambda v: C / 3 * (v @ v) ** 1.5), v)
-        np.testing.assert_allclose(evaluate(lambda v: co.quadratic_drag(C, v), v), -slope, rtol=1e-14)
+        np.testing.assert_allclose(evaluate(lambda v: co.mechanics.quadratic_drag(C, v), v), -slope, rtol=1e-14)
 
 
 def test_quadratic_drag_is_smooth_at_rest():
     """Its derivative at v = 0 is 0, forward and reverse, and its second derivative is finite."""
     for derivative in (jax.jacfwd, jax.jacrev):
-        slope = derivative(lambda v: co.quadratic_drag(np.array([1.0, 2.0, 3.0]), v))
+        slope = derivative(lambda v: co.mechanics.quadratic_drag(np.array([1.0, 2.0, 3.0]), v))
         np.testing.assert_array_equal(evaluate(slope, np.zeros(3)), np.zeros((3, 3)))
         assert np.all(np.isfinite(evaluate(jax.jacfwd(slope), np.zeros(3))))
         near = evaluate(slope, np.array([1e-200, 0.0, 0.0]))
@@ -72,7 +72,7 @@ def test_quadratic_drag_is_smooth_at_rest():
 def test_a_body_with_quadratic_drag_is_integrated_and_differentiated_from_rest():
     def forces(motion, p):
         push = jnp.where(motion.t > 0.25, p.push, 0.0) * jnp.array([1.0, 0.0, 0.0])
-        return co.Force(force=co.quadratic_drag(p.drag, motion.nu) + push)
+        return co.Force(force=co.mechanics.quadratic_drag(p.drag, motion.nu) + push)
 
     p = co.Parameters(drag=2.0, push=1.0)
     body = co.System(
@@ -88,10 +88,10 @@ def test_a_body_with_quadratic_drag_is_integrated_and_differentiated_from_rest()
 
 
 def test_what_is_no_drag_is_refused_in_one_sentence():
-    with pytest.raises(co.ArgumentError, match=r"coefficients of shape \(\), \(k,\) or \(k, k\)"):
-        co.quadratic_drag(np.zeros(2), np.zeros(3))
-    with pytest.raises(co.ArgumentError, match="takes a function R"):
-        co.rayleigh(3.0)
-    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=co.rayleigh(lambda motion: motion.xi))
-    with pytest.raises(co.LagrangianError, match="must return one number"):
+    with pytest.raises(co.errors.ArgumentError, match=r"coefficients of shape \(\), \(k,\) or \(k, k\)"):
+        co.mechanics.quadratic_drag(np.zeros(2), np.zeros(3))
+    with pytest.raises(co.errors.ArgumentError, match="takes a function R"):
+        co.mechanics.rayleigh(3.0)
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=co.mechanics.rayleigh(lambda motion: motion.xi))
+    with pytest.raises(co.errors.LagrangianError, match="must return one number"):
         co.simulate(body, body.state(), dt=0.1, steps=1)

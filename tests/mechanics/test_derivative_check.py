@@ -88,7 +88,7 @@ def made(lagrangian):
 @pytest.mark.parametrize("name", WRONG)
 def test_a_derivative_that_is_not_that_of_the_value_raises(name):
     system, start = made(WRONG[name])
-    with pytest.raises(co.LagrangianError, match=r"(the value changes by \S+ and the derivative gives \S+)"):
+    with pytest.raises(co.errors.LagrangianError, match=r"(the value changes by \S+ and the derivative gives \S+)"):
         system.check(start)
 
 
@@ -102,7 +102,9 @@ def test_what_is_smooth_between_kinks_passes(name):
 def test_fine_rounding_raises_where_short_differences_see_nothing_of_it():
     """Parts of a staircase shrink as those of a kink do; their sum does not."""
     system = co.System(co.SO3(), lambda xi: kinetic(xi) + kinetic(jnp.round(xi, 6)))
-    with pytest.raises(co.LagrangianError, match="must be continuous, but it holds the operation `round` and jumps"):
+    with pytest.raises(
+        co.errors.LagrangianError, match="must be continuous, but it holds the operation `round` and jumps"
+    ):
         system.check(system.state(xi=[0.3, 0.2, 1.0]))
 
 
@@ -114,7 +116,7 @@ def test_fine_kinks_pass():
 
 def test_both_numbers_are_those_along_the_direction():
     system, start = made(lambda xi, a: kinetic(xi) - halved(a[2]))
-    with pytest.raises(co.LagrangianError) as raised:
+    with pytest.raises(co.errors.LagrangianError) as raised:
         system.check(start)
     number = r"(-?[\d.e+-]+)"
     found = re.search(
@@ -132,13 +134,13 @@ def test_runs_steppers_and_filters_raise_before_their_first_step():
         lambda: co.simulate(system, start, dt=0.01, steps=2, progress=False),
         lambda: co.Stepper(system, start, dt=0.01),
     ):
-        with pytest.raises(co.LagrangianError, match="must be that of its value"):
+        with pytest.raises(co.errors.LagrangianError, match="must be that of its value"):
             made_of()
 
 
 def test_a_hamiltonian_is_compared_too():
     system = co.System(co.SO3(), hamiltonian=lambda mu: 0.5 * mu @ mu + 0.1 * jax.lax.stop_gradient(mu[0]) ** 2)
-    with pytest.raises(co.LagrangianError, match=r"derivative of the Hamiltonian .* along \(μ\)"):
+    with pytest.raises(co.errors.LagrangianError, match=r"derivative of the Hamiltonian .* along \(μ\)"):
         system.check(system.state(mu=[0.3, 0.0, 0.1]))
 
 
@@ -152,7 +154,7 @@ def test_a_discrete_lagrangian_is_compared_too(form):
 
     given = {"discrete_lagrangian": of_algebra} if form == "algebra" else {"group_lagrangian": of_group}
     system = co.System(co.SO3(), **given)
-    with pytest.raises(co.LagrangianError, match="derivative of the discrete Lagrangian"):
+    with pytest.raises(co.errors.LagrangianError, match="derivative of the discrete Lagrangian"):
         system.check(system.state(xi=[0.3, 0.0, 0.1]))
 
 

@@ -31,15 +31,15 @@ def angle(R: Any) -> float:
 
 @pytest.mark.parametrize(("at", "place"), [("middle", 0.4), ("start", 0.3)])
 def test_an_increment_is_that_of_the_connection_in_the_middle_or_at_the_start(at, place):
-    found: Any = co.DiscreteConnection.from_connection(Bent(), at=at)  # pyright: ignore[reportArgumentType]
+    found: Any = co.mechanics.DiscreteConnection.from_connection(Bent(), at=at)  # pyright: ignore[reportArgumentType]
     step = evaluate(found.increment, np.array([0.3]), np.array([0.5]))
     assert angle(step) == pytest.approx(-place * 0.2, rel=1e-13)
     with pytest.raises(ArgumentError, match='must be "middle" or "start", but is \'end\''):
-        co.DiscreteConnection.from_connection(Bent(), at="end")  # pyright: ignore[reportArgumentType]
+        co.mechanics.DiscreteConnection.from_connection(Bent(), at="end")  # pyright: ignore[reportArgumentType]
 
 
 def test_the_discrete_mechanical_connection_of_a_rotor_turns_the_body_by_its_share_of_the_inertia():
     """Ω = τ(hξ/2)² with hξ = −I₂(x⁺ − x)/(I₁ + I₂), of which Cayley's map turns by 2 arctan(hξ/4) twice."""
-    found = co.discrete_mechanical_connection(beanie.make(body=3.0, cap=1.0, stiffness=2.0), co.Midpoint(), 0.1)
+    found = co.theory.discrete_mechanical_connection(beanie.make(body=3.0, cap=1.0, stiffness=2.0), co.Midpoint(), 0.1)
     step = evaluate(found.increment, np.array([0.3]), np.array([0.7]))
     assert 4 * np.tan(angle(step) / 4) == pytest.approx(-0.25 * 0.4, rel=1e-12)

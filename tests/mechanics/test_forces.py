@@ -66,13 +66,13 @@ WRONG = {
 @pytest.mark.cases(11)
 @pytest.mark.parametrize(("forces", "words"), WRONG.values(), ids=WRONG)
 def test_what_is_no_force_is_refused_in_one_sentence(forces, words):
-    with pytest.raises(co.LagrangianError) as caught:
+    with pytest.raises(co.errors.LagrangianError) as caught:
         run(forces)
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_force_on_a_system_without_additional_dynamics_is_refused():
-    with pytest.raises(co.LagrangianError, match="this system has no additional dynamics"):
+    with pytest.raises(co.errors.LagrangianError, match="this system has no additional dynamics"):
         run(lambda motion: co.Force(force=jnp.zeros(3)), additional=None)
 
 
@@ -89,5 +89,7 @@ def test_a_force_that_misses_its_inputs_is_named():
     system = body({"drag": lambda motion: GOOD, "jet": lambda motion: co.Force(torque=motion.inputs.jet)})
     start = system.state(q=[0, 0, 0])
     for integrate in (co.simulate, co.trajectory):
-        with pytest.raises(co.LagrangianError, match="The force `jet` reads `jet` of None, and the run has no inputs"):
+        with pytest.raises(
+            co.errors.LagrangianError, match="The force `jet` reads `jet` of None, and the run has no inputs"
+        ):
             integrate(system, start, dt=0.1, steps=1)

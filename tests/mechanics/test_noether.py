@@ -34,7 +34,7 @@ def test_gravity_leaves_the_vertical_and_horizontal_momentum():
     """Under SO(3), a₀ = e_z: rotation about e_z; under SE(3), a₀ = (e_z, 0): also both horizontal translations."""
     turning = co.System(co.SO3(), lambda xi, a: xi @ xi + a @ a, advected=co.Defining())
     np.testing.assert_allclose(isotropy_algebra(turning, turning.state(a0=[0, 0, 1])), [[0, 0, 1]], atol=1e-15)
-    moving = co.System(co.SE3(), lambda xi, a: xi @ xi + a @ a, advected=co.Dual())
+    moving = co.System(co.SE3(), lambda xi, a: xi @ xi + a @ a, advected=co.spaces.Dual())
     rows = isotropy_algebra(moving, moving.state(a0=[0, 0, 1, 0]))
     np.testing.assert_allclose(rows, np.eye(6)[[2, 3, 4]], atol=1e-15)
 
@@ -43,10 +43,12 @@ def test_a_map_that_is_not_equivariant_is_refused():
     system, start = random_system("SO3")
     for K in (lambda c, a: c * c, lambda c, a: c + jnp.array([0.0, 0.0, 1.0]), lambda c, a: a.down[::-1]):
         with pytest.raises(ArgumentError, match="must satisfy"):
-            co.KelvinNoether([0.1, 0.2, 0.3], K).require_equivariant(system, start)
+            co.mechanics.KelvinNoether([0.1, 0.2, 0.3], K).require_equivariant(system, start)
     with pytest.raises(ArgumentError, match=r"`c0` must have shape \(3,\)"):
-        co.KelvinNoether([1.0, 0.0]).require_equivariant(system, start)
-    co.KelvinNoether([0.1, 0.2, 0.3], lambda c, a: jnp.cross(c, a.down) + a.spin).require_equivariant(system, start)
+        co.mechanics.KelvinNoether([1.0, 0.0]).require_equivariant(system, start)
+    co.mechanics.KelvinNoether([0.1, 0.2, 0.3], lambda c, a: jnp.cross(c, a.down) + a.spin).require_equivariant(
+        system, start
+    )
 
 
 @pytest.mark.parametrize("size", [1e-11, 1.0, 1e11])

@@ -151,7 +151,7 @@ KNOWN = {
 
 
 def formulas(system: co.System) -> list[str]:
-    return [str(casimir) for casimir in co.casimirs(system).values()]
+    return [str(casimir) for casimir in co.mechanics.casimirs(system).values()]
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -170,7 +170,7 @@ def symplectic_algebra(n: int) -> list[np.ndarray]:
 
 def test_a_group_of_the_user_has_its_casimirs_too():
     """sp(4) has one of degree 2 and one of degree 4: tr X² and tr X⁴."""
-    found = co.casimirs(co.System(co.MatrixGroup(symplectic_algebra(2)), lambda xi: 0.0))
+    found = co.mechanics.casimirs(co.System(co.MatrixGroup(symplectic_algebra(2)), lambda xi: 0.0))
     assert [sum(c.exponents[0]) for c in found.values()] == [2, 4]
 
 
@@ -184,7 +184,7 @@ def test_the_casimirs_of_the_heavy_top_and_of_its_underwater_relative():
 def test_casimirs_commute_with_everything_and_are_kept_by_every_step(world):
     """{C, k} = 0 for every k, which is ad*_{∂C}μ = 0 where only μ is; steps move (m, a) on coadjoint orbits."""
     system, state = random_system(world)
-    found = co.casimirs(system)
+    found = co.mechanics.casimirs(system)
     assert found
     stepper = Stepper(system, co.Trapezoidal(co.Cayley()))
     after = stepper.final(state, 0.1, 3)
@@ -205,7 +205,7 @@ def test_without_forces_alone_casimirs_are_kept():
     """So the test above can fail: a torque moves |μ|²."""
     body = co.System(co.SO3(), lambda xi: xi @ xi, forces=lambda motion: co.Force(torque=-motion.xi))
     start = body.state(xi=[1.0, 2, 3])
-    (casimir,) = co.casimirs(body).values()
+    (casimir,) = co.mechanics.casimirs(body).values()
     after = Stepper(body, co.Midpoint(co.Cayley())).final(start, 0.1, 3)
     assert float(evaluate(casimir, after)) < 0.9 * float(evaluate(casimir, start))
 
@@ -226,15 +226,15 @@ def test_the_bracket_refuses_what_is_no_function_on_the_reduced_space():
     ):
         for pair in ((function, energy), (energy, function)):
             with pytest.raises(ArgumentError, match=f"by mu, n, pi and a, but changes with {name}"):
-                co.poisson_bracket(*pair)(state)
+                co.mechanics.poisson_bracket(*pair)(state)
     with pytest.raises(LagrangianError, match="Poisson bracket must return one number"):
-        co.poisson_bracket(lambda s: s.mu, energy)(state)
+        co.mechanics.poisson_bracket(lambda s: s.mu, energy)(state)
     with pytest.raises(LagrangianError, match="Poisson bracket cannot be differentiated"):
-        co.poisson_bracket(lambda s: np.sin(s.mu[0]), energy)(state)
+        co.mechanics.poisson_bracket(lambda s: np.sin(s.mu[0]), energy)(state)
     with pytest.raises(ArgumentError, match="of two functions of a state"):
-        co.poisson_bracket(3, energy)  # type: ignore[arg-type]
+        co.mechanics.poisson_bracket(3, energy)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="is a function of a state"):
-        co.poisson_bracket(energy, energy)([0, 0, 1])  # type: ignore[arg-type]
+        co.mechanics.poisson_bracket(energy, energy)([0, 0, 1])  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="must be a dictionary of names"):
         system.watching([energy])  # type: ignore[arg-type]
 
@@ -242,7 +242,7 @@ def test_the_bracket_refuses_what_is_no_function_on_the_reduced_space():
 def test_casimirs_that_were_not_looked_for_are_announced():
     """so(6) has invariants of degree 2, 3 and 4; the quartic has too many monomials. so(5) has all of its own."""
     with pytest.warns(UserWarning, match="of degree 4 and more were not looked for"):
-        assert len(co.casimirs(co.System(co.SOn(6), lambda *_: 0.0))) == 2
+        assert len(co.mechanics.casimirs(co.System(co.SOn(6), lambda *_: 0.0))) == 2
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert len(co.casimirs(co.System(co.SOn(5), lambda *_: 0.0))) == 2
+        assert len(co.mechanics.casimirs(co.System(co.SOn(5), lambda *_: 0.0))) == 2

@@ -102,9 +102,9 @@ def test_impure_discrete_lagrangians_are_refused(run):
     ("what", "arguments"),
     [
         ("The function `inputs`", {"inputs": lambda motion: noisy() * motion.xi}),
-        ("The signal", {"inputs": co.Signal(lambda t: noisy() * jnp.ones(3))}),
+        ("The signal", {"inputs": co.mechanics.Signal(lambda t: noisy() * jnp.ones(3))}),
         ("The function `until`", {"until": lambda state: state.xi[0] + noisy() - 100.0}),
-        ("𝒦", {"kelvin_noether": co.KelvinNoether([0, 0, 1], K=lambda c, a: (2 + noisy()) * c)}),
+        ("𝒦", {"kelvin_noether": co.mechanics.KelvinNoether([0, 0, 1], K=lambda c, a: (2 + noisy()) * c)}),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -63,7 +63,7 @@ def direct(duration: float) -> dict[str, np.ndarray]:
 @pytest.mark.long
 def test_a_run_follows_the_right_invariant_equations_written_out_in_matrices():
     system = right()
-    method = co.KahanLi6(co.Midpoint(co.Exponential()))
+    method = co.methods.KahanLi6(co.Midpoint(co.Exponential()))
     run = co.simulate(
         system, system.state(**START), dt=0.05, duration=1.0, method=method, accuracy=False, monitors=False
     )
@@ -226,9 +226,9 @@ def test_what_is_no_side_and_a_group_that_is_opposite_already_are_refused():
     with pytest.raises(ArgumentError, match='must be "left" or "right", but is \'both\''):
         damped("both")
     with pytest.raises(ArgumentError, match=r"must be the group itself, SO3\(\)"):
-        co.System(co.Opposite(co.SO3()), lambda xi: xi @ xi, invariance="right")
+        co.System(co.groups.Opposite(co.SO3()), lambda xi: xi @ xi, invariance="right")
     with pytest.raises(GroupError, match="Opposite needs a Lie group"):
-        co.Opposite("SO3")  # type: ignore[arg-type]
+        co.groups.Opposite("SO3")  # type: ignore[arg-type]
     with pytest.raises(GroupError, match="must carry a left action"):
         co.System(co.SO3(), lambda xi, a: xi @ xi, advected=ByRight(), invariance="right")
 

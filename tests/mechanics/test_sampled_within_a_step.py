@@ -14,7 +14,11 @@ def clock(period, delay):
 
     def rule(motion, h, p):
         held = motion.internal.clock
-        return {"clock": co.sampled(motion, h, held, lambda last: {"time": motion.t}, period=p.period, delay=p.delay)}
+        return {
+            "clock": co.mechanics.sampled(
+                motion, h, held, lambda last: {"time": motion.t}, period=p.period, delay=p.delay
+            )
+        }
 
     body = co.System(
         co.Translation(1),
@@ -23,7 +27,7 @@ def clock(period, delay):
         forces=lambda motion, p: co.Force(torque=0.0 * jnp.ones(1) * motion.internal.clock.value.time),
         internal=rule,
     )
-    return body, body.state(xi=[0.0], internal={"clock": co.sampling({"time": -1.0})})
+    return body, body.state(xi=[0.0], internal={"clock": co.mechanics.sampling({"time": -1.0})})
 
 
 @pytest.mark.cases(1)

@@ -29,7 +29,7 @@ def chain(xi, a, p):
 def bodies(count, coupling="chain", pairs=None, lagrangian=chain, stiffness=2.0, **more):
     """A chain of `count` bodies that turn about different axes."""
     system = co.System(
-        co.Power(co.SO3(), count, coupling), lagrangian, advected=co.RelativePoses(pairs),
+        co.Power(co.SO3(), count, coupling), lagrangian, advected=co.spaces.RelativePoses(pairs),
         parameters={"inertia": WEIGHTS, "stiffness": stiffness}, **more,
     )  # fmt: skip
     s = np.linspace(0, np.pi, count)
@@ -117,7 +117,7 @@ def dragged(motion, p):
 def test_a_long_chain_with_a_torque_and_friction_closes_its_balance_and_its_energy():
     """Theorem 7 to round-off; the energy changes by the work of the forces, to the order of the rule."""
     system, start = bodies(LONG, forces=dragged)
-    torque = co.Signal(lambda t: jnp.stack([0.3 * jnp.sin(t), 0.1 + 0 * t, 0.2 * t]))
+    torque = co.mechanics.Signal(lambda t: jnp.stack([0.3 * jnp.sin(t), 0.1 + 0 * t, 0.2 * t]))
     run = co.simulate(system, start, dt=0.02, steps=100, inputs=torque, accuracy=False)
     assert run.plan.backend == "xla"
     assert run.largest("balance") < 1e-14

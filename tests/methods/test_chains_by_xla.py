@@ -17,7 +17,10 @@ def bodies(stiffness):
         return 0.5 * jnp.sum(np.array([1.0, 2.0, 1.5]) * xi * xi) + p.stiffness * springs
 
     system = co.System(
-        co.Power(co.SO3(), 4, "chain"), lagrangian, advected=co.RelativePoses(), parameters={"stiffness": stiffness}
+        co.Power(co.SO3(), 4, "chain"),
+        lagrangian,
+        advected=co.spaces.RelativePoses(),
+        parameters={"stiffness": stiffness},
     )
     s = np.linspace(0, np.pi, 4)
     return system, system.state(xi=np.stack([np.sin(s), 0.5 * np.cos(s), 0.2 + 0 * s], axis=1))

@@ -15,12 +15,12 @@ from systems import MAPS, RULES, random_system
 
 SCHEMES = {
     co.Suzuki4: (4, 5),
-    co.Yoshida4: (4, 3),
-    co.KahanLi6: (6, 9),
-    co.SofroniouSpaletta6: (6, 13),
-    co.KahanLi8: (8, 17),
-    co.SofroniouSpaletta8: (8, 21),
-    co.SofroniouSpaletta10: (10, 35),
+    co.methods.Yoshida4: (4, 3),
+    co.methods.KahanLi6: (6, 9),
+    co.methods.SofroniouSpaletta6: (6, 13),
+    co.methods.KahanLi8: (8, 17),
+    co.methods.SofroniouSpaletta8: (8, 21),
+    co.methods.SofroniouSpaletta10: (10, 35),
 }
 
 
@@ -79,14 +79,14 @@ def test_the_order_found_is_the_order_of_matrix_exponentials(base):
         coefficients = (gamma, 1 - 2 * gamma, gamma)
         assert matrix_order(coefficients, base) == pytest.approx(composed_order(coefficients, base), abs=0.35)
     assert matrix_order((0.5, 0.5), base) == pytest.approx(composed_order((0.5, 0.5), base), abs=0.35)
-    kahan_li = co.KahanLi6(co.Midpoint()).substeps
+    kahan_li = co.methods.KahanLi6(co.Midpoint()).substeps
     assert matrix_order(kahan_li, 2) == pytest.approx(6, abs=0.35)
 
 
 def test_a_composition_of_a_composition_has_the_product_of_the_substeps():
-    inner = co.Suzuki4(co.LeftRight())
+    inner = co.Suzuki4(co.methods.LeftRight())
     gamma = 1 / (2 - 2 ** (1 / 5))
-    outer = co.Composition(inner, (gamma, 1 - 2 * gamma, gamma), order=6)
+    outer = co.methods.Composition(inner, (gamma, 1 - 2 * gamma, gamma), order=6)
     assert (outer.order, len(outer.substeps), len(outer.stages)) == (6, 15, 30)
     assert sum(fraction for _, fraction in outer.stages) == pytest.approx(1)
 
@@ -148,7 +148,7 @@ def test_the_adjoint_undoes_a_step_backwards(world, tau, rule, forced, given):
 def test_the_adjoint_of_the_left_rule_given_as_a_discrete_lagrangian_is_the_right_rule(name):
     system, start = random_system(name, True)
     start = start.replace(from_velocities=False)
-    (ours,) = Stepper(with_left_rectangle(system), co.AdjointVariational(co.Cayley())).run(start, 0.1, 1)
+    (ours,) = Stepper(with_left_rectangle(system), co.methods.AdjointVariational(co.Cayley())).run(start, 0.1, 1)
     (theirs,) = Stepper(system, co.RightRectangle(co.Cayley())).run(start, 0.1, 1)
     assert difference(system, ours.after, theirs.after) < 1e-12
     values = [
@@ -159,9 +159,9 @@ def test_the_adjoint_of_the_left_rule_given_as_a_discrete_lagrangian_is_the_righ
 
 
 def test_symmetrised_right_rectangle_is_the_left_right_pair():
-    assert co.Symmetrised(co.RightRectangle(co.Cayley())).stages == co.LeftRight(co.Cayley()).stages
-    assert co.Symmetrised(co.Variational()).order == 2
-    assert co.Symmetrised(co.Midpoint()).order == 2
+    assert co.methods.Symmetrised(co.RightRectangle(co.Cayley())).stages == co.methods.LeftRight(co.Cayley()).stages
+    assert co.methods.Symmetrised(co.Variational()).order == 2
+    assert co.methods.Symmetrised(co.Midpoint()).order == 2
 
 
 @pytest.mark.cases(1)
@@ -171,7 +171,7 @@ def test_a_composed_run_keeps_momentum_and_its_order_of_energy(backend):
     entry = co.models.catalogue["underwater_vehicle"]
     system = entry.make()
     start = entry.start(system, angular_velocity=(1.0, 0.3, 2.0))
-    method = co.KahanLi6(co.LeftRight())
+    method = co.methods.KahanLi6(co.methods.LeftRight())
     coarse, fine = (
         co.simulate(system, start, dt=dt, duration=20.0, method=method, progress=False, backend=backend)
         for dt in (0.4, 0.2)
@@ -187,7 +187,7 @@ def test_the_gradient_of_a_composed_run_is_that_of_differences():
     entry = co.models.catalogue["heavy_top"]
     system = entry.make()
     start = entry.start(system)
-    method = co.KahanLi6(co.LeftRight(co.Exponential()))
+    method = co.methods.KahanLi6(co.methods.LeftRight(co.Exponential()))
 
     def last(mass):
         return co.trajectory(system.replace(mass=mass), start, dt=0.02, steps=20, method=method).final.mu[0]
@@ -201,28 +201,31 @@ def test_the_gradient_of_a_composed_run_is_that_of_differences():
 
 GAMMA = 1 / (2 - 2 ** (1 / 3))
 REFUSED = {
-    "inconsistent": (lambda: co.Composition(co.Midpoint(), (0.5, 0.4, 0.5)), "must add up to 1, .* adds up to 1.4"),
-    "one-sided": (lambda: co.Composition(co.Midpoint(), (0.5, 0.3, 0.2)), "must read the same backwards"),
+    "inconsistent": (
+        lambda: co.methods.Composition(co.Midpoint(), (0.5, 0.4, 0.5)),
+        "must add up to 1, .* adds up to 1.4",
+    ),
+    "one-sided": (lambda: co.methods.Composition(co.Midpoint(), (0.5, 0.3, 0.2)), "must read the same backwards"),
     "order": (
-        lambda: co.Composition(co.Midpoint(), (GAMMA, 1 - 2 * GAMMA, GAMMA), order=6),
+        lambda: co.methods.Composition(co.Midpoint(), (GAMMA, 1 - 2 * GAMMA, GAMMA), order=6),
         "must give order 6 over a base of order 2, but gives 4",
     ),
-    "zero": (lambda: co.Composition(co.Midpoint(), (0.5, 0.0, 0.5)), "numbers other than 0"),
-    "empty": (lambda: co.Composition(co.Midpoint(), ()), "numbers other than 0"),
-    "table": (lambda: co.Composition(co.Midpoint(), [[0.5], [0.5]]), "row of numbers"),
-    "words": (lambda: co.Composition(co.Midpoint(), "half"), "`coefficients`"),
-    "nan": (lambda: co.Composition(co.Midpoint(), (np.nan, 1.0, np.nan)), "`coefficients`"),
-    "not symmetric": (lambda: co.KahanLi6(co.LeftRectangle()), "symmetric method of order 2"),
-    "not symmetric either": (lambda: co.Composition(co.LeftRectangle(), (0.5, 0.5)), "co.Symmetrised"),
-    "no method": (lambda: co.Composition(co.Cayley(), (0.5, 0.5)), "needs a method"),
-    "order 4 in a scheme for 2": (lambda: co.KahanLi8(co.Suzuki4(co.Midpoint())), "of order 2"),
-    "no adjoint": (lambda: co.Symmetrised(co.GroupVariational()), "adjoint of GroupVariational"),
-    "symmetrised nothing": (lambda: co.Symmetrised(None), "needs a method"),
+    "zero": (lambda: co.methods.Composition(co.Midpoint(), (0.5, 0.0, 0.5)), "numbers other than 0"),
+    "empty": (lambda: co.methods.Composition(co.Midpoint(), ()), "numbers other than 0"),
+    "table": (lambda: co.methods.Composition(co.Midpoint(), [[0.5], [0.5]]), "row of numbers"),
+    "words": (lambda: co.methods.Composition(co.Midpoint(), "half"), "`coefficients`"),
+    "nan": (lambda: co.methods.Composition(co.Midpoint(), (np.nan, 1.0, np.nan)), "`coefficients`"),
+    "not symmetric": (lambda: co.methods.KahanLi6(co.LeftRectangle()), "symmetric method of order 2"),
+    "not symmetric either": (lambda: co.methods.Composition(co.LeftRectangle(), (0.5, 0.5)), "co.methods.Symmetrised"),
+    "no method": (lambda: co.methods.Composition(co.Cayley(), (0.5, 0.5)), "needs a method"),
+    "order 4 in a scheme for 2": (lambda: co.methods.KahanLi8(co.Suzuki4(co.Midpoint())), "of order 2"),
+    "no adjoint": (lambda: co.methods.Symmetrised(co.methods.GroupVariational()), "adjoint of GroupVariational"),
+    "symmetrised nothing": (lambda: co.methods.Symmetrised(None), "needs a method"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_coefficients_and_bases_that_make_no_sense_are_refused(case):
     make, sentence = REFUSED[case]
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         make()

@@ -23,7 +23,7 @@ def test_a_method_without_one_of_its_members_cannot_be_made(left_out: str) -> No
     given = {name: getattr(co.LeftRectangle, name) for name in MEMBERS}
     del given[left_out]
     with pytest.raises(TypeError, match=left_out):
-        type("Incomplete", (co.Method, Step), given)()
+        type("Incomplete", (co.methods.Method, Step), given)()
 
 
 def _hamiltonian_top():

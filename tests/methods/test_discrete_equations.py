@@ -59,7 +59,7 @@ def size(x) -> float:
     return 1 + np.max(np.abs(x), initial=0.0)
 
 
-def kelvin_noether(world: str, system: co.System) -> co.KelvinNoether:
+def kelvin_noether(world: str, system: co.System) -> co.mechanics.KelvinNoether:
     """A random c₀ with an equivariant 𝒦 that uses the advected parameters where the world has room for it."""
     group = system.group
     choices = {
@@ -72,7 +72,7 @@ def kelvin_noether(world: str, system: co.System) -> co.KelvinNoether:
         "SO3 on a sphere": (co.Defining(), jnp.cross),
     }
     space, K = choices.get(world, (co.Adjoint(), None))
-    return co.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
+    return co.mechanics.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
 
 
 def test_consecutive_steps_satisfy_the_discrete_equations(run):

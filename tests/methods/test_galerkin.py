@@ -286,7 +286,7 @@ def test_a_run_goes_on_from_its_last_record_with_another_degree():
 
 def test_a_run_file_gives_the_degree():
     assert method_of(MethodSection(name="galerkin", map="squared cayley", degree=3)) == co.Galerkin(
-        co.Squared(co.Cayley()), degree=3
+        co.difference_maps.Squared(co.Cayley()), degree=3
     )
     with pytest.raises(ArgumentError, match="degree belongs to Galerkin"):
         method_of(MethodSection(name="Midpoint", degree=3))

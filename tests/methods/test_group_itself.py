@@ -31,7 +31,7 @@ def sprung(xi, n, nu):
 
 @lru_cache
 def system_on(lagrangian) -> tuple[co.System, co.State]:
-    system = co.System(co.SO3(), lagrangian, additional=co.GroupItself(), name="body in a carrier")
+    system = co.System(co.SO3(), lagrangian, additional=co.spaces.GroupItself(), name="body in a carrier")
     Q0, omega = co.attitude.zyx(0.5, -0.3, 0.2), np.array([0.4, 1.1, -0.7])
     start = system.state(
         g=co.attitude.zyx(-0.3, 0.2, 0.5), q=Q0, qdot=Q0 @ evaluate(co.SO3().hat, omega), xi=[0.5, -0.2, 0.9]
@@ -82,7 +82,7 @@ def test_momentum_and_the_group_are_kept_over_a_thousand_steps():
 
 def test_conjugation_moves_a_rotation_with_its_axis():
     """g·x = gxg⁻¹ turns the axis of x by g and keeps its angle; ξ·x = ξ̂x − xξ̂."""
-    group, space = co.SO3(), co.GroupItself("conjugation")
+    group, space = co.SO3(), co.spaces.GroupItself("conjugation")
     axis, xi = generator("axis").normal(size=(2, 3))
     g = co.attitude.zyx(0.4, 0.3, -0.8)
 

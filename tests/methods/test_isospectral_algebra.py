@@ -14,7 +14,7 @@ from coadjoint.methods.isospectral_algebra import algebra_of
 from systems import generator
 
 TWICE = co.DirectProduct(co.SO3(), co.SO3())
-GROUPS = [co.SOn(4), co.Un(3), co.SUn(3), co.Power(co.SUn(2), 3), TWICE, co.Opposite(co.SO3())]
+GROUPS = [co.SOn(4), co.Un(3), co.SUn(3), co.Power(co.SUn(2), 3), TWICE, co.groups.Opposite(co.SO3())]
 
 
 def numbers(X: Any) -> np.ndarray:

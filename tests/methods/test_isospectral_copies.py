@@ -67,7 +67,7 @@ def test_both_sides_follow_their_equations_at_order_two(invariance, sign):
 @pytest.mark.long
 def test_casimirs_are_kept_on_the_right():
     system = co.System(U3, hamiltonian=coupled, advected=co.Coadjoint(), invariance="right")
-    casimirs = co.trace_casimirs(system)
+    casimirs = co.mechanics.trace_casimirs(system)
     mu, a = 0.6 * generator("sides").normal(size=(2, 9))
     start = system.state(mu=mu, a0=a)
     run = co.simulate(system.watching(casimirs), start, dt=0.05, steps=40, method=STEP, accuracy=False)
@@ -143,5 +143,5 @@ def test_a_ring_of_two_hundred_vortices_turns_at_its_rate():
 
 def test_products_of_several_groups_are_refused():
     system = co.System(co.DirectProduct(co.SO3(), co.SOn(4)), hamiltonian=lambda mu: mu @ mu)
-    with pytest.raises(co.ArgumentError, match="or copies of one, but got DirectProduct"):
+    with pytest.raises(co.errors.ArgumentError, match="or copies of one, but got DirectProduct"):
         STEP.require_fit(system)

@@ -35,7 +35,7 @@ def system_on(group, **more):
 def matrix(group, x):
     """X, complex (n, n)."""
     found = evaluate(group.hat, x)
-    return co.complex_form(found) if isinstance(group, (co.Un, co.SUn)) else found + 0j
+    return co.groups.complex_form(found) if isinstance(group, (co.Un, co.SUn)) else found + 0j
 
 
 def path(system, start, steps, h=H, method=None):
@@ -123,14 +123,14 @@ def test_a_step_is_that_of_block_matrices():
     ("method", "order", "steps"),
     [
         pytest.param(co.Suzuki4, 4, 16, marks=pytest.mark.long),
-        (co.KahanLi6, 6, 16),
-        pytest.param(co.KahanLi8, 8, 16, marks=pytest.mark.long),
+        (co.methods.KahanLi6, 6, 16),
+        pytest.param(co.methods.KahanLi8, 8, 16, marks=pytest.mark.long),
     ],
     ids=["4", "6", "8"],
 )
 def test_orders_of_compositions(method, order, steps):
     system, start = system_on(co.SUn(3))
-    best = path(system, start, 96, 3.2 / 96, co.KahanLi8(co.IsospectralMidpoint())).final
+    best = path(system, start, 96, 3.2 / 96, co.methods.KahanLi8(co.IsospectralMidpoint())).final
     made = method(co.IsospectralMidpoint())
     ends = [path(system, start, n, 3.2 / n, made).final for n in (steps, 2 * steps)]
     errors = [max(np.max(np.abs(end.mu - best.mu)), np.max(np.abs(end.a - best.a))) for end in ends]
@@ -166,7 +166,7 @@ def test_gradients_equal_differences_whatever_the_tolerance(tolerance):
 @pytest.mark.long
 def test_a_run_watches_all_casimirs_and_may_carry_g():
     system, start = system_on(co.Un(3))
-    system = system.watching(co.trace_casimirs(system, degree=4))
+    system = system.watching(co.mechanics.trace_casimirs(system, degree=4))
     method = co.IsospectralMidpoint(carry_g=True)
     run = co.simulate(system, start, dt=H, steps=20, method=method, accuracy=False)
     names = [f"trace_a_{k}" for k in range(2, 5)] + [f"trace_mu_a_{k}" for k in range(1, 5)]
@@ -215,7 +215,7 @@ def test_two_fields_of_one_momentum():
         return np.array([*np.linalg.eigvalsh(1j * B), *np.linalg.eigvalsh(1j * C), np.trace(B @ C @ B @ C)])
 
     np.testing.assert_allclose(kept(fine), kept(start), atol=2e-14)
-    assert list(co.trace_casimirs(system, 2)) == ["trace_b_2", "trace_c_2"]
+    assert list(co.mechanics.trace_casimirs(system, 2)) == ["trace_b_2", "trace_c_2"]
 
 
 def test_what_does_not_move_as_the_momentum_is_refused():
@@ -224,11 +224,11 @@ def test_what_does_not_move_as_the_momentum_is_refused():
     with pytest.raises(ArgumentError, match=r"advected=co.Coadjoint\(\), but got Defining\(\): use co.Hamil"):
         method.require_fit(one(co.SO3(), advected=co.Defining()))
     with pytest.raises(ArgumentError, match="`degree` must be a whole number from 2, but is 1"):
-        co.trace_casimirs(one(co.SO3()), degree=1)
+        co.mechanics.trace_casimirs(one(co.SO3()), degree=1)
     with pytest.raises(ArgumentError, match=r"needs a system on co.Un, co.SUn, co.SOn or co.SO3, but got SE3"):
-        co.trace_casimirs(one(co.SE3()))
+        co.mechanics.trace_casimirs(one(co.SE3()))
     with pytest.raises(ArgumentError, match=r"needs advected parameters in co.Coadjoint\(\), but got Defining"):
-        co.trace_casimirs(one(co.SO3(), advected=co.Defining()))
+        co.mechanics.trace_casimirs(one(co.SO3(), advected=co.Defining()))
 
 
 @pytest.mark.cases(1)

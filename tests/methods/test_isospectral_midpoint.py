@@ -40,7 +40,7 @@ def system_on(group, **more):
 def matrix(group, mu):
     """W, complex (n, n)."""
     found = evaluate(group.hat, mu)
-    return co.complex_form(found) if isinstance(group, (co.Un, co.SUn)) else found + 0j
+    return co.groups.complex_form(found) if isinstance(group, (co.Un, co.SUn)) else found + 0j
 
 
 def path(system, start, steps, method=None, h=H):
@@ -149,7 +149,7 @@ def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
     with pytest.raises(LagrangianError, match="`wrong` raised AttributeError"):
         co.simulate(system, start, dt=H, steps=2, method=method, events={"wrong": lambda state: state.height})
     with pytest.raises(ArgumentError, match="Kelvin–Noether quantities need g"):
-        co.simulate(system, start, dt=H, steps=2, method=method, kelvin_noether=co.KelvinNoether(np.ones(64)))
+        co.simulate(system, start, dt=H, steps=2, method=method, kelvin_noether=co.mechanics.KelvinNoether(np.ones(64)))
     with pytest.raises(ArgumentError, match="The start has no g"):
         co.simulate(system, run.final, dt=H, steps=2, method=co.IsospectralMidpoint(carry_g=True))
     with pytest.raises(ArgumentError, match=r"The start has no g, .* or go on with co.IsospectralMidpoint"):
@@ -160,12 +160,12 @@ def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "order", "steps"),
-    [(lambda base: base, 2, 32), (co.Suzuki4, 4, 16), (co.KahanLi6, 6, 16), (co.KahanLi8, 8, 16)],
+    [(lambda base: base, 2, 32), (co.Suzuki4, 4, 16), (co.methods.KahanLi6, 6, 16), (co.methods.KahanLi8, 8, 16)],
     ids=["2", "4", "6", "8"],
 )
 def test_orders(method, order, steps):
     system, start = system_on(co.Un(4))
-    exact = path(system, start, 96, co.KahanLi8(co.IsospectralMidpoint()), 3.2 / 96).final.mu
+    exact = path(system, start, 96, co.methods.KahanLi8(co.IsospectralMidpoint()), 3.2 / 96).final.mu
     made = method(co.IsospectralMidpoint())
     errors = [np.max(np.abs(path(system, start, n, made, 3.2 / n).final.mu - exact)) for n in (steps, 2 * steps)]
     assert errors[1] > 3e-14
@@ -250,9 +250,9 @@ def test_what_does_not_fit_is_refused():
         co.IsospectralMidpoint(co.Exponential()).require_fit(system)
     with pytest.raises(ArgumentError, match='backend="xla"'):
         co.simulate(system, start, dt=H, steps=2, method=co.IsospectralMidpoint(), backend="native")
-    with pytest.raises(co.StepError, match="take a smaller dt: the iteration needs"):
+    with pytest.raises(co.errors.StepError, match="take a smaller dt: the iteration needs"):
         co.simulate(system, start, dt=30.0, steps=3, method=co.IsospectralMidpoint(), accuracy=False)
-    with pytest.raises(co.StepError, match=r"A step of the trajectory failed: its numbers .* take a smaller dt"):
+    with pytest.raises(co.errors.StepError, match=r"A step of the trajectory failed: its numbers .* take a smaller dt"):
         co.trajectory(system, start, dt=30.0, steps=3, method=co.IsospectralMidpoint())
 
 
@@ -264,12 +264,12 @@ def test_the_step_that_is_named_where_one_was_too_long_is_the_longest_half_that_
     def run(dt):
         return co.simulate(system, start, dt=dt, steps=1, method=method, accuracy=False, progress=False)
 
-    with pytest.raises(co.StepError) as caught:
+    with pytest.raises(co.errors.StepError) as caught:
         run(30.0)
     named = float(str(caught.value).split("and a step of ")[1].split(" s")[0])
     assert np.log2(30.0 / named) == pytest.approx(round(np.log2(30.0 / named)), abs=1e-5)
     assert run(named).good_steps == 1
-    with pytest.raises(co.StepError):
+    with pytest.raises(co.errors.StepError):
         run(2 * named)
 
 

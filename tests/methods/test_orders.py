@@ -31,7 +31,7 @@ class Problem:
 
     system: co.System
     start: co.State
-    tau: co.DifferenceMap
+    tau: co.difference_maps.DifferenceMap
 
     def __post_init__(self):
         times = [float(self.start.t), float(self.start.t) + DURATION]
@@ -41,13 +41,13 @@ class Problem:
         matrix = evaluate(self.system.group.matrix, state.g)
         return np.concatenate([np.ravel(matrix), state.n, state.a, state.mu, state.pi])
 
-    def error(self, method: co.Method, steps: int) -> float:
+    def error(self, method: co.methods.Method, steps: int) -> float:
         """|end − exact|∞ relative to |exact|∞."""
         stepper = Stepper(self.system, method, compiled=True)
         end = self.coordinates(stepper.final(self.start, DURATION / steps, steps))
         return np.max(np.abs(end - self.exact)) / np.max(np.abs(self.exact))
 
-    def order(self, method: co.Method, steps: int, factor: float) -> float:
+    def order(self, method: co.methods.Method, steps: int, factor: float) -> float:
         """log of the ratio of errors at `steps` and factor·steps, over log factor; round-off is far below."""
         coarse, fine = self.error(method, steps), self.error(method, round(factor * steps))
         assert fine > 1e-11, f"{method.title}: {fine:.1e} is at the round-off of the reference solution"
@@ -115,7 +115,9 @@ def test_a_rule_that_is_not_truly_symmetric_is_exposed_by_composition():
         group, world.lagrangian, additional=Q, advected=V, parameters=world.parameters, discrete_lagrangian=midpoint
     )
     problem = Problem(system, start, co.Cayley())
-    assert problem.order(co.Suzuki4(Claimed(co.Squared(co.Cayley()))), 12, 1.5) == pytest.approx(4, abs=0.2)
+    assert problem.order(co.Suzuki4(Claimed(co.difference_maps.Squared(co.Cayley()))), 12, 1.5) == pytest.approx(
+        4, abs=0.2
+    )
     assert problem.order(co.Suzuki4(Claimed(co.Cayley())), 12, 1.5) == pytest.approx(3, abs=0.2)
 
 

@@ -40,19 +40,21 @@ def run(system, method, steps):
 def test_a_symmetric_rule_of_ones_own_has_order_two_and_composed_four(method, order):
     system = body(potential_at_both_nodes)
     rule = method(co.Variational(symmetric=True))
-    exact = run(system, co.KahanLi8(co.Midpoint()), 160)
+    exact = run(system, co.methods.KahanLi8(co.Midpoint()), 160)
     errors = [np.max(np.abs(run(system, rule, n) - exact)) for n in (10, 20)]
     assert rule.order == order
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
 
 
 def test_a_rule_that_only_says_that_it_is_symmetric_is_refused():
-    with pytest.raises(co.ArgumentError, match=r"not symmetric: Λ.* leave out `symmetric`, or use co\.Symmetrised"):
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"not symmetric: Λ.* leave out `symmetric`, or use co\.Symmetrised"
+    ):
         run(body(potential_at_the_left_node), co.Suzuki4(co.Variational(symmetric=True)), 10)
     pushed = body(potential_at_both_nodes, forces=lambda motion: co.Force(torque=-0.1 * motion.xi))
-    with pytest.raises(co.ArgumentError, match=r"Forces stand at the left node .* leave out `symmetric`"):
+    with pytest.raises(co.errors.ArgumentError, match=r"Forces stand at the left node .* leave out `symmetric`"):
         run(pushed, co.Variational(symmetric=True), 10)
-    with pytest.raises(co.ArgumentError, match=r"one of your own says so by `symmetric` and `order`"):
+    with pytest.raises(co.errors.ArgumentError, match=r"one of your own says so by `symmetric` and `order`"):
         co.Suzuki4(co.Variational())
 
 
@@ -68,7 +70,7 @@ def test_many_symmetric_runs_go_beside_one_another():
 def test_the_members_of_an_ensemble_are_asked_for_symmetry_too():
     system = body(potential_at_the_left_node)
     start = system.state(xi=co.each(np.array([[0.3, -0.4, 1.0], [0.1, 0.0, 1.0]])), a0=[0.0, 0.0, 1.0])
-    with pytest.raises(co.ArgumentError, match="is not symmetric"):
+    with pytest.raises(co.errors.ArgumentError, match="is not symmetric"):
         co.simulate(system, start, dt=0.1, steps=2, method=co.Variational(symmetric=True, start="velocity"))
 
 
@@ -87,9 +89,9 @@ def test_every_member_is_asked_for_symmetry_with_its_own_parameters(shares):
     start, fleet = system.state(mu=[0.3, -0.4, 1.0], a0=[0.0, 0.0, 1.0]), system.replace(share=co.each(shares))
     method = co.Suzuki4(co.Variational(symmetric=True))
     said = r"is not symmetric: Λ\(ξ, n, s, a; h\)" + (" of member 2 =" if shares[0] == 0.5 else " =")
-    with pytest.raises(co.ArgumentError, match=said):
+    with pytest.raises(co.errors.ArgumentError, match=said):
         co.simulate(fleet, start, dt=0.1, steps=2, method=method)
-    with pytest.raises(co.ArgumentError, match=said):
+    with pytest.raises(co.errors.ArgumentError, match=said):
         co.Stepper(fleet, start, dt=0.1, method=method)
     same = system.replace(share=co.each([0.5, 0.5, 0.5]))
     assert not co.simulate(same, start, dt=0.1, steps=2, method=method, accuracy=False).failures

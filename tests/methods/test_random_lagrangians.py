@@ -25,7 +25,7 @@ def test_native_steps_are_the_reference_steps_of_random_lagrangians(world, tau, 
     """The coefficients of ℓ, the forces and the start follow from `number`; a failing case prints it."""
     place = WORLDS[world]
     system, start = system_on(place.group, place.additional, place.advected, forced, f"{world} {number}")
-    method: co.Method = RULES[rule](MAPS[tau])
+    method: co.methods.Method = RULES[rule](MAPS[tau])
     program = StepProgram(replace_parameters(system, None), method)
     constants, state = Constants(system.parameters, None), method.begin(system, start, H)
     chunk = native.run(program, constants, state, H, STEPS, 1, monitors=False)

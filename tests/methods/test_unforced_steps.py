@@ -82,10 +82,10 @@ def test_paper_quantity_satisfies_its_balance(run):
     """(P51)_k = ⟨𝒦_k, (dτ⁻¹_{hξ})*∂_ξΛ/h − ∂_sΛ⋄s⟩, (P52): (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩, 𝒦 = c."""
     system = run.system
     group, Q, V = system.places
-    noether = co.KelvinNoether(generator("c0").normal(size=group.dim))
+    noether = co.mechanics.KelvinNoether(generator("c0").normal(size=group.dim))
 
     def quantities(system, step, record, h):
-        tau = co.Squared(step.difference_map) if isinstance(step, co.Midpoint) else step.difference_map
+        tau = co.difference_maps.Squared(step.difference_map) if isinstance(step, co.Midpoint) else step.difference_map
         slopes = action.gradients(system, step, record, h)
         s = action.chord_end(system, step, record, h)
         K = noether.momentum_map(system, record)

@@ -52,7 +52,7 @@ def test_discrete_lagrangian_of_a_rule_gives_its_step(world, tau, rule, forced):
         forces=system.forces,
         parameters=system.parameters,
     )
-    increment = co.Squared(MAPS[tau]) if rule == "midpoint" else MAPS[tau]
+    increment = co.difference_maps.Squared(MAPS[tau]) if rule == "midpoint" else MAPS[tau]
     (ours,) = Stepper(given, co.Variational(increment)).run(start.replace(from_velocities=False), H, 1)
     (theirs,) = Stepper(system, step).run(start, H, 1)
     pairs = {

@@ -87,7 +87,7 @@ def tilted(A, entry=(0, 3), by=0.5):
     ],
 )
 def test_a_body_that_cannot_be_is_refused_in_one_sentence(make, says):
-    with pytest.raises(co.ArgumentError) as caught:
+    with pytest.raises(co.errors.ArgumentError) as caught:
         make()
     assert says in str(caught.value) and str(caught.value).endswith(".") and "\n" not in str(caught.value)
 
@@ -111,7 +111,7 @@ def test_a_body_that_cannot_be_is_refused_in_one_sentence(make, says):
 def test_a_start_that_cannot_be_is_refused_in_one_sentence(changes, says):
     for begin, make in ((paper_form.start, paper_form.vehicle), (models.se3_start, None)):
         system = make(**VEHICLE) if make else models.se3_vehicle(**GENERAL)
-        with pytest.raises(co.ArgumentError) as caught:
+        with pytest.raises(co.errors.ArgumentError) as caught:
             begin(system, **changes)
         assert says.replace("SO3", "SE3" if make is None else "SO3") in str(caught.value)
 

@@ -24,12 +24,12 @@ def angle(R) -> float:
 def test_a_turn_of_the_cap_turns_the_body_by_its_share_of_the_inertia():
     """A = I₂/(I₁ + I₂) is flat: after ψ from 0 to 2π the body has turned by −2πI₂/(I₁ + I₂)."""
     system = beanie.make(body=3.0, cap=1.0, stiffness=2.0)
-    connection = co.mechanical_connection(system)
+    connection = co.mechanics.mechanical_connection(system)
     assert abs(connection([0.7])[0, 0] - 0.25) <= 1e-15 and np.max(np.abs(connection.curvature([0.7]))) == 0
-    turned = co.horizontal_lift(connection, lambda t: jnp.stack([2 * jnp.pi * t**2]), times=[0.0, 1.0])[-1]
+    turned = co.mechanics.horizontal_lift(connection, lambda t: jnp.stack([2 * jnp.pi * t**2]), times=[0.0, 1.0])[-1]
     assert abs(angle(turned) + np.pi / 2) <= 1e-14
-    discrete = co.discrete_mechanical_connection(system, co.Midpoint(co.Exponential()), 0.1)
-    turned = co.horizontal_lift(discrete, np.linspace(0, 2 * np.pi, 11)[:, None])[-1]
+    discrete = co.theory.discrete_mechanical_connection(system, co.Midpoint(co.Exponential()), 0.1)
+    turned = co.mechanics.horizontal_lift(discrete, np.linspace(0, 2 * np.pi, 11)[:, None])[-1]
     assert abs(angle(turned) + np.pi / 2) <= 1e-14
 
 
@@ -70,7 +70,7 @@ def test_a_cat_that_carries_its_bend_round_turns_about_its_spine_by_the_closed_f
     I Ω sin²β = 0 for the angular velocity Ω of the plane of the bend about the mean direction of the spine.
     """
     cat = falling_cat.make(axial=(ratio, ratio), transverse=(1.0, 1.0), **EQUAL)
-    turned = co.holonomy(co.mechanical_connection(cat), bend_round(size))
+    turned = co.mechanics.holonomy(co.mechanics.mechanical_connection(cat), bend_round(size))
     c, s = np.cos(size / 2), np.sin(size / 2)
     phase = 2 * np.pi * ratio * c / (ratio * c**2 + s**2)
     about_the_spine = np.array([[1, 0, 0], [0, np.cos(phase), -np.sin(phase)], [0, np.sin(phase), np.cos(phase)]])
@@ -84,7 +84,7 @@ def test_a_cat_of_kane_and_schers_proportions_turns_over_with_a_bend_of_59_degre
     cat = falling_cat.make(axial=(0.0025, 0.0025), transverse=(0.01, 0.01), **EQUAL)
     size = 2 * np.arccos((np.sqrt(13) - 1) / 3)
     assert 59.4 < np.degrees(size) < 59.5
-    turned = co.holonomy(co.mechanical_connection(cat), bend_round(size))
+    turned = co.mechanics.holonomy(co.mechanics.mechanical_connection(cat), bend_round(size))
     assert np.max(np.abs(turned - np.diag([1.0, -1.0, -1.0]))) <= 1e-11
 
 
@@ -135,7 +135,7 @@ def test_a_cat_moved_by_its_muscles_turns_over_as_the_horizontal_lift_of_its_sha
     dt, method = 0.02, co.Midpoint()
     run = co.simulate(pull, start, dt=dt, duration=0.4, method=method)
     assert np.max(np.abs(run.records.mu)) <= 1e-17
-    lift = co.horizontal_lift(co.discrete_mechanical_connection(cat, method, dt), run.records.n)
+    lift = co.mechanics.horizontal_lift(co.theory.discrete_mechanical_connection(cat, method, dt), run.records.n)
     assert np.max(np.abs(lift - run.records.g)) <= 1e-13
     assert np.max(np.abs(run.records.g[-1] - np.eye(3))) > 0.1
 
@@ -154,7 +154,7 @@ def test_the_connection_of_a_straight_swimmer_is_the_closed_form():
     turning, _, across = evaluate(swimmer.inertias, system.parameters)
     spin = (turning + 2 * 0.25 * across) / (3 * turning + 8 * 0.25 * across)
     expected = [[spin, spin], [0.0, 0.0], [0.5 / 3, -0.5 / 3]]
-    assert np.max(np.abs(co.mechanical_connection(system)([0.0, 0.0]) - expected)) <= 1e-15
+    assert np.max(np.abs(co.mechanics.mechanical_connection(system)([0.0, 0.0]) - expected)) <= 1e-15
 
 
 @pytest.mark.long
@@ -162,7 +162,7 @@ def test_circles_do_not_swim():
     """Added mass that is the same in all directions leaves the mean of the centres where it is."""
     system = swimmer.make(semi_axes=(0.3, 0.3), density=1.0, stiffness=0.0)
     times = np.linspace(0, 0.7, 15)
-    R, place = co.horizontal_lift(co.mechanical_connection(system), paddle, times=times)
+    R, place = co.mechanics.horizontal_lift(co.mechanics.mechanical_connection(system), paddle, times=times)
 
     def middle(R, place, t):
         return place + R @ jnp.mean(swimmer.links(paddle(t), system.parameters)[1], axis=0)
@@ -174,10 +174,12 @@ def test_circles_do_not_swim():
 @pytest.mark.long
 def test_a_stroke_there_and_back_goes_nowhere_and_a_loop_does():
     """What Purcell's scallop is to viscous fluids: a path in a line of shapes has no holonomy."""
-    connection = co.mechanical_connection(catalogue["three_link_swimmer"].make())
-    R, place = co.holonomy(connection, lambda t: jnp.stack([jnp.sin(2 * jnp.pi * t), jnp.sin(2 * jnp.pi * t) ** 2]))
+    connection = co.mechanics.mechanical_connection(catalogue["three_link_swimmer"].make())
+    R, place = co.mechanics.holonomy(
+        connection, lambda t: jnp.stack([jnp.sin(2 * jnp.pi * t), jnp.sin(2 * jnp.pi * t) ** 2])
+    )
     assert max(np.max(np.abs(R - np.eye(2))), np.max(np.abs(place))) <= 1e-12
-    assert np.max(np.abs(co.holonomy(connection, paddle)[1])) > 0.05
+    assert np.max(np.abs(co.mechanics.holonomy(connection, paddle)[1])) > 0.05
 
 
 @pytest.mark.parametrize(
@@ -191,6 +193,6 @@ def test_a_stroke_there_and_back_goes_nowhere_and_a_loop_does():
     ],
 )
 def test_what_no_body_can_have_is_refused(call, says):
-    with pytest.raises(co.ArgumentError) as caught:
+    with pytest.raises(co.errors.ArgumentError) as caught:
         call()
     assert says in str(caught.value)

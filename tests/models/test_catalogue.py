@@ -108,7 +108,7 @@ def test_one_way_to_state_the_attitude_replaces_another():
     ],
 )
 def test_a_name_that_does_not_exist_is_answered_by_the_nearest(call, says):
-    with pytest.raises(co.ArgumentError) as caught:
+    with pytest.raises(co.errors.ArgumentError) as caught:
         call(catalogue["heavy_top"])
     assert says in str(caught.value)
 

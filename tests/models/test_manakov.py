@@ -155,7 +155,7 @@ BODY = manakov.body(moments=[1.0, 2.0, 3.0])
     ],
 )
 def test_what_is_no_body_is_told_in_a_sentence(call, says):
-    with pytest.raises(co.ArgumentError, match=says):
+    with pytest.raises(co.errors.ArgumentError, match=says):
         call()
 
 

@@ -131,5 +131,5 @@ def test_two_vortices_on_a_sphere_turn_about_their_moment():
     ],
 )
 def test_wrong_vortices_are_refused_in_a_sentence(call, says):
-    with pytest.raises(co.ArgumentError, match=says):
+    with pytest.raises(co.errors.ArgumentError, match=says):
         call()

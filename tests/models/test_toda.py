@@ -87,7 +87,7 @@ def test_eigenvalues_stay_and_stand_in_order_at_the_end():
 
 def test_wrong_lattices_are_refused_in_a_sentence():
     for particles in (1, 2.5, 40, "three", True, np.nan, np.inf):
-        with pytest.raises(co.ArgumentError, match="`particles` must be a whole number from 2 to 12"):
+        with pytest.raises(co.errors.ArgumentError, match="`particles` must be a whole number from 2 to 12"):
             toda.lattice(particles=particles)
-    with pytest.raises(co.ArgumentError, match="`momenta` must have shape \\(3,\\)"):
+    with pytest.raises(co.errors.ArgumentError, match="`momenta` must have shape \\(3,\\)"):
         toda.start(toda.lattice(particles=3), positions=[0, 1, 2], momenta=[1, 2])

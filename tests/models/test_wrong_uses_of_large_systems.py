@@ -26,7 +26,7 @@ def joined(xi, a):
 
 @cache
 def chain() -> co.System:
-    return co.System(power(), joined, advected=co.RelativePoses())
+    return co.System(power(), joined, advected=co.spaces.RelativePoses())
 
 
 def long_chain(energy) -> co.Run:
@@ -88,7 +88,7 @@ CHAINS = {
         lambda: chain().state(a0=np.tile(2 * np.eye(3), (2, 1, 1))),
         r"The pose of the pair \(0, 1\) in `a0` must be an element of SO3\(\), but is off by",
     ),
-    "no pairs": (lambda: co.RelativePoses([]), r"must be pairs of links such as .*, but is \[\]"),
+    "no pairs": (lambda: co.spaces.RelativePoses([]), r"must be pairs of links such as .*, but is \[\]"),
     "no number of links": (lambda: co.Power(co.SO3(), other), "`count` of Power must be a whole number of links"),
     "no group": (lambda: co.Power(co.SO3, 2), "`factor` of Power must be a Lie group such as SO3()"),
     "a power of a power": (lambda: co.Power(power(), 2), "must not be a power itself"),
@@ -97,7 +97,7 @@ CHAINS = {
     "a link coupled to itself": (lambda: power(3, [(1, 1)]), "of different ones"),
     "triples as coupling": (lambda: power(3, [(0, 1, 2)]), "must be a list of pairs of links"),
     "poses of links that are not there": (
-        lambda: co.System(power(), joined, advected=co.RelativePoses([(0, 5)])),
+        lambda: co.System(power(), joined, advected=co.spaces.RelativePoses([(0, 5)])),
         r"pair \(0, 5\) of RelativePoses must be of two links from 0 to 2, or −1 for the ground",
     ),
     "an energy of links that are not coupled": (
@@ -208,7 +208,7 @@ FLUIDS = {
         r"`rotation` must be one number, but has shape \(3,\)",
     ),
     "poses of no pairs": (
-        lambda: co.System(co.Power(co.SO3(), 1), lambda xi, a: jnp.sum(xi**2), advected=co.RelativePoses()),
+        lambda: co.System(co.Power(co.SO3(), 1), lambda xi, a: jnp.sum(xi**2), advected=co.spaces.RelativePoses()),
         r"couples no two links, so that RelativePoses has no pairs: give `pairs`, as \[\(-1, 0\)\]",
     ),
     "coordinates of another size": (

@@ -48,7 +48,7 @@ def warned(run):
 def test_a_run_that_is_not_resolved_says_so_and_names_a_dt_that_would_do(case):
     try:
         run = case.simulate()
-    except co.StepError as error:
+    except co.errors.StepError as error:
         run = error.run
     assert run.accuracy is not None and not run.accuracy.resolved
     assert len(warned(run)) == 1 and "accuracy " in str(run) and "unresolved: " in str(run)
@@ -248,9 +248,9 @@ def test_a_trajectory_that_parts_from_the_true_one_tells_until_when_it_holds():
 
 def test_a_whole_trajectory_is_judged_only_where_two_runs_share_their_nodes():
     system, start, arguments = top(0.3)()
-    with pytest.raises(co.ArgumentError, match="does not go with a method with steps of its own"):
+    with pytest.raises(co.errors.ArgumentError, match="does not go with a method with steps of its own"):
         co.simulate(system, start, accuracy="full", **{**arguments, "method": co.VariableStep()})
-    with pytest.raises(co.ArgumentError, match="leave out `until`"):
+    with pytest.raises(co.errors.ArgumentError, match="leave out `until`"):
         co.simulate(system, start, accuracy="full", until=lambda state: state.t - 1.0, **arguments)
-    with pytest.raises(co.ArgumentError, match="`accuracy` must be"):
+    with pytest.raises(co.errors.ArgumentError, match="`accuracy` must be"):
         co.simulate(system, start, accuracy="fully", **arguments)

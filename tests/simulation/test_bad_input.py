@@ -17,7 +17,7 @@ def simulate(**changes):
 
 def sentence_of(function) -> str:
     """The message of the error, which must be one of the library's own."""
-    with pytest.raises(co.CoadjointError) as caught:
+    with pytest.raises(co.errors.CoadjointError) as caught:
         function()
     message = str(caught.value)
     assert "\n" not in message and len(message) < 400
@@ -37,8 +37,8 @@ def sentence_of(function) -> str:
         ({"save_every": 0}, "`save_every` must be a whole number"),
         ({"method": co.Midpoint}, "must be a method such as"),
         ({"backend": "gpu"}, '"auto", "native" or "xla"'),
-        ({"kelvin_noether": co.KelvinNoether([0, 0])}, "`c0` must have shape (3,)"),
-        ({"kelvin_noether": co.KelvinNoether([0, 0, 1], K=lambda c, a: c * c)}, "Ad_g"),
+        ({"kelvin_noether": co.mechanics.KelvinNoether([0, 0])}, "`c0` must have shape (3,)"),
+        ({"kelvin_noether": co.mechanics.KelvinNoether([0, 0, 1], K=lambda c, a: c * c)}, "Ad_g"),
         ({"dt": 20.0}, "leave the chart of Cayley()"),
     ],
 )
@@ -215,7 +215,7 @@ def test_an_unknown_parameter_is_answered_with_those_there_are(changes, says):
 def test_groups_and_spaces_that_do_not_fit_are_refused():
     assert "must be a Lie group" in sentence_of(lambda: co.System(co.SO3, lagrangian))
     assert "must be a space" in sentence_of(lambda: co.System(co.SO3(), lagrangian, additional=co.Defining))
-    assert "rigid motions" in sentence_of(lambda: co.System(co.SO3(), lagrangian, additional=co.Points()))
+    assert "rigid motions" in sentence_of(lambda: co.System(co.SO3(), lagrangian, additional=co.spaces.Points()))
     assert "must be a difference map" in sentence_of(lambda: co.Midpoint(co.Cayley))
 
 
@@ -360,7 +360,9 @@ def test_a_basis_that_is_no_algebra_is_refused():
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_force_that_becomes_infinite_stops_the_run_at_that_step_and_keeps_what_was_computed(backend):
     vehicle = system(forces=lambda motion, p: co.Force(torque=motion.xi * jnp.log(0.0525 - motion.t)))
-    with pytest.raises(co.StepError, match=r"Step 5 of 30 \(t = 0.05 s\) gave numbers that are not finite") as caught:
+    with pytest.raises(
+        co.errors.StepError, match=r"Step 5 of 30 \(t = 0.05 s\) gave numbers that are not finite"
+    ) as caught:
         co.simulate(vehicle, start(vehicle), dt=0.01, steps=30, backend=backend)
     run = caught.value.run
     assert run.good_steps == 5 and run.count == 5
@@ -375,7 +377,7 @@ def test_a_step_too_large_to_converge_stops_the_run_with_the_remedy(backend):
 
     body = co.System(co.SO3(), stiff, additional=co.Defining(), advected=co.Defining(), parameters=PARAMETERS)
     begun = body.state(q=[0.1, 0, 0], qdot=[10.0, 0, 0], a0=[0, 0, 1])
-    with pytest.raises(co.StepError, match="take a smaller dt") as caught:
+    with pytest.raises(co.errors.StepError, match="take a smaller dt") as caught:
         co.simulate(body, begun, dt=0.3, steps=100, backend=backend)
     assert caught.value.run.good_steps < 100
 
@@ -385,8 +387,8 @@ def test_a_step_that_leaves_the_chart_stops_the_run():
         return co.Force(torque=jnp.array([0.0, 0.0, 400.0]))
 
     vehicle = system(forces=spinning_up)
-    with pytest.raises(co.StepError, match="left the chart of the difference map"):
-        co.simulate(vehicle, start(vehicle), dt=0.1, steps=200, method=co.LeftRight())
+    with pytest.raises(co.errors.StepError, match="left the chart of the difference map"):
+        co.simulate(vehicle, start(vehicle), dt=0.1, steps=200, method=co.methods.LeftRight())
 
 
 def test_a_traced_float32_parameter_asks_for_the_float64_scope():
@@ -456,7 +458,7 @@ def test_what_jax_traces_is_sent_to_the_pure_trajectory():
 
 
 def test_kelvin_noether_quantities_must_be_such():
-    assert "must be co.KelvinNoether" in sentence_of(lambda: simulate(kelvin_noether=[1]))
+    assert "must be co.mechanics.KelvinNoether" in sentence_of(lambda: simulate(kelvin_noether=[1]))
 
 
 def test_the_card_says_that_a_start_by_velocities_costs_the_second_order():

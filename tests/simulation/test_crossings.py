@@ -24,7 +24,7 @@ def second_momentum(state):
 
 
 def simulate(**arguments):
-    given = {"dt": 0.05, "duration": 40.0, "method": co.KahanLi8(co.Midpoint()), "progress": False, **arguments}
+    given = {"dt": 0.05, "duration": 40.0, "method": co.methods.KahanLi8(co.Midpoint()), "progress": False, **arguments}
     return co.simulate(BODY, START, **given)
 
 
@@ -123,7 +123,7 @@ def test_an_event_that_is_not_finite_fails_in_a_sentence_and_is_no_event():
         return jnp.sqrt(0.1234 - state.t) + 1.0
 
     for given in ({"until": root}, {"events": {"root": root}}):
-        with pytest.raises(co.StepError, match=r"the function `(until|root)` is not finite there"):
+        with pytest.raises(co.errors.StepError, match=r"the function `(until|root)` is not finite there"):
             simulate(**given)
 
 
@@ -172,11 +172,15 @@ def test_every_member_of_an_ensemble_has_its_own_events(fleet):
 @pytest.mark.parametrize(
     ("given", "error", "sentence"),
     [
-        ({"events": first_momentum}, co.ArgumentError, "`events` must be a dictionary of names and functions"),
-        ({"events": {"section": 3.0}}, co.LagrangianError, "must be a function of the state"),
-        ({"events": {"section": lambda s: s.mu}}, co.LagrangianError, "`section` must return one number"),
-        ({"events": {"s": first_momentum}, "store": "folder"}, co.ArgumentError, "leave out `store`"),
-        ({"until": first_momentum, "method": co.VariableStep(co.Midpoint())}, co.ArgumentError, "parts of a step"),
+        ({"events": first_momentum}, co.errors.ArgumentError, "`events` must be a dictionary of names and functions"),
+        ({"events": {"section": 3.0}}, co.errors.LagrangianError, "must be a function of the state"),
+        ({"events": {"section": lambda s: s.mu}}, co.errors.LagrangianError, "`section` must return one number"),
+        ({"events": {"s": first_momentum}, "store": "folder"}, co.errors.ArgumentError, "leave out `store`"),
+        (
+            {"until": first_momentum, "method": co.VariableStep(co.Midpoint())},
+            co.errors.ArgumentError,
+            "parts of a step",
+        ),
     ],
 )
 def test_what_is_no_event_is_refused(given, error, sentence, tmp_path, monkeypatch):
@@ -186,7 +190,7 @@ def test_what_is_no_event_is_refused(given, error, sentence, tmp_path, monkeypat
 
 
 def test_a_direction_is_one_of_three():
-    with pytest.raises(co.ArgumentError, match='"rising", "falling" or "both", but is \'up\''):
+    with pytest.raises(co.errors.ArgumentError, match='"rising", "falling" or "both", but is \'up\''):
         co.Event(first_momentum, "up")
 
 
@@ -198,7 +202,9 @@ def test_a_run_with_events_is_saved_with_their_counts(watched, tmp_path):
 
 
 def test_a_wrong_event_is_told_by_its_name():
-    with pytest.raises(co.LagrangianError, match="The event `section` must be a function of the state, but is 3"):
+    with pytest.raises(
+        co.errors.LagrangianError, match="The event `section` must be a function of the state, but is 3"
+    ):
         simulate(events={"section": 3})
-    with pytest.raises(co.ArgumentError, match="The name `until` in `events`"):
+    with pytest.raises(co.errors.ArgumentError, match="The name `until` in `events`"):
         simulate(events={"until": first_momentum})

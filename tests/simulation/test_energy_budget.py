@@ -12,7 +12,7 @@ from systems import RULES, random_system
 METHODS = {
     **{name: rule(co.Cayley()) for name, rule in RULES.items()},
     "suzuki of midpoint": co.Suzuki4(co.Midpoint(co.Cayley()), negative_substeps="allow"),
-    "suzuki of the pair": co.Suzuki4(co.LeftRight(co.Cayley()), negative_substeps="allow"),
+    "suzuki of the pair": co.Suzuki4(co.methods.LeftRight(co.Cayley()), negative_substeps="allow"),
 }
 
 
@@ -50,8 +50,8 @@ def test_forced_momentum_changes_by_exactly_what_was_put_in(rule):
     """I_k − I_0 = Σ⟨𝒦, Δ⟩ over the whole run, for quantities that gravity and forces change; Theorem 7 summed up."""
     system, start = random_system("SO3", True)
     chosen = [
-        co.KelvinNoether([1.0, 2.0, 3.0]),
-        co.KelvinNoether(start.a[3:], K=lambda c, a: a.spin, space=co.Adjoint()),
+        co.mechanics.KelvinNoether([1.0, 2.0, 3.0]),
+        co.mechanics.KelvinNoether(start.a[3:], K=lambda c, a: a.spin, space=co.Adjoint()),
     ]
     run = co.simulate(system, start, dt=0.01, steps=200, method=RULES[rule](co.Cayley()), kelvin_noether=chosen)
     assert run.relative_change("kelvin_noether") > 0.05
@@ -163,7 +163,7 @@ def test_the_figure_of_a_budget(tmp_path):
     )
     assert below.get_yscale() == "log"
     unforced, start = pendulum()
-    with pytest.raises(co.ArgumentError, match="No energy budget was recorded"):
+    with pytest.raises(co.errors.ArgumentError, match="No energy budget was recorded"):
         co.simulate(unforced, start, dt=0.01, steps=5).plot.budget()
 
 

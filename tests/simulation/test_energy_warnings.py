@@ -91,5 +91,5 @@ def test_a_run_on_disk_is_told_as_one_in_memory_also_where_a_step_fails(tmp_path
     failing = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.inertia * xi), parameters=system.parameters,
                         forces={"brake": passive(lost)})  # fmt: skip
     for more in ({}, {"store": tmp_path / "failed"}):
-        with pytest.raises(co.StepError, match="which should only brake, put in"):
+        with pytest.raises(co.errors.StepError, match="which should only brake, put in"):
             co.simulate(failing, failing.state(xi=[0.3, 0.2, 1.0]), steps=50, **RUN, **more)

@@ -152,7 +152,7 @@ def test_inputs_of_an_ensemble_stream_and_are_given_again(tmp_path, small_blocks
     given = {**RUN, "inputs": lambda motion: {"thrust": 0.1 * motion.t}}
     whole = co.simulate(system, begun, **given, monitors=False)
     assert_same(co.simulate(system, begun, **given, monitors=False, store=tmp_path / "run"), whole)
-    with pytest.raises(co.ArgumentError, match="begun with `inputs`"):
+    with pytest.raises(co.errors.ArgumentError, match="begun with `inputs`"):
         co.resume(tmp_path / "run", system)
     assert_same(co.resume(tmp_path / "run", system, inputs=given["inputs"]), whole)
 
@@ -163,7 +163,7 @@ def test_another_member_is_another_ensemble(tmp_path):
     co.simulate(system, begun, **RUN, store=tmp_path / "run")
     other = np.linspace(110, 140, COUNT)
     other[-1] += 1e-9
-    with pytest.raises(co.ArgumentError, match="holds another run: the parameters differ"):
+    with pytest.raises(co.errors.ArgumentError, match="holds another run: the parameters differ"):
         co.resume(tmp_path / "run", system.replace(mass=co.each(other)))
 
 
@@ -174,7 +174,7 @@ def test_a_missing_block_of_members_is_told(tmp_path, small_blocks):
     file = tmp_path / "run" / "records.zarr" / "xi" / "c.1.2.0"
     file.unlink()
     for opened in (lambda: co.load(tmp_path / "run"), lambda: co.resume(tmp_path / "run", system)):
-        with pytest.raises(co.FileError, match="missing") as error:
+        with pytest.raises(co.errors.FileError, match="missing") as error:
             opened()
         assert str(file) in str(error.value)
 
@@ -183,7 +183,7 @@ def test_a_missing_block_of_members_is_told(tmp_path, small_blocks):
 def test_an_ensemble_too_large_for_memory_is_sent_to_a_store(tmp_path, monkeypatch):
     monkeypatch.setattr(members, "MEMORY_LIMIT", 1e5)
     system, begun = fleet()
-    with pytest.raises(co.ArgumentError, match=r"`store=`, or raise save_every from 3 to \d+ or more"):
+    with pytest.raises(co.errors.ArgumentError, match=r"`store=`, or raise save_every from 3 to \d+ or more"):
         co.simulate(system, begun, **RUN)
     assert len(co.simulate(system, begun, **RUN, store=tmp_path / "run").dataset.time) == 102
 

@@ -88,16 +88,16 @@ def test_a_member_that_fails_is_reported_and_masked_and_the_others_finish():
 
 def test_ensembles_that_cannot_be_counted_are_refused():
     both = VEHICLE.replace(mass=co.each(MASSES), buoyancy=co.each([1.0, 2.0]))
-    with pytest.raises(co.ArgumentError, match="equally many values"):
+    with pytest.raises(co.errors.ArgumentError, match="equally many values"):
         co.simulate(both, start(VEHICLE), dt=0.01, steps=2)
     begun = start(VEHICLE, q=co.each(np.zeros((3, 3))))
-    with pytest.raises(co.ArgumentError, match="equally many members"):
+    with pytest.raises(co.errors.ArgumentError, match="equally many members"):
         co.simulate(VEHICLE.replace(mass=co.each(MASSES)), begun, dt=0.01, steps=2)
-    with pytest.raises(co.ArgumentError, match="leading axis"):
+    with pytest.raises(co.errors.ArgumentError, match="leading axis"):
         co.each(3.0)
-    with pytest.raises(co.ArgumentError, match="`q` must have shape"):
+    with pytest.raises(co.errors.ArgumentError, match="`q` must have shape"):
         start(VEHICLE, q=co.each(np.zeros((3, 2))))
-    with pytest.raises(co.ArgumentError, match="must lie in SO3"):
+    with pytest.raises(co.errors.ArgumentError, match="must lie in SO3"):
         start(VEHICLE, g=co.each(np.stack([np.eye(3), 1.1 * np.eye(3)])))
 
 
@@ -127,9 +127,9 @@ def test_the_records_of_one_run_are_no_start_of_an_ensemble():
     run = co.simulate(VEHICLE, start(VEHICLE), **settings)
     fleet = co.simulate(VEHICLE, start(VEHICLE, xi=co.each(RANDOM.normal(size=(3, 3)))), **settings)
     for records in (run.records, run.at([0.01, 0.05]), fleet.records):
-        with pytest.raises(co.ArgumentError, match=r"records from t = .* s: of one run take `run.final`"):
+        with pytest.raises(co.errors.ArgumentError, match=r"records from t = .* s: of one run take `run.final`"):
             co.simulate(VEHICLE, records, **settings)
-    with pytest.raises(co.ArgumentError, match=r"6 records from t = 0 s to 0.1 s: of one run take"):
+    with pytest.raises(co.errors.ArgumentError, match=r"6 records from t = 0 s to 0.1 s: of one run take"):
         co.trajectory(VEHICLE, run.records, dt=0.02, steps=2)
 
 
@@ -156,7 +156,7 @@ def test_members_that_ended_at_several_times_go_on_from_one_time():
     many = start(VEHICLE, xi=co.each(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])))
     ended = co.simulate(VEHICLE, many, dt=0.02, steps=50, until=lambda s: s.g[0, 0] - 0.9, accuracy=False).final
     assert ended.t[0] != ended.t[1]
-    with pytest.raises(co.ArgumentError, match=r"get one time by start\.replace\(t=np\.zeros\(2\)\)\.$"):
+    with pytest.raises(co.errors.ArgumentError, match=r"get one time by start\.replace\(t=np\.zeros\(2\)\)\.$"):
         co.simulate(VEHICLE, ended, dt=0.02, steps=5)
     on = co.simulate(VEHICLE, ended.replace(t=np.zeros(2)), dt=0.02, steps=5, accuracy=False)
     np.testing.assert_allclose(on.final.t, 0.1)

@@ -33,7 +33,9 @@ def deep(state):
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("method", [co.LeftRectangle(), co.Midpoint(), co.KahanLi6(co.LeftRight())], ids=repr)
+@pytest.mark.parametrize(
+    "method", [co.LeftRectangle(), co.Midpoint(), co.methods.KahanLi6(co.methods.LeftRight())], ids=repr
+)
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_dive_ends_at_its_depth(vehicle, method, backend):
     if backend == "xla" and not isinstance(method, co.Midpoint):
@@ -61,7 +63,7 @@ def test_the_event_is_located_to_the_order_of_the_method(vehicle):
         start,
         dt=0.01,
         duration=100.0,
-        method=co.KahanLi8(co.Midpoint()),
+        method=co.methods.KahanLi8(co.Midpoint()),
         until=deep,
         progress=False,
         monitors=False,
@@ -102,7 +104,7 @@ def test_an_event_is_kept_in_files_and_found_again_after_an_interruption(vehicle
     assert float(co.load(tmp_path / "dive").dataset.time[-1]) == plain.event
     again = co.resume(tmp_path / "dive", system, until=deep)
     assert again.event == plain.event
-    with pytest.raises(co.ArgumentError, match="begun with `until`"):
+    with pytest.raises(co.errors.ArgumentError, match="begun with `until`"):
         co.resume(tmp_path / "dive", system)
     plain.save(tmp_path / "dive.nc")
     loaded = co.load(tmp_path / "dive.nc")
@@ -122,19 +124,19 @@ def test_an_event_is_kept_in_files_and_found_again_after_an_interruption(vehicle
 )
 def test_a_function_that_is_no_event_is_refused(vehicle, until, sentence):
     system, start = vehicle
-    with pytest.raises(co.LagrangianError, match=sentence):
+    with pytest.raises(co.errors.LagrangianError, match=sentence):
         co.simulate(system, start, dt=0.1, steps=5, until=until, progress=False)
 
 
 @pytest.mark.parametrize("given", [None, 3.0, "depth"])
 def test_a_named_event_without_a_function_is_refused_and_not_passed_over(vehicle, given):
     system, start = vehicle
-    with pytest.raises(co.LagrangianError, match=r"The event `a` must be a function of the state, but is "):
+    with pytest.raises(co.errors.LagrangianError, match=r"The event `a` must be a function of the state, but is "):
         co.simulate(system, start, dt=0.1, steps=2, events={"a": given}, progress=False)
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.LeftRight(co.Exponential()))], ids=repr)
+@pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.methods.LeftRight(co.Exponential()))], ids=repr)
 def test_dense_output_keeps_momenta_and_meets_the_nodes(top, method):
     system, start = top
     run = co.simulate(system, start, dt=0.01, steps=30, method=method, save_every=10, progress=False, monitors=False)
@@ -159,7 +161,7 @@ def _rows(records):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "method",
-    [co.Midpoint(co.Exponential()), pytest.param(co.Suzuki4(co.LeftRight()), marks=pytest.mark.long)],
+    [co.Midpoint(co.Exponential()), pytest.param(co.Suzuki4(co.methods.LeftRight()), marks=pytest.mark.long)],
     ids=repr,
 )
 def test_dense_output_has_the_order_of_the_method(top, method):
@@ -170,7 +172,7 @@ def test_dense_output_has_the_order_of_the_method(top, method):
         start,
         dt=0.0002,
         duration=0.04,
-        method=co.KahanLi8(co.Midpoint()),
+        method=co.methods.KahanLi8(co.Midpoint()),
         progress=False,
         save_every=50,
         monitors=False,
@@ -215,8 +217,8 @@ def test_a_time_between_nodes_whose_step_has_no_solution_is_told_in_one_sentence
         co.SO3(), group_lagrangian=lambda F, p, h: jnp.trace((F - jnp.eye(3)) @ p.shape) / h,
         parameters=co.Parameters(shape=np.diag([2.0, 1.0, 0.5])),
     )  # fmt: skip
-    start, method = body.state(xi=[20.0, 5.0, 0.3]), co.GroupVariational(start="velocity")
-    with pytest.raises(co.StepError, match="take a smaller dt"):
+    start, method = body.state(xi=[20.0, 5.0, 0.3]), co.methods.GroupVariational(start="velocity")
+    with pytest.raises(co.errors.StepError, match="take a smaller dt"):
         co.simulate(body, start, dt=0.1, steps=20, method=method, until=lambda s: s.t - 1.234, progress=False)
 
 
@@ -224,7 +226,7 @@ def test_a_time_between_nodes_whose_step_has_no_solution_is_told_in_one_sentence
 def test_times_outside_the_run_are_refused(top, times):
     system, start = top
     run = co.simulate(system, start, dt=0.01, steps=10, progress=False)
-    with pytest.raises(co.ArgumentError, match="`times`"):
+    with pytest.raises(co.errors.ArgumentError, match="`times`"):
         run.at(times)
 
 

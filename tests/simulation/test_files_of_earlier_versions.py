@@ -25,7 +25,7 @@ def _run(path: Path) -> dict[str, object]:
 
 
 def _sweep(path: Path) -> dict[str, object]:
-    dataset = co.load_sweep(path).dataset
+    dataset = co.sweeps.load_sweep(path).dataset
     return {"mass": dataset["parameters.mass"].values, "mu": dataset.final_mu.values}
 
 

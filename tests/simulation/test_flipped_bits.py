@@ -42,7 +42,7 @@ def flipped(place, generator):
 def is_found(place):
     try:
         return bool(verify(place).problems)
-    except co.FileError:
+    except co.errors.FileError:
         return True
 
 
@@ -59,7 +59,7 @@ def require_unchanged(load, expected):
         for name, values in expected.variables.items():
             now, then = found[name].values, values.values
             np.testing.assert_array_equal(now, then[:rows] if "time" in values.dims else then)
-    except co.FileError:
+    except co.errors.FileError:
         pass
 
 
@@ -101,7 +101,7 @@ def test_of_a_folder_of_results(tmp_path, monkeypatch, flips):
         path, kept = flipped(place, generator)
         assert is_found(place), path
         require_unchanged(lambda: co.load(place / "trajectory.nc").dataset, whole)
-        with pytest.raises(co.FileError):
+        with pytest.raises(co.errors.FileError):
             execute(read(file, CHANGES), place, progress=False)
         path.write_bytes(kept)
     assert verify(place).passed

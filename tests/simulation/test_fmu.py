@@ -34,7 +34,7 @@ def stepper(**more):
 def saved(tmp_path_factory):
     one = stepper()
     one.step(n=7)
-    return one, co.save_fmu(one, tmp_path_factory.mktemp("units") / "a body.fmu")
+    return one, co.simulation.save_fmu(one, tmp_path_factory.mktemp("units") / "a body.fmu")
 
 
 class Slave:
@@ -154,7 +154,7 @@ def test_a_unit_runs_without_jax(saved):
 
 def test_a_unit_holds_no_more_than_the_stepper_the_script_and_pythonfmu(saved, tmp_path):
     before = set(sys.modules), sys.path.copy()
-    co.save_fmu(saved[0], tmp_path / "other.fmu")
+    co.simulation.save_fmu(saved[0], tmp_path / "other.fmu")
     assert not [name for name in set(sys.modules) - before[0] if "other" in name]
     assert sys.path == before[1]
     names = zipfile.ZipFile(saved[1]).namelist()
@@ -165,17 +165,17 @@ def test_a_unit_holds_no_more_than_the_stepper_the_script_and_pythonfmu(saved, t
 def test_what_cannot_be_a_unit_is_refused_in_a_sentence(tmp_path, saved, monkeypatch):
     path = tmp_path / "body.fmu"
     with pytest.raises(ArgumentError, match="holds one vehicle, but this stepper has 4"):
-        co.save_fmu(stepper(members=4), path)
+        co.simulation.save_fmu(stepper(members=4), path)
     with pytest.raises(ArgumentError, match="`drag` is a command and is observed"):
-        co.save_fmu(stepper(observe={"drag": lambda s: s.xi[0]}), path)
+        co.simulation.save_fmu(stepper(observe={"drag": lambda s: s.xi[0]}), path)
     with pytest.raises(ArgumentError, match="names are ASCII, but `ω` is not"):
-        co.save_fmu(stepper(observe={"ω": lambda s: s.xi[0]}), path)
+        co.simulation.save_fmu(stepper(observe={"ω": lambda s: s.xi[0]}), path)
     assert not list(tmp_path.iterdir())
     with pytest.raises(FileError, match="exists already"):
-        co.save_fmu(saved[0], saved[1])
+        co.simulation.save_fmu(saved[0], saved[1])
     monkeypatch.setitem(sys.modules, "pythonfmu.builder", None)
     with pytest.raises(ArgumentError, match=r"coadjoint\[fmu\]"):
-        co.save_fmu(saved[0], path)
+        co.simulation.save_fmu(saved[0], path)
 
 
 def test_a_unit_of_long_steps_says_so_in_the_log(tmp_path):
@@ -183,7 +183,7 @@ def test_a_unit_of_long_steps_says_so_in_the_log(tmp_path):
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ INERTIA @ xi)
     with pytest.warns(UserWarning, match="does not resolve this motion"):
         fast = co.Stepper(body, body.state(xi=[0.3, 8.0, 0.3]), dt=0.3, observe={"rate": lambda s: s.xi})
-    slave = Slave(co.save_fmu(fast, tmp_path / "fast.fmu"), tmp_path, 0.0)
+    slave = Slave(co.simulation.save_fmu(fast, tmp_path / "fast.fmu"), tmp_path, 0.0)
     for k in range(3):
         slave.fmu.doStep(currentCommunicationPoint=0.3 * k, communicationStepSize=0.3)
     slave.close()

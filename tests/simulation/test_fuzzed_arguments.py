@@ -34,7 +34,7 @@ def outcome(door: Callable[[Any], Any], value: Any) -> str | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = door(value)
-    except co.CoadjointError as error:
+    except co.errors.CoadjointError as error:
         said = str(error)
         if "\n" in said or not said.endswith((".", "?")) or len(said) > LONGEST:
             return f"no sentence: {said[:300]!r}"
@@ -90,7 +90,7 @@ def made(name: str) -> Callable[[Any], Any]:
 
 
 def on_sphere(value: Any) -> Any:
-    flat = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Submanifold(value))
+    flat = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.spaces.Submanifold(value))
     return flat.state(q=[0, 0, 1])
 
 
@@ -150,19 +150,19 @@ ARGUMENTS: dict[str, Callable[[Any], Any]] = {
     "Linear values": lambda v: co.Linear([0.0, 1.0, 2.0], v),
     "Linear times": lambda v: co.Linear(v, [0.0, 1.0, 2.0]),
     "Held values": lambda v: co.Held([0.0, 1.0, 2.0], v),
-    "Signal": co.Signal,
+    "Signal": co.mechanics.Signal,
     **{n: getattr(co, n) for n in ("SOn", "SLn", "Sp", "Heisenberg", "Translation", "MatrixGroup", "DirectProduct")},
     "MatrixGroup constraint": lambda v: co.MatrixGroup(co.SO3().basis, v),
     "SemidirectProduct group": lambda v: co.SemidirectProduct(v, co.Defining()),
     "SemidirectProduct space": lambda v: co.SemidirectProduct(co.SO3(), v),
     **{n: getattr(co, n) for n in ("Trivial", "Sphere", "GroupItself", "Several", "Pade", "Squared")},
     "Submanifold": on_sphere,
-    "Submanifold inside": lambda v: co.Submanifold(lambda x: x @ x - 1, v),
+    "Submanifold inside": lambda v: co.spaces.Submanifold(lambda x: x @ x - 1, v),
     **{n: getattr(co, n) for n in ("Midpoint", "Trapezoidal", "Variational", "GroupVariational")},
     "Midpoint start": lambda v: co.Midpoint(start=v),
-    "KelvinNoether": lambda v: co.KelvinNoether(v).require_equivariant(VEHICLE, START),
-    "KelvinNoether K": lambda v: co.KelvinNoether([0, 0, 1], K=v).require_equivariant(VEHICLE, START),
-    "KelvinNoether space": lambda v: co.KelvinNoether([0, 0, 1], space=v).require_equivariant(VEHICLE, START),
+    "KelvinNoether": lambda v: co.mechanics.KelvinNoether(v).require_equivariant(VEHICLE, START),
+    "KelvinNoether K": lambda v: co.mechanics.KelvinNoether([0, 0, 1], K=v).require_equivariant(VEHICLE, START),
+    "KelvinNoether space": lambda v: co.mechanics.KelvinNoether([0, 0, 1], space=v).require_equivariant(VEHICLE, START),
 }
 
 
@@ -185,7 +185,7 @@ def test_masked_entries_are_read_as_values_nowhere():
     doors += [ARGUMENTS["attitude from_rotation_vector"], lambda v: co.Linear([0.0, 1.0, 2.0], v)]
     for door in doors:
         for value in (hidden, [1.0, np.ma.masked, 3.0]):
-            with pytest.raises(co.ArgumentError):
+            with pytest.raises(co.errors.ArgumentError):
                 door(value)
 
 
@@ -229,7 +229,7 @@ def rule_that(does) -> Any:
 def inputs_that(do) -> Any:
     given = system(forces=lambda motion, p: co.Force(torque=0.0 * motion.xi))
     with_inputs(given, start(given), lambda motion: do(motion.xi))
-    with_inputs(given, start(given), co.Signal(lambda t: do(jnp.sin(t))))
+    with_inputs(given, start(given), co.mechanics.Signal(lambda t: do(jnp.sin(t))))
 
 
 def quantity_that(does) -> Any:
@@ -242,7 +242,7 @@ def event_that(does) -> Any:
 
 
 def pairing_that(does) -> Any:
-    co.KelvinNoether([0, 0, 1], K=lambda c, a: does(c)).require_equivariant(VEHICLE, START)
+    co.mechanics.KelvinNoether([0, 0, 1], K=lambda c, a: does(c)).require_equivariant(VEHICLE, START)
 
 
 FUNCTIONS = [

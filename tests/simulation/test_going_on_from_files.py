@@ -45,7 +45,7 @@ def test_a_run_with_inputs_internal_states_and_parameters_goes_on_to_the_bit(fir
 def test_what_goes_on_with_other_parameters_says_what_stays(file):
     other = BODY.replace(power=2.0)
     loaded = co.load(file, other).final
-    with pytest.raises(co.ArgumentError, match='`power` changed: say what stays, keep="momentum"'):
+    with pytest.raises(co.errors.ArgumentError, match='`power` changed: say what stays, keep="momentum"'):
         co.simulate(other, loaded, dt=H, steps=1, inputs=INPUTS, **QUICK)
     kept = co.simulate(other, loaded, dt=H, steps=1, inputs=INPUTS, keep="momentum", **QUICK)
     np.testing.assert_array_equal(kept.records.mu[0], loaded.mu)
@@ -60,21 +60,25 @@ def test_a_file_that_was_loaded_and_saved_again_still_goes_on(file, tmp_path):
 
 @pytest.mark.long
 def test_what_is_missing_is_said_in_a_sentence(first, file, tmp_path):
-    with pytest.raises(co.ArgumentError, match=r"needs the system, .*co\.load\(path, system\)"):
+    with pytest.raises(co.errors.ArgumentError, match=r"needs the system, .*co\.load\(path, system\)"):
         _ = co.load(file).final
-    with pytest.raises(co.ArgumentError, match=r"must be a co\.System, but is"):
+    with pytest.raises(co.errors.ArgumentError, match=r"must be a co\.System, but is"):
         co.load(file, 3)  # pyright: ignore[reportArgumentType]
     plane = co.System(co.SE2(), lambda xi: 0.5 * xi @ xi)
-    with pytest.raises(co.ArgumentError, match=r"a run on SO3\(\), but the system that was given lives on SE2\(\)"):
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"a run on SO3\(\), but the system that was given lives on SE2\(\)"
+    ):
         _ = co.load(file, plane).final
     bare = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
-    with pytest.raises(co.ArgumentError, match=r"the parameters `inertia`, `power`, `lag`, but the system .* has none"):
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"the parameters `inertia`, `power`, `lag`, but the system .* has none"
+    ):
         _ = co.load(file, bare).final
     with_q = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Trivial(1))
-    with pytest.raises(co.ArgumentError, match=r"another system .* its spaces have other dimensions"):
+    with pytest.raises(co.errors.ArgumentError, match=r"another system .* its spaces have other dimensions"):
         _ = co.load(file, with_q).final
     first.dataset.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
-    with pytest.raises(co.FileError, match="holds no record to go on from"):
+    with pytest.raises(co.errors.FileError, match="holds no record to go on from"):
         _ = co.load(tmp_path / "old.nc", BODY).final
 
 
@@ -90,7 +94,7 @@ def test_what_is_missing_is_said_in_a_sentence(first, file, tmp_path):
 )
 def test_a_file_that_is_no_run_is_answered_with_what_reads_it(tmp_path, name, content, says):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(co.FileError, match="is not a netCDF file of a run") as caught:
+    with pytest.raises(co.errors.FileError, match="is not a netCDF file of a run") as caught:
         co.load(tmp_path / name)
     assert says in str(caught.value) and "\n" not in str(caught.value) and "signature" not in str(caught.value)
 
@@ -99,7 +103,8 @@ def test_a_file_that_is_no_run_is_answered_with_what_reads_it(tmp_path, name, co
 def test_half_a_file_of_a_run_is_told_as_damaged(file, tmp_path):
     (tmp_path / "half.nc").write_bytes(file.read_bytes()[:3000])
     with pytest.raises(
-        co.FileError, match=r"half\.nc cannot be read as netCDF: it is damaged, not whole, or still being written\.$"
+        co.errors.FileError,
+        match=r"half\.nc cannot be read as netCDF: it is damaged, not whole, or still being written\.$",
     ):
         co.load(tmp_path / "half.nc")
 
@@ -115,5 +120,7 @@ def test_a_run_of_momenta_alone_goes_on_from_its_file(tmp_path):
     more = co.simulate(system, loaded, dt=0.05, steps=5, method=method, **QUICK).final
     np.testing.assert_allclose(more.mu, whole.final.mu, atol=1e-13)
     assert more.t == pytest.approx(whole.final.t)
-    with pytest.raises(co.ArgumentError, match=r"The start has no g, because a run with co\.IsospectralMidpoint"):
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"The start has no g, because a run with co\.IsospectralMidpoint"
+    ):
         co.simulate(system, loaded, dt=0.05, steps=5, method=co.Midpoint(co.Exponential()), **QUICK)

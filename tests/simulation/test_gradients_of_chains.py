@@ -20,7 +20,7 @@ def energies(xi, a, p):
 
 @pytest.fixture(scope="module")
 def chain() -> tuple[co.System, co.State]:
-    options = {"advected": co.RelativePoses(), "parameters": {"k": 2.0}}
+    options = {"advected": co.spaces.RelativePoses(), "parameters": {"k": 2.0}}
     system = co.System(co.Power(co.SO3(), LINKS), energies, **options)
     return system, system.state(xi=0.5 * np.sin(np.arange(3.0 * LINKS)).reshape(LINKS, 3))
 

@@ -91,7 +91,7 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
     monkeypatch.setattr(native, "_call", after(9, native._call, lose))
     monkeypatch.setattr(ensemble, "_launch", after(9, ensemble._launch, lose))
     monkeypatch.setattr(NativeEngine, "advance", after(9, NativeEngine.advance, lose))
-    with pytest.raises(co.Interrupted) as stopped:
+    with pytest.raises(co.errors.Interrupted) as stopped:
         runs[call]()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert sys.unraisablehook is before and "ignored" not in capfd.readouterr().err

@@ -39,7 +39,7 @@ def torque(t):
     return jnp.array([1.0, 0.5, -0.7]) * jnp.exp(-t) * jnp.cos(4 * t)
 
 
-SMOOTH = {"spin": co.Signal(spin), "torque": co.Signal(torque)}
+SMOOTH = {"spin": co.mechanics.Signal(spin), "torque": co.mechanics.Signal(torque)}
 
 
 def exact(inputs) -> np.ndarray:
@@ -63,7 +63,7 @@ def errors(method, inputs, steps) -> list[float]:
         (co.RightRectangle(co.Cayley()), 1),
         (co.Midpoint(co.Cayley()), 2),
         (co.Trapezoidal(co.Cayley()), 2),
-        (co.LeftRight(co.Cayley()), 2),
+        (co.methods.LeftRight(co.Cayley()), 2),
         (SUZUKI, 4),
     ],
     ids=lambda value: getattr(value, "title", str(value)),
@@ -223,7 +223,7 @@ def test_a_long_table_drives_by_the_rows_in_force_on_every_path():
 def test_a_long_table_of_lines_is_the_function_that_it_tabulates():
     """Within the error of linear interpolation, h²/8 max|u″|, here 1.5e-9."""
     times = np.linspace(-1.0, 2.0, 30_000)
-    table = {"spin": co.Linear(times, evaluate(jax.vmap(spin), times)), "torque": co.Signal(torque)}
+    table = {"spin": co.Linear(times, evaluate(jax.vmap(spin), times)), "torque": co.mechanics.Signal(torque)}
     options = {"dt": 0.05, "steps": 20, "backend": "native"}
     run, smooth = (co.trajectory(BODY, START, inputs=inputs, **options) for inputs in (table, SMOOTH))
     np.testing.assert_allclose(run.final.mu, smooth.final.mu, atol=5e-9)
@@ -280,7 +280,12 @@ def test_a_single_input_has_no_name():
     forces = {"motor": lambda motion: co.Force(torque=motion.inputs)}
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=forces)
     run = co.simulate(
-        body, body.state(), dt=0.01, steps=100, inputs=co.Signal(lambda t: jnp.array([0, 0, 2 * t])), monitors=False
+        body,
+        body.state(),
+        dt=0.01,
+        steps=100,
+        inputs=co.mechanics.Signal(lambda t: jnp.array([0, 0, 2 * t])),
+        monitors=False,
     )
     assert run.final.mu[2] == pytest.approx(1.0, abs=1e-12)
 
@@ -318,10 +323,10 @@ def test_a_run_with_signals_goes_on_from_its_folder(tmp_path):
     whole = co.simulate(BODY, START, dt=0.05, steps=20, inputs=SMOOTH, store=tmp_path / "run")
     again = co.resume(tmp_path / "run", BODY, inputs=SMOOTH)
     np.testing.assert_array_equal(again.final.mu, whole.final.mu)
-    with pytest.raises(co.ArgumentError, match="give it again"):
+    with pytest.raises(co.errors.ArgumentError, match="give it again"):
         co.resume(tmp_path / "run", BODY)
-    with pytest.raises(co.ArgumentError, match="holds another run"):
-        co.resume(tmp_path / "run", BODY, inputs={**SMOOTH, "spin": co.Signal(jnp.cos)})
+    with pytest.raises(co.errors.ArgumentError, match="holds another run"):
+        co.resume(tmp_path / "run", BODY, inputs={**SMOOTH, "spin": co.mechanics.Signal(jnp.cos)})
 
 
 @pytest.mark.long
@@ -335,7 +340,7 @@ def test_every_member_takes_the_same_signal():
 @pytest.mark.long
 def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
     constant = {"spin": 0.7, "torque": [0.1, 0.0, -0.2]}
-    signals = {name: co.Signal(lambda t, value=value: jnp.array(value)) for name, value in constant.items()}
+    signals = {name: co.mechanics.Signal(lambda t, value=value: jnp.array(value)) for name, value in constant.items()}
     given, expected = (co.simulate(BODY, START, dt=0.01, steps=50, inputs=inputs) for inputs in (constant, signals))
     np.testing.assert_array_equal(given.final.mu, expected.final.mu)
     assert np.linalg.norm(given.final.mu - START.mu) > 0.01
@@ -355,9 +360,11 @@ def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
         (lambda: co.Linear([0, 1], [1, 2])(np.inf), "The time of co.Linear must be finite"),
         (lambda: co.Held([0, 1], [1, 2])(10**400), "The time of co.Held must be a number of at most"),
         (lambda: co.Held([0, 1], [1, 2])(np.nan), "The time of co.Held must be finite"),
-        (lambda: co.Signal(3.0), "must be a function of time"),
+        (lambda: co.mechanics.Signal(3.0), "must be a function of time"),
         (
-            lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: None)}),
+            lambda: co.simulate(
+                BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.mechanics.Signal(lambda t: None)}
+            ),
             "A signal must be a number",
         ),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs="fast"), "must be a signal such as"),
@@ -365,19 +372,25 @@ def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": "fast"}), "under 'spin' must be"),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs=co.each([1, 2])), "same for all members"),
         (
-            lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: 1 / t)}),
+            lambda: co.simulate(
+                BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.mechanics.Signal(lambda t: 1 / t)}
+            ),
             "must be finite at the start",
         ),
         (
             lambda: co.simulate(
-                BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: jnp.float32(0.1) * t)}
+                BODY,
+                START,
+                dt=0.1,
+                steps=2,
+                inputs={**SMOOTH, "spin": co.mechanics.Signal(lambda t: jnp.float32(0.1) * t)},
             ),
             "holds float32",
         ),
-        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": co.Signal(spin)}), "no `torque`"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": co.mechanics.Signal(spin)}), "no `torque`"),
     ],
 )
 def test_what_cannot_be_an_input_is_refused_in_one_sentence(make, words):
-    with pytest.raises(co.CoadjointError) as caught:
+    with pytest.raises(co.errors.CoadjointError) as caught:
         make()
     assert words in str(caught.value) and "\n" not in str(caught.value)

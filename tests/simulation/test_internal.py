@@ -21,7 +21,7 @@ def _lag(motion, h, p):
 
 def _lagging(x, u, h, lag):
     kept = jnp.exp(-h / lag)
-    return co.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * lag / h)
+    return co.mechanics.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * lag / h)
 
 
 def _torque(motion, p):
@@ -51,7 +51,7 @@ def test_an_actuator_with_a_lag_follows_its_closed_form_and_pushes_the_body():
 def test_the_rule_is_applied_once_a_step_whatever_the_stages_and_the_backend(backend):
     system = body(lambda motion, h, p: {"rudder": motion.internal.rudder + h})
     start = system.state(internal={"rudder": 0.0})
-    for method in (co.LeftRight(co.Cayley()), co.Suzuki4(co.Midpoint(), negative_substeps="allow")):
+    for method in (co.methods.LeftRight(co.Cayley()), co.Suzuki4(co.Midpoint(), negative_substeps="allow")):
         run = co.simulate(system, start, dt=0.125, steps=8, method=method, backend=backend, monitors=False)
         np.testing.assert_array_equal(run.dataset.internal_rudder, run.dataset.time)
 
@@ -66,7 +66,7 @@ def _controller(motion, h, p):
         slope = (error - last.error) / p.period
         return {"torque": jnp.clip(4 * error + integral + 3 * slope, -2, 2), "integral": integral, "error": error}
 
-    controller = co.sampled(motion, h, held, update, period=p.period, delay=p.delay)
+    controller = co.mechanics.sampled(motion, h, held, update, period=p.period, delay=p.delay)
     return {
         "controller": controller,
         "rudder": _lagging(motion.internal.rudder, controller["value"].torque, h, p.lag),
@@ -86,7 +86,7 @@ def turntable(**changes):
 
 
 def begin(system):
-    controller = co.sampling({"torque": 0.0, "integral": 0.0, "error": 1.0})
+    controller = co.mechanics.sampling({"torque": 0.0, "integral": 0.0, "error": 1.0})
     return system.state(a0=[1.0, 0.0], internal={"rudder": 0.0, "controller": controller})
 
 
@@ -127,7 +127,7 @@ def test_a_sampled_pid_is_the_same_to_the_bit_under_any_save_every_after_resume_
     stored = co.simulate(system, start, dt=H, steps=200, store=tmp_path / "run", save_every=10)
     same(co.resume(tmp_path / "run", system).final, stored.final)
     same(stored.final.internal, whole.final.internal)
-    with pytest.raises(co.ArgumentError, match="holds another run"):
+    with pytest.raises(co.errors.ArgumentError, match="holds another run"):
         co.resume(tmp_path / "run", system.replace(period=0.2))
 
 
@@ -213,7 +213,7 @@ def _run(rule, internal):
     ],
 )
 def test_what_cannot_be_an_internal_state_is_refused_in_one_sentence(make, words):
-    with pytest.raises(co.CoadjointError) as caught:
+    with pytest.raises(co.errors.CoadjointError) as caught:
         make()
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
@@ -221,7 +221,7 @@ def test_what_cannot_be_an_internal_state_is_refused_in_one_sentence(make, words
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_rule_is_applied_once_a_step_and_not_again_where_a_run_goes_on_from_a_record(backend):
-    system = body(lambda motion, h, p: {"rudder": co.jumped(motion.internal.rudder + 1)})
+    system = body(lambda motion, h, p: {"rudder": co.mechanics.jumped(motion.internal.rudder + 1)})
     given = {"dt": 0.1, "progress": False, "backend": backend}
     run = co.simulate(system, system.state(internal={"rudder": 0.0}), steps=6, **given, monitors=False)
     np.testing.assert_array_equal(run.records.internal.rudder, np.arange(1.0, 8.0))
@@ -232,7 +232,7 @@ def test_a_rule_is_applied_once_a_step_and_not_again_where_a_run_goes_on_from_a_
 
 def test_a_rule_that_becomes_infinite_ends_the_run_at_the_last_good_node():
     system = body(lambda motion, h, p: {"rudder": motion.internal.rudder / (0.5 - motion.t)})
-    with pytest.raises(co.StepError, match="not finite") as caught:
+    with pytest.raises(co.errors.StepError, match="not finite") as caught:
         co.simulate(system, system.state(internal={"rudder": 1.0}), dt=0.125, steps=20)
     run = caught.value.run
     assert run is not None and np.all(np.isfinite(run.records.internal.rudder))

@@ -14,7 +14,7 @@ H = 0.02
 RULES = {
     "midpoint": co.Midpoint(co.Exponential()),
     "trapezoidal": co.Trapezoidal(co.Exponential()),
-    "pair": co.LeftRight(co.Exponential()),
+    "pair": co.methods.LeftRight(co.Exponential()),
     "galerkin": co.Galerkin(co.Exponential()),
     "energy-momentum": co.EnergyMomentum(co.Exponential()),
 }
@@ -31,7 +31,7 @@ PARAMETERS = co.Parameters(**P)
 
 def _slide(motion, h, p):
     first, last = (radius(t, jnp) for t in (motion.t, motion.t + h))
-    return {"radius": co.Course(last, 0.5 * (first + last), first)}
+    return {"radius": co.mechanics.Course(last, 0.5 * (first + last), first)}
 
 
 def _kinetic(xi, p, *, internal):
@@ -109,7 +109,7 @@ def _circle(t, numpy=np):
 def _carry(motion, h, p):
     """The place in the middle of the coming step, and the velocity over it, which takes the mass from end to end."""
     first, last = _circle(motion.t, jnp), _circle(motion.t + h, jnp)
-    return co.jumped({"place": 0.5 * (first + last), "velocity": (last - first) / h})
+    return co.mechanics.jumped({"place": 0.5 * (first + last), "velocity": (last - first) / h})
 
 
 def _body_and_lump(xi, n, nu, p, *, internal):
@@ -223,6 +223,6 @@ def test_an_internal_state_without_a_rule_stays_as_it_starts():
     ],
 )
 def test_what_cannot_read_an_internal_state_is_refused_in_one_sentence(make, words):
-    with pytest.raises(co.CoadjointError) as caught:
+    with pytest.raises(co.errors.CoadjointError) as caught:
         make()
     assert words in str(caught.value) and "\n" not in str(caught.value)

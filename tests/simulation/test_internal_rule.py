@@ -16,7 +16,7 @@ from coadjoint.mechanics.identity import version
 
 
 @dataclass(frozen=True)
-class Winch(co.InternalRule):
+class Winch(co.mechanics.InternalRule):
     """A cable that is paid out at a constant rate, and is torn at a length."""
 
     torn: float = np.inf
@@ -81,7 +81,7 @@ def test_a_rule_tells_why_a_step_failed_and_is_named_where_it_cannot_begin():
         ran(Winch(torn=0.1))
 
 
-class Compass(co.InternalRule):
+class Compass(co.mechanics.InternalRule):
     """What a compass shows: the first axis of the body in the space frame."""
 
     def __call__(self, motion: Any, h: Any, p: Any) -> dict[str, Any]:
@@ -132,14 +132,18 @@ def test_an_error_inside_a_space_is_not_told_as_a_missing_field_of_the_state(mon
 
 
 def test_rules_and_held_inputs_receive_a_node_motion_and_forces_a_motion() -> None:
-    def rule(motion: co.NodeMotion, h: Any, p: Any) -> dict[str, Any]:
-        return {"cable": motion.internal.cable + h * (p.rate if isinstance(motion, co.NodeMotion) else jnp.nan)}
+    def rule(motion: co.mechanics.NodeMotion, h: Any, p: Any) -> dict[str, Any]:
+        return {
+            "cable": motion.internal.cable + h * (p.rate if isinstance(motion, co.mechanics.NodeMotion) else jnp.nan)
+        }
 
-    def pull(motion: co.Motion, p: Any) -> co.Force:
-        return co.Force(torque=-motion.inputs.brake * motion.xi if isinstance(motion, co.Motion) else [jnp.nan, 0])
+    def pull(motion: co.mechanics.Motion, p: Any) -> co.Force:
+        return co.Force(
+            torque=-motion.inputs.brake * motion.xi if isinstance(motion, co.mechanics.Motion) else [jnp.nan, 0]
+        )
 
-    def brake(motion: co.NodeMotion) -> Any:
-        return motion.internal.cable if isinstance(motion, co.NodeMotion) else jnp.nan
+    def brake(motion: co.mechanics.NodeMotion) -> Any:
+        return motion.internal.cable if isinstance(motion, co.mechanics.NodeMotion) else jnp.nan
 
     system = co.System(
         co.Translation(2), lambda xi, p: 0.5 * xi @ xi, forces=pull, internal=rule, parameters=co.Parameters(rate=0.1)

@@ -140,7 +140,7 @@ def test_a_run_in_memory_keeps_what_it_has_computed(monkeypatch, looks):
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     system, start = top()
     whole = co.simulate(system, start, **AT, steps=STEPS, save_every=EVERY)
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted, match=r"error\.run\.final") as stopped:
+    with monkeypatch.context() as patched, pytest.raises(co.errors.Interrupted, match=r"error\.run\.final") as stopped:
         stopped_after(patched, looks)
         co.simulate(system, start, **AT, steps=STEPS, save_every=EVERY)
     run = stopped.value.run
@@ -164,7 +164,7 @@ def test_an_interrupt_while_records_are_taken_up_leaves_whole_nodes(monkeypatch)
             raise KeyboardInterrupt
         advance(self, *given)
 
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted) as stopped:
+    with monkeypatch.context() as patched, pytest.raises(co.errors.Interrupted) as stopped:
         patched.setattr("coadjoint.simulation.plan.Position.advance", stop)
         co.simulate(system, start, **AT, steps=STEPS)
     run = stopped.value.run
@@ -184,7 +184,7 @@ def test_an_ensemble_with_long_blocks_stops_within_one_and_keeps_all_members(mon
         np.testing.assert_array_equal(whole.dataset[name], at_once.dataset[name])
     np.testing.assert_array_equal(whole.steps_done, at_once.steps_done)
     np.testing.assert_array_equal(whole.iterations, at_once.iterations)
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted) as stopped:
+    with monkeypatch.context() as patched, pytest.raises(co.errors.Interrupted) as stopped:
         stopped_after(patched, 20)
         co.simulate(system, start, **given)
     run = stopped.value.run
@@ -207,7 +207,7 @@ def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
             raise KeyboardInterrupt
         take(self, *given)
 
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted) as stopped:
+    with monkeypatch.context() as patched, pytest.raises(co.errors.Interrupted) as stopped:
         patched.setattr("coadjoint.simulation.event_driver.EventDriver._take", stop)
         co.simulate(system, start, **given, monitors=False)
     run = stopped.value.run
@@ -224,7 +224,7 @@ def test_a_run_on_disk_writes_a_checkpoint_and_goes_on_to_the_same_bits(monkeypa
     system, start = top(**({"weight": co.each([20.0, 21.0, 22.0])} if many else {}))
     given = {**AT, "steps": STEPS, "save_every": EVERY}
     whole = co.simulate(system, start, **given)
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted, match=r"co\.resume\('.*run', system\)"):
+    with monkeypatch.context() as patched, pytest.raises(co.errors.Interrupted, match=r"co\.resume\('.*run', system\)"):
         stopped_after(patched, 30)
         co.simulate(system, start, **given, store=tmp_path / "run")
     assert len(co.load(tmp_path / "run").dataset.time) > 1, "none was due"
@@ -239,7 +239,7 @@ def test_a_trajectory_keeps_its_nodes(monkeypatch, cut, backend):
     given = {"dt": 0.01, "steps": 60, "save_every": 5, "backend": backend}
     cut(7)
     whole = co.trajectory(system, start, **given)
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted, match="of 60") as stopped:
+    with monkeypatch.context() as patched, pytest.raises(co.errors.Interrupted, match="of 60") as stopped:
         interrupt(patched, 3)
         co.trajectory(system, start, **given)
     part = stopped.value.run
@@ -265,7 +265,10 @@ def test_a_stepper_stands_where_all_members_have_come_to(monkeypatch, cut, membe
     stepper.step(n=100)
     assert_states(stepper.state, whole)
     stepper.reset()
-    with monkeypatch.context() as patched, pytest.raises(co.Interrupted, match="after 51 of 100 steps") as stopped:
+    with (
+        monkeypatch.context() as patched,
+        pytest.raises(co.errors.Interrupted, match="after 51 of 100 steps") as stopped,
+    ):
         interrupt(patched, 2)
         stepper.step(n=100)
     assert "step(n=49)" in str(stopped.value) and np.all(stepper.steps == 51)

@@ -132,7 +132,7 @@ def test_what_jumps_at_nodes_is_held_over_a_step_that_is_judged():
     """A sampled controller and noise, drawn anew in each step, in a motion that the steps resolve."""
 
     def rule(motion, h, p):
-        return {"torque": co.jumped(-3.0 * motion.xi + jnp.sin(1e3 * motion.t))}
+        return {"torque": co.mechanics.jumped(-3.0 * motion.xi + jnp.sin(1e3 * motion.t))}
 
     rule.jumping = ("torque",)
     system = co.System(
@@ -212,7 +212,7 @@ def test_a_trajectory_is_judged_where_its_numbers_are_known():
 
 @pytest.mark.parametrize("given", ["yes", 1, None])
 def test_accuracy_must_be_true_or_false(given):
-    with pytest.raises(co.ArgumentError, match="`accuracy` must be True or False"):
+    with pytest.raises(co.errors.ArgumentError, match="`accuracy` must be True or False"):
         stepper(0.01, accuracy=given)
 
 

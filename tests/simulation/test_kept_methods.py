@@ -18,7 +18,7 @@ class Own(co.Midpoint):
 
 
 def test_methods_of_the_library_are_kept_and_others_are_not():
-    for method in (co.Midpoint(), co.Galerkin(co.Exponential(), degree=3), co.Suzuki4(co.LeftRight())):
+    for method in (co.Midpoint(), co.Galerkin(co.Exponential(), degree=3), co.Suzuki4(co.methods.LeftRight())):
         assert method_from(method_form(method)) == method
     assert method_form(Own()) is None
 

@@ -36,7 +36,7 @@ HARMLESS = {
 }
 DISSIPATIVE = {
     "linear": linear,
-    "quadratic": lambda motion, p: co.Force(force=co.quadratic_drag(0.5, motion.nu)),
+    "quadratic": lambda motion, p: co.Force(force=co.mechanics.quadratic_drag(0.5, motion.nu)),
     "one axis": lambda motion, p: co.Force(torque=jnp.array([0.0, 0.0, -0.1]) * motion.xi),
     "with thrust": {"drag": linear, "thrust": HARMLESS["thrust"]},
 }
@@ -54,15 +54,15 @@ def test_substeps_that_go_backwards_are_taken_where_nothing_dissipates(forces):
 def test_substeps_that_go_backwards_are_refused_where_forces_dissipate(forces):
     system, start = body(forces)
     for call in (co.simulate, co.trajectory):
-        with pytest.raises(co.ArgumentError, match=r"go backwards, by 0\.0329 s, and the forces dissipate"):
+        with pytest.raises(co.errors.ArgumentError, match=r"go backwards, by 0\.0329 s, and the forces dissipate"):
             call(system, start, dt=0.05, steps=5, method=SUZUKI)
         call(system, start, dt=0.05, steps=5, method=ALLOWED)
-        call(system, start, dt=0.05, steps=5, method=co.LeftRight())
+        call(system, start, dt=0.05, steps=5, method=co.methods.LeftRight())
     at_rest = system.state(q=[1, 0, 0])
-    with pytest.raises(co.ArgumentError, match="the forces dissipate"):
+    with pytest.raises(co.errors.ArgumentError, match="the forces dissipate"):
         co.simulate(system, at_rest, dt=0.05, steps=5, method=SUZUKI)
     fleet = system.replace(rate=co.each([0.5, 1.0]))
-    with pytest.raises(co.ArgumentError, match="the forces dissipate"):
+    with pytest.raises(co.errors.ArgumentError, match="the forces dissipate"):
         co.simulate(fleet, start, dt=0.05, steps=5, method=SUZUKI)
 
 
@@ -87,5 +87,5 @@ def test_up_to_the_safe_product_of_rate_and_substep_the_damping_is_right(product
 
 
 def test_the_choice_is_one_of_two_words():
-    with pytest.raises(co.ArgumentError, match='must be "refuse" or "allow"'):
+    with pytest.raises(co.errors.ArgumentError, match='must be "refuse" or "allow"'):
         co.Suzuki4(co.Midpoint(), negative_substeps="yes")  # pyright: ignore[reportArgumentType]

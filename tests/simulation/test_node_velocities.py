@@ -27,7 +27,7 @@ def simulated(dt=0.1, method=None, system=BODY, monitors=False, **more):
 def test_velocities_of_a_method_of_order_6_have_order_6():
     errors = {}
     for h in (0.1, 0.05):
-        data = simulated(h, co.KahanLi6(co.Midpoint())).dataset
+        data = simulated(h, co.methods.KahanLi6(co.Midpoint())).dataset
         errors[h] = [np.max(np.abs(data[name].values - exact(data.time.values))) for name in ("xi", "xi_step")]
     (node, step), (finer, _) = errors[0.1], errors[0.05]
     assert node < 3e-7 and 5.5 < np.log2(node / finer) < 6.5

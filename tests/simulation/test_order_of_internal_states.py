@@ -17,7 +17,7 @@ METHODS = {
     "midpoint": co.Midpoint(),
     "trapezoidal": co.Trapezoidal(),
     "Simpson": co.Simpson(),
-    "left and right": co.LeftRight(),
+    "left and right": co.methods.LeftRight(),
     "energy and momentum": co.EnergyMomentum(),
     "Suzuki": co.Suzuki4(co.Midpoint(), negative_substeps="allow"),
     "Galerkin": co.Galerkin(),
@@ -31,9 +31,12 @@ def _rule(motion, h):
     def update(last):
         return {"torque": jnp.sin(motion.t) - 2.0 * motion.xi[0]}
 
-    controller = co.sampled(motion, h, motion.internal.controller, update, period=PERIOD)
+    controller = co.mechanics.sampled(motion, h, motion.internal.controller, update, period=PERIOD)
     u, x, kept = controller["value"].torque, motion.internal.motor, jnp.exp(-h / LAG)
-    return {"controller": controller, "motor": co.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * LAG / h)}
+    return {
+        "controller": controller,
+        "motor": co.mechanics.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * LAG / h),
+    }
 
 
 def _forces(motion):
@@ -42,7 +45,7 @@ def _forces(motion):
 
 def body(rule=_rule):
     system = co.System(co.SO2(), lambda xi: 0.5 * INERTIA * xi @ xi, forces=_forces, internal=rule)
-    return system, system.state(xi=[0.5], internal={"motor": 0.0, "controller": co.sampling({"torque": 0.0})})
+    return system, system.state(xi=[0.5], internal={"motor": 0.0, "controller": co.mechanics.sampling({"torque": 0.0})})
 
 
 @lru_cache
@@ -82,14 +85,14 @@ def test_the_order_with_an_actuator_and_a_sampled_controller(method):
 def _held(motion, h):
     """The mistake of an actuator that stays where it is at the node."""
     found = _rule(motion, h)
-    return {**found, "motor": co.Course(found["motor"].end, motion.internal.motor)}
+    return {**found, "motor": co.mechanics.Course(found["motor"].end, motion.internal.motor)}
 
 
 def _late(motion, h):
     """The mistake of a command that acts a step late."""
     found, x, kept = _rule(motion, h), motion.internal.motor, jnp.exp(-h / LAG)
     u = motion.internal.controller.value.torque
-    return {**found, "motor": co.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * LAG / h)}
+    return {**found, "motor": co.mechanics.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * LAG / h)}
 
 
 @pytest.mark.cases(1)
@@ -101,7 +104,7 @@ def test_each_mistake_alone_leaves_order_one(rule):
 
 def test_a_rule_sees_the_velocity_of_the_momenta_at_its_node():
     def rule(motion, h):
-        return {"motor": 0.0 * h, "seen": co.jumped(motion.xi[0])}
+        return {"motor": 0.0 * h, "seen": co.mechanics.jumped(motion.xi[0])}
 
     system = co.System(co.SO2(), lambda xi: 0.5 * INERTIA * xi @ xi, forces=_forces, internal=rule)
     start = system.state(xi=[0.5], internal={"motor": 0.0, "seen": 0.0})
@@ -113,7 +116,7 @@ def test_a_rule_sees_the_velocity_of_the_momenta_at_its_node():
 
 def test_an_actuator_follows_a_signal_by_its_value_in_the_middle_of_the_step():
     def rule(motion, h):
-        return {"motor": co.jumped(motion.ahead)}
+        return {"motor": co.mechanics.jumped(motion.ahead)}
 
     system = co.System(co.SO2(), lambda xi: 0.5 * INERTIA * xi @ xi, forces=_forces, internal=rule)
     start = system.state(internal={"motor": 0.0})

@@ -39,7 +39,7 @@ def test_a_quantity_is_watched_at_every_step_and_saved_at_every_record(backend):
 
 def test_casimirs_are_kept_to_round_off_at_every_step():
     system, start = top()
-    run = co.simulate(system.watching(co.casimirs(system)), start, dt=0.02, steps=100_000, save_every=1000)
+    run = co.simulate(system.watching(co.mechanics.casimirs(system)), start, dt=0.02, steps=100_000, save_every=1000)
     assert run.dataset.casimir_1.attrs["long_name"] == "m0 a0 + m1 a1 + m2 a2"
     for name in ("casimir_1", "casimir_2"):
         print(f"{name}: {run.relative_change(name):.1e} over {run.steps} steps")
@@ -75,7 +75,7 @@ def test_what_is_no_quantity_is_refused(quantities, error, says):
 
 def test_a_quantity_that_is_not_finite_ends_the_run():
     system, start = top(slope=lambda state: jnp.log(2.99 - state.t))
-    with pytest.raises(co.StepError):
+    with pytest.raises(co.errors.StepError):
         co.simulate(system, start, dt=0.01, steps=400)
 
 
@@ -103,7 +103,7 @@ def test_functions_of_a_state_read_named_spaces():
 
     event = co.simulate(system, start, dt=0.01, steps=200, until=lambda s: s.named.q.sinker[2] - 1.5)
     assert event.event == pytest.approx(1.0, abs=1e-3)  # ½t² = ½
-    rate = co.poisson_bracket(lambda s: s.named.a.down[0], lambda s: 0.5 * s.mu @ s.mu)(start)
+    rate = co.mechanics.poisson_bracket(lambda s: s.named.a.down[0], lambda s: 0.5 * s.mu @ s.mu)(start)
     assert rate == pytest.approx(-0.1)  # (a × ω)₁ of μ = ω: a₂ω₃ − a₃ω₂
     with pytest.raises(LagrangianError, match=r"asks an array for `down`.*state\.named\.a\.down"):
         co.simulate(system.watching({"tilt": lambda s: s.a.down[2]}), start, dt=0.01, steps=3)

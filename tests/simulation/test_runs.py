@@ -54,11 +54,11 @@ def test_a_saved_run_is_read_back_as_it_was_and_never_overwritten(tmp_path):
     assert str(back) == str(run)
     for name, values in run.dataset.data_vars.items():
         np.testing.assert_array_equal(back.dataset[name], values)
-    with pytest.raises(co.FileError, match="exists already"):
+    with pytest.raises(co.errors.FileError, match="exists already"):
         run.save(path)
-    with pytest.raises(co.FileError, match="There is no file"):
+    with pytest.raises(co.errors.FileError, match="There is no file"):
         co.load(tmp_path / "none.nc")
-    with pytest.raises(co.FileError, match="does not exist"):
+    with pytest.raises(co.errors.FileError, match="does not exist"):
         run.save(tmp_path / "nowhere" / "dive.nc")
     assert [p.name for p in tmp_path.iterdir()] == ["dive.nc"]
 

@@ -37,7 +37,7 @@ def test_no_single_bit_changes_a_number_that_is_read(written, tmp_path):
         file.write_bytes(content[:place] + bytes([flipped]) + content[place + 1 :])
         try:
             found = co.load(file).dataset
-        except co.FileError as error:
+        except co.errors.FileError as error:
             assert "damaged" in str(error) or "not a netCDF file" in str(error)
             continue
         assert len(content) - sealed.SIZE <= place < len(content) - sealed.SIZE + len(sealed.MARK)

@@ -59,12 +59,12 @@ def test_members_that_have_failed_do_not_count_from_there_on():
     ],
 )
 def test_what_statistics_cannot_give_is_said(arguments, sentence):
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         turning(0.0).statistics(**arguments)
 
 
 def test_a_single_run_has_no_statistics():
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
     run = co.simulate(body, body.state(xi=[0, 0, 1.0]), dt=0.1, steps=2)
-    with pytest.raises(co.ArgumentError, match="has none"):
+    with pytest.raises(co.errors.ArgumentError, match="has none"):
         statistics(run.dataset)

@@ -12,7 +12,7 @@ import pytest
 import coadjoint as co
 
 
-class Fin(co.InternalRule):
+class Fin(co.mechanics.InternalRule):
     """A fin that is where its command is, within ±p.limit."""
 
     def __call__(self, motion, h, p: Any):
@@ -79,6 +79,6 @@ def test_limits_change_with_the_parameters():
 
 def test_a_clipped_command_that_is_not_finite_is_refused_before():
     made = fin()
-    with pytest.raises(co.ArgumentError, match="Command `fin` must be finite"):
+    with pytest.raises(co.errors.ArgumentError, match="Command `fin` must be finite"):
         made.step([np.inf])
     assert told(made, ([0.1], 1)) == []

@@ -94,13 +94,15 @@ def test_the_same_call_again_returns_a_finished_run(unchanged, vehicle):
 )
 def test_a_folder_with_a_run_takes_no_other(unchanged, vehicle, changes, told):
     folder, _ = unchanged
-    with pytest.raises(co.ArgumentError, match=f"holds another run: {told}.*; choose another folder for `store`"):
+    with pytest.raises(
+        co.errors.ArgumentError, match=f"holds another run: {told}.*; choose another folder for `store`"
+    ):
         co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, **changes}, store=folder)
 
 
 @pytest.mark.long
 def test_the_same_call_again_goes_on_with_an_interrupted_run(cut, vehicle, whole):
-    with pytest.raises(co.ArgumentError, match="holds another run: the parameters differ"):
+    with pytest.raises(co.errors.ArgumentError, match="holds another run: the parameters differ"):
         co.simulate(interrupted.system(mass=1.0), interrupted.start(vehicle), **RUN, store=cut)
     begun = len(co.load(cut).dataset.time)
     run = co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=cut)
@@ -118,7 +120,7 @@ def test_a_folder_that_is_deleted_under_a_run_is_told(tmp_path, vehicle, monkeyp
         append(self, *given)
 
     monkeypatch.setattr(streaming.Store, "append", deleted)
-    with pytest.raises(co.FileError, match=r"its folder .* was deleted or moved while it ran"):
+    with pytest.raises(co.errors.FileError, match=r"its folder .* was deleted or moved while it ran"):
         co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
     assert not folder.exists()
 
@@ -134,23 +136,23 @@ def test_a_folder_of_the_old_format_is_told(unchanged, vehicle):
         lambda: co.resume(folder, vehicle),
         lambda: co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder),
     ):
-        with pytest.raises(co.FileError, match="format 1 of stored runs, by an older version"):
+        with pytest.raises(co.errors.FileError, match="format 1 of stored runs, by an older version"):
             opened()
 
 
 def test_a_folder_with_something_else_takes_no_run(tmp_path, vehicle):
     (tmp_path / "letters").mkdir()
     (tmp_path / "letters" / "letter.txt").write_text("dear")
-    with pytest.raises(co.FileError, match="holds something else"):
+    with pytest.raises(co.errors.FileError, match="holds something else"):
         co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "letters")
-    with pytest.raises(co.FileError, match="does not exist: make it first"):
+    with pytest.raises(co.errors.FileError, match="does not exist: make it first"):
         co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "none" / "run")
     assert [file.name for file in tmp_path.rglob("*")] == ["letters", "letter.txt"]
-    with pytest.raises(co.FileError, match="There is no folder"):
+    with pytest.raises(co.errors.FileError, match="There is no folder"):
         co.resume(tmp_path / "none", vehicle)
-    with pytest.raises(co.FileError, match="holds no run"):
+    with pytest.raises(co.errors.FileError, match="holds no run"):
         co.resume(tmp_path / "letters", vehicle)
-    with pytest.raises(co.FileError, match="holds no run"):
+    with pytest.raises(co.errors.FileError, match="holds no run"):
         co.load(tmp_path / "letters")
 
 
@@ -163,7 +165,7 @@ def test_a_folder_with_something_else_takes_no_run(tmp_path, vehicle):
     ],
 )
 def test_other_parameters_are_another_run(unchanged, changes, told):
-    with pytest.raises(co.ArgumentError, match=f"holds another run: .*{told}"):
+    with pytest.raises(co.errors.ArgumentError, match=f"holds another run: .*{told}"):
         co.resume(unchanged[0], interrupted.system(**changes))
 
 
@@ -177,11 +179,11 @@ def test_another_lagrangian_or_method_is_another_run(unchanged, vehicle):
     other = co.System(
         co.SO3(), lagrangian, additional=co.Defining(), advected=co.Defining(), parameters=vehicle.parameters
     )
-    with pytest.raises(co.ArgumentError, match="holds another run: the system's or the method's equations"):
+    with pytest.raises(co.errors.ArgumentError, match="holds another run: the system's or the method's equations"):
         co.resume(folder, other)
-    with pytest.raises(co.ArgumentError, match="holds another run: the system's or the method's equations"):
+    with pytest.raises(co.errors.ArgumentError, match="holds another run: the system's or the method's equations"):
         co.resume(folder, vehicle, method=co.Trapezoidal())
-    with pytest.raises(co.ArgumentError, match="holds another run: the values at the start"):
+    with pytest.raises(co.errors.ArgumentError, match="holds another run: the values at the start"):
         co.resume(folder, vehicle, start=vehicle.state(q=[0, 0, 2], a0=[0, 0, 1]))
 
 
@@ -192,7 +194,7 @@ def test_a_constant_inside_a_lagrangian_belongs_to_the_fingerprint(tmp_path, veh
 
     one, other = scaled(np.diag([1.0, 2.0, 3.0])), scaled(np.diag([1.0, 2.0, 3.0 + 1e-12]))
     co.simulate(one, one.state(xi=[1, 2, 3]), dt=0.01, steps=10, store=tmp_path / "run")
-    with pytest.raises(co.ArgumentError, match="equations"):
+    with pytest.raises(co.errors.ArgumentError, match="equations"):
         co.resume(tmp_path / "run", other)
     same = scaled(np.diag([1.0, 2.0, 3.0]))
     assert co.resume(tmp_path / "run", same).good_steps == 10
@@ -217,7 +219,7 @@ print(co.resume({str(folder)!r}, interrupted.system()).good_steps)
 
 def test_a_run_whose_equations_were_traced_in_another_way_is_of_another_version(folder, vehicle, monkeypatch):
     monkeypatch.setattr(configuration, "TRACING", "1")
-    with pytest.raises(co.ArgumentError, match="another version of coadjoint began"):
+    with pytest.raises(co.errors.ArgumentError, match="another version of coadjoint began"):
         co.resume(folder, vehicle)
 
 
@@ -230,7 +232,7 @@ def test_a_truncated_or_missing_chunk_is_told(unchanged, vehicle, name):
     for spoiled, told in ((data[:-9], "truncated"), (b"", "truncated"), (None, "missing")):
         spoil(folder, before, file, spoiled)
         for opened in (lambda: co.resume(folder, vehicle), lambda: co.load(folder)):
-            with pytest.raises(co.FileError, match=told) as error:
+            with pytest.raises(co.errors.FileError, match=told) as error:
                 opened()
             assert str(file) in str(error.value)
 
@@ -243,7 +245,7 @@ def test_a_chunk_with_a_wrong_bit_is_told_when_it_is_read(unchanged):
     spoil(folder, before, file, bytes(data))
     dataset = co.load(folder).dataset
     assert np.isfinite(dataset.xi.values).all()
-    with pytest.raises(co.FileError, match="is damaged: put back a copy") as error:
+    with pytest.raises(co.errors.FileError, match="is damaged: put back a copy") as error:
         dataset.mu.values  # noqa: B018
     assert str(file) in str(error.value)
 
@@ -259,7 +261,7 @@ def test_a_damaged_or_missing_checkpoint_is_told(unchanged, vehicle):
     for spoiled, told in cases:
         spoil(folder, before, file, spoiled)
         for opened in (lambda: co.resume(folder, vehicle), lambda: co.load(folder)):
-            with pytest.raises(co.FileError, match=told):
+            with pytest.raises(co.errors.FileError, match=told):
                 opened()
 
 
@@ -270,7 +272,7 @@ def test_a_checkpoint_of_another_run_is_told(unchanged, vehicle, tmp_path):
     (here,), (there,) = (place.glob("checkpoint-*.npz") for place in (folder, tmp_path / "other"))
     spoil(folder, before, here, there.read_bytes())
     for opened in (lambda: co.resume(folder, vehicle), lambda: co.load(folder)):
-        with pytest.raises(co.FileError, match=r"checkpoint-.*npz of the run is (damaged|truncated)"):
+        with pytest.raises(co.errors.FileError, match=r"checkpoint-.*npz of the run is (damaged|truncated)"):
             opened()
 
 
@@ -279,7 +281,7 @@ def test_a_chunk_in_the_place_of_another_is_told(tmp_path, vehicle, monkeypatch)
     co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
     first, second = (chunk(tmp_path / "run", "mu", index) for index in (0, 1))
     first.write_bytes(second.read_bytes())
-    with pytest.raises(co.FileError, match="is damaged: put back a copy"):
+    with pytest.raises(co.errors.FileError, match="is damaged: put back a copy"):
         co.load(tmp_path / "run").dataset.mu.values  # noqa: B018
 
 
@@ -289,7 +291,7 @@ def test_a_missing_or_changed_description_of_an_array_is_told(cut, vehicle, data
     file = cut / "records.zarr" / "xi" / "zarr.json"
     file.write_bytes(file.read_bytes().replace(b'"float64"', data)) if data else file.unlink()
     for opened in (lambda: co.load(cut), lambda: co.resume(cut, vehicle)):
-        with pytest.raises(co.FileError, match=f"{file} of the run is (missing|damaged)"):
+        with pytest.raises(co.errors.FileError, match=f"{file} of the run is (missing|damaged)"):
             opened()
 
 
@@ -311,7 +313,7 @@ sys.stdin.read()
             lambda: co.resume(cut, vehicle),
             lambda: co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=cut),
         ):
-            with pytest.raises(co.FileError, match=f"in use by process {process.pid}: wait"):
+            with pytest.raises(co.errors.FileError, match=f"in use by process {process.pid}: wait"):
                 going_on()
         assert 0 < len(co.load(cut).dataset.time) < 1001
         with pytest.raises(subprocess.TimeoutExpired):  # whoever asks leaves the other process alone
@@ -337,7 +339,7 @@ def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, vehicle, whole, m
 
     with monkeypatch.context() as patched:
         patched.setattr(disk, "before", full)
-        with pytest.raises(co.FileError, match="could not be written: No space left on device; its first"):
+        with pytest.raises(co.errors.FileError, match="could not be written: No space left on device; its first"):
             co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
     run = co.resume(tmp_path / "run", vehicle)
     for name, values in whole.dataset.variables.items():
@@ -354,7 +356,7 @@ import coadjoint as co, interrupted
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 try:
     interrupted.simulate({str(tmp_path / "run")!r})
-except co.FileError as error:
+except co.errors.FileError as error:
     print(error)
 """
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
@@ -396,7 +398,7 @@ for attempt in (
 ):
     try:
         attempt()
-    except co.FileError as error:
+    except co.errors.FileError as error:
         print(error)
 """
     before = contents(open_place)

@@ -42,7 +42,7 @@ def test_an_ensemble_is_written_as_a_table_with_its_members(tmp_path):
 
 @pytest.mark.parametrize("ending", [".json", ".h5", ".mat"])
 def test_a_format_that_is_not_written_is_refused(run, tmp_path, ending):
-    with pytest.raises(co.ArgumentError, match=rf"ends in \.nc, .*but the name ends in \{ending}"):
+    with pytest.raises(co.errors.ArgumentError, match=rf"ends in \.nc, .*but the name ends in \{ending}"):
         run.save(tmp_path / f"run{ending}")
     assert not list(tmp_path.iterdir())
 
@@ -92,7 +92,9 @@ def test_a_trajectory_has_the_records_of_a_run_inside_a_transformation_and_out(b
 @pytest.mark.parametrize("path", [3, None, ""])
 def test_what_is_no_path_is_said_in_a_sentence(run, path):
     for act in (run.save, co.load):
-        with pytest.raises(co.ArgumentError, match=r"`path` must be the name of a file, such as .run\.nc., but is"):
+        with pytest.raises(
+            co.errors.ArgumentError, match=r"`path` must be the name of a file, such as .run\.nc., but is"
+        ):
             act(path)
 
 
@@ -107,7 +109,7 @@ def test_a_file_that_was_not_written_as_it_should_be_takes_no_name(tmp_path, mon
         return write(self.assign(xi=self.xi + 1e-16 * (self.xi > 0) + 1e-12), *given, **more)
 
     monkeypatch.setattr(xarray.Dataset, "to_netcdf", spoiled)
-    with pytest.raises(co.FileError, match=r"could not be written .*: what was read again of `xi` is not what"):
+    with pytest.raises(co.errors.FileError, match=r"could not be written .*: what was read again of `xi` is not what"):
         run.save(tmp_path / "run.nc")
     assert not list(tmp_path.iterdir())
 
@@ -123,7 +125,7 @@ def test_a_file_in_a_folder_of_results_is_compared_with_its_manifest(tmp_path):
     manifest.write()
     assert co.load(tmp_path / "trajectory.nc").dataset.sizes["time"] == 6
     (tmp_path / "other.nc").replace(tmp_path / "trajectory.nc")
-    with pytest.raises(co.FileError, match=r"trajectory.nc of the run is damaged: put back a copy"):
+    with pytest.raises(co.errors.FileError, match=r"trajectory.nc of the run is damaged: put back a copy"):
         co.load(tmp_path / "trajectory.nc")
     (tmp_path / "manifest.json").write_text("{}")  # of another program
     assert co.load(tmp_path / "trajectory.nc").dataset.sizes["time"] == 6

@@ -165,13 +165,13 @@ def test_spaces_that_ship_satisfy_what_is_asked_of_others(name):
 @pytest.mark.parametrize(
     ("space", "group"),
     [
-        (co.GroupItself(), "SO3"),
-        (co.GroupItself("conjugation"), "SE2"),
+        (co.spaces.GroupItself(), "SO3"),
+        (co.spaces.GroupItself("conjugation"), "SE2"),
         (FRAMES, "SO3"),
-        (co.Submanifold(lambda m: m @ m - 4, co.Coadjoint()), "SO3"),
-        (co.Submanifold(lambda m: m @ m - 1e12, co.Coadjoint()), "SO3"),
-        (co.Points(), "SE3"),
-        (co.Points(), "SO3_R3"),
+        (co.spaces.Submanifold(lambda m: m @ m - 4, co.Coadjoint()), "SO3"),
+        (co.spaces.Submanifold(lambda m: m @ m - 1e12, co.Coadjoint()), "SO3"),
+        (co.spaces.Points(), "SE3"),
+        (co.spaces.Points(), "SO3_R3"),
     ],
     ids=["multiplication", "conjugation", "frames", "small orbit", "large orbit", "points SE3", "points SO3_R3"],
 )

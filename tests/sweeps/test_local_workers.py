@@ -115,12 +115,12 @@ def test_a_worker_that_dies_without_a_task_costs_no_other_task():
 
 
 def raises(number: int) -> None:
-    raise (co.ArgumentError("Argument `mass` must be positive.") if number else KeyError("two\nlines"))
+    raise (co.errors.ArgumentError("Argument `mass` must be positive.") if number else KeyError("two\nlines"))
 
 
 @pytest.mark.parametrize(("numbers", "kind", "sentence"), [
-    ([1, 1], co.ArgumentError, "^Argument `mass` must be positive.$"),
-    ([0, 0], co.FileError, r"^A task of the sweep failed: KeyError: 'two\\nlines'\.$"),
+    ([1, 1], co.errors.ArgumentError, "^Argument `mass` must be positive.$"),
+    ([0, 0], co.errors.FileError, r"^A task of the sweep failed: KeyError: 'two\\nlines'\.$"),
 ])  # fmt: skip
 def test_an_error_of_a_task_is_raised_here(numbers, kind, sentence):
     with pytest.raises(kind, match=sentence):
@@ -129,7 +129,7 @@ def test_an_error_of_a_task_is_raised_here(numbers, kind, sentence):
 
 def test_a_task_that_ends_every_worker_is_reported(monkeypatch):
     monkeypatch.setattr(local, "LIVES", 0)
-    with pytest.raises(co.FileError, match=r"lost with its worker 1 times.*fewer members a task"):
+    with pytest.raises(co.errors.FileError, match=r"lost with its worker 1 times.*fewer members a task"):
         local.run(lambda _: functools.partial(os._exit, 9), [0, 1], print, 2)
 
 

@@ -26,7 +26,7 @@ def sweep_file(folder: Path) -> Path:
 
 @pytest.mark.parametrize("address", ["foo", "tcp://x", "http://127.0.0.1:1", "nowhere://x:1", "tcp://x:port", ""])
 def test_what_is_no_address_is_told_before_anything_is_written(tmp_path, address):
-    with pytest.raises(co.ArgumentError, match="tcp://HOST:8786"):
+    with pytest.raises(co.errors.ArgumentError, match="tcp://HOST:8786"):
         execute(read_sweep(sweep_file(tmp_path)), tmp_path / "out", address, progress=False)
     assert not (tmp_path / "out").exists()
 
@@ -35,7 +35,7 @@ def test_a_scheduler_that_does_not_answer_is_told_before_anything_is_written(tmp
     monkeypatch.setattr("coadjoint.sweeps.cluster.PATIENCE", 0.3)
     with (
         pytest.warns(UserWarning, match="it is waited for") as warned,
-        pytest.raises(co.FileError, match="does not answer"),
+        pytest.raises(co.errors.FileError, match="does not answer"),
     ):
         execute(read_sweep(sweep_file(tmp_path)), tmp_path / "out", "127.0.0.1:9", progress=False)
     assert len(warned) == 1 and not (tmp_path / "out").exists()
@@ -57,7 +57,7 @@ def test_a_client_that_reached_nobody_is_closed_silently(monkeypatch):
 )
 def test_what_does_not_vary_is_told_in_words_of_python(tmp_path, given, sentence):
     sweep_file(tmp_path)
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         co.sweep(tmp_path / "top.toml", store=tmp_path / "out", **given)
 
 
@@ -94,7 +94,7 @@ def test_workers_of_a_scheduler_compute_a_sweep(tmp_path):
 def test_a_sweep_without_a_scheduler_needs_no_dask(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "find_spec", lambda name: None)
     sweep = read_sweep(sweep_file(tmp_path))
-    with pytest.raises(co.ArgumentError, match=r"coadjoint\[cluster\]"):
+    with pytest.raises(co.errors.ArgumentError, match=r"coadjoint\[cluster\]"):
         execute(sweep, tmp_path / "out", "tcp://127.0.0.1:9", progress=False)
     monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.setattr("socket.socket.bind", None)

@@ -22,7 +22,7 @@ def whole(tmp_path_factory):
 
 def read(folder: Path) -> dict[str, np.ndarray]:
     """All that is read of a sweep; raises what reading raises."""
-    found = co.load_sweep(folder)
+    found = co.sweeps.load_sweep(folder)
     dataset = found.dataset.load()
     assert repr(found) and repr(dataset) and isinstance(found.failures, dict) and columns(found)
     assert found.statistics.sizes["statistic"] >= 0
@@ -37,7 +37,7 @@ def verified(folder: Path) -> bool:
     """Whether `coadjoint verify` finds everything right."""
     try:
         return verify(folder).passed
-    except co.FileError:
+    except co.errors.FileError:
         return False
 
 
@@ -55,7 +55,7 @@ def test_no_hostile_store_raises_a_raw_error_or_runs_code(whole, tmp_path, monke
         told = hostile(folder, seed, mark)
         try:
             read(folder)
-        except co.FileError as error:
+        except co.errors.FileError as error:
             refused += 1
             assert "\n" not in str(error), told
         except Exception as error:
@@ -73,7 +73,7 @@ def test_damage_is_found_by_reading_and_verifying_or_has_no_effect(whole, tmp_pa
         told = damaged(folder, seed)
         try:
             assert same(read(folder)), told
-        except co.FileError as error:
+        except co.errors.FileError as error:
             assert not verified(folder), f"{told} {error}"
         except Exception as error:
             raise AssertionError(f"{seed} {told}") from error
@@ -86,8 +86,8 @@ def test_damage_is_found_by_reading_and_verifying_or_has_no_effect(whole, tmp_pa
 def test_a_chunk_that_was_deleted_is_no_nan(whole, tmp_path):
     folder = copied(whole, tmp_path / "out")
     (folder / "members.zarr" / "final_xi" / "c.1.0").unlink()
-    dataset = co.load_sweep(folder).dataset
-    with pytest.raises(co.FileError, match="missing"):
+    dataset = co.sweeps.load_sweep(folder).dataset
+    with pytest.raises(co.errors.FileError, match="missing"):
         _ = dataset.final_xi.values
 
 
@@ -96,8 +96,8 @@ def test_arrays_of_version_2_are_refused_before_they_are_opened(whole, tmp_path,
     hostile(folder, 1, tmp_path / "mark")
     assert list(folder.rglob(".zarray"))
     monkeypatch.setattr("zarr.open_group", None)
-    with pytest.raises(co.FileError, match=r"zarr.json|zarr format 3"):
-        _ = co.load_sweep(folder).dataset
+    with pytest.raises(co.errors.FileError, match=r"zarr.json|zarr format 3"):
+        _ = co.sweeps.load_sweep(folder).dataset
 
 
 @pytest.mark.parametrize("counts", [[10**15, 0], [10**15, 10**15], [1, 10**9]])
@@ -107,8 +107,8 @@ def test_a_manifest_whose_files_fall_into_more_blocks_than_bytes_is_refused(whol
     chunk = manifest.files["members.zarr/final_xi/c.1.0"]
     chunk[2:] = counts
     manifest.write()
-    with pytest.raises(co.FileError, match="not a manifest that coadjoint wrote"):
-        co.load_sweep(manifest.folder)
+    with pytest.raises(co.errors.FileError, match="not a manifest that coadjoint wrote"):
+        co.sweeps.load_sweep(manifest.folder)
 
 
 def test_the_summary_of_a_sweep_is_read_up_to_its_limit(whole, tmp_path):
@@ -119,5 +119,5 @@ def test_the_summary_of_a_sweep_is_read_up_to_its_limit(whole, tmp_path):
     manifest = Manifest.read(folder)
     manifest.enter("summary.json")
     manifest.write()
-    with pytest.raises(co.FileError, match="larger than the 64 MB"):
-        co.load_sweep(folder)
+    with pytest.raises(co.errors.FileError, match="larger than the 64 MB"):
+        co.sweeps.load_sweep(folder)

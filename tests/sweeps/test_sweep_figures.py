@@ -57,7 +57,7 @@ def test_failures_are_marked_by_cause():
 
 
 def test_a_result_that_there_is_not_is_told():
-    with pytest.raises(co.ArgumentError, match="did you mean"):
+    with pytest.raises(co.errors.ArgumentError, match="did you mean"):
         responses(Made(), "final_q[7]")  # pyright: ignore[reportArgumentType]
 
 

@@ -157,14 +157,14 @@ def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path):
 def test_what_is_mistaken_is_told_in_a_sentence(tmp_path, before, after, sentence):
     assert before in SWEEP
     file = written(tmp_path, SWEEP.replace(before, after))
-    with pytest.raises((co.ArgumentError, co.FileError), match=sentence):
+    with pytest.raises((co.errors.ArgumentError, co.errors.FileError), match=sentence):
         execute(read_sweep(file), tmp_path / "out", workers=1, progress=False)
     assert not (tmp_path / "out").exists()
 
 
 def test_another_sweep_has_no_place_in_a_folder(swept, tmp_path):
     other = read_sweep(written(tmp_path, SWEEP.replace("to = 6.0", "to = 7.0")))
-    with pytest.raises(co.FileError, match=r"vary\.parameters\.mass"):
+    with pytest.raises(co.errors.FileError, match=r"vary\.parameters\.mass"):
         execute(other, swept.folder, "tcp://127.0.0.1:1", progress=False)
 
 
@@ -174,7 +174,7 @@ def test_two_sweeps_into_one_folder_are_refused(swept, tmp_path):
     shutil.copytree(swept.folder, tmp_path / "out")
     lock = Lock(tmp_path / "out", ".lock")
     try:
-        with pytest.raises(co.FileError, match="in use"):
+        with pytest.raises(co.errors.FileError, match="in use"):
             execute(read_sweep(swept.folder.parent / "sweep.toml"), tmp_path / "out", "tcp://127.0.0.1:1")
     finally:
         lock.release()
@@ -188,7 +188,7 @@ def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path
     sweep = read_sweep(written(tmp_path))
     with monkeypatch.context() as patched:
         patched.setattr("coadjoint.sweeps.store._put", full)
-        with pytest.raises(co.FileError, match=r"No space left on device.*the same command again"):
+        with pytest.raises(co.errors.FileError, match=r"No space left on device.*the same command again"):
             execute(sweep, tmp_path / "out", workers=1, progress=False)
     found = execute(sweep, tmp_path / "out", workers=1, progress=False)
     assert bits(found.folder) == bits(swept.folder)
@@ -197,7 +197,7 @@ def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path
 def test_a_folder_that_workers_cannot_see_is_told(tmp_path):
     from coadjoint.sweeps.task import read as read_by_worker
 
-    with pytest.raises(co.FileError, match="all workers need the folder"):
+    with pytest.raises(co.errors.FileError, match="all workers need the folder"):
         read_by_worker(str(tmp_path / "nowhere"), "0")
 
 
@@ -207,7 +207,7 @@ def test_statistics_alone_keep_nothing_of_members_and_say_the_same(swept, tmp_pa
     )
     assert not (alone.folder / MEMBERS).exists()
     assert alone.statistics.equals(swept.statistics)
-    with pytest.raises(co.FileError, match="kept statistics alone"):
+    with pytest.raises(co.errors.FileError, match="kept statistics alone"):
         _ = alone.dataset
 
 

@@ -84,7 +84,7 @@ def test_a_sweep_does_not_go_on_with_another_model(sweep, begun, tmp_path):
     kept = {path.name for path in (begun / "inputs" / "1").iterdir()}
     assert kept == {"f.py", "spring_of_sweep_test.py", "c.txt"}
     edited(tmp_path, "K = 4.0\n")
-    with pytest.raises(co.FileError, match=r"spring_of_sweep_test\.py has other contents there"):
+    with pytest.raises(co.errors.FileError, match=r"spring_of_sweep_test\.py has other contents there"):
         execute(sweep, begun, workers=1, progress=False)
 
 
@@ -96,7 +96,7 @@ def test_a_sweep_of_a_factory_goes_on_with_the_model_that_it_began_with(sweep, b
 
 def test_a_sweep_does_not_go_on_where_the_trace_is_another(sweep, begun, monkeypatch):
     monkeypatch.setattr("coadjoint.sweeps.task.runs.identity", lambda file: {"equations": "others"})
-    with pytest.raises(co.FileError, match="its equations differ"):
+    with pytest.raises(co.errors.FileError, match="its equations differ"):
         execute(sweep, begun, workers=1, progress=False)
 
 
@@ -104,5 +104,5 @@ def test_a_worker_with_another_model_refuses_its_task(sweep, begun):
     text = hashlib.sha256((begun / "run.toml").read_bytes()).hexdigest()
     rows = sweep.rows(slice(0, 2))
     task = Task(str(begun), text, 0, 0, rows, 2, 1, ("mu",), True, {"equations": "others"}, 2, sweep.sample)
-    with pytest.raises(co.ArgumentError, match="The model of a worker differs"):
+    with pytest.raises(co.errors.ArgumentError, match="The model of a worker differs"):
         compute(task)

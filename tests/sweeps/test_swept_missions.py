@@ -109,5 +109,5 @@ def test_a_refused_member_is_told_without_its_number_within_the_task(tmp_path):
 def test_a_mission_with_members_of_its_own_is_refused(tmp_path):
     file = tmp_path / "fleet.toml"
     file.write_text(MISSION.replace("dt = 0.1", "dt = 0.1\nmembers = 3") + '[perturb]\nmass = "2 %"\n')
-    with pytest.raises(co.ArgumentError, match="must be of one member"):
+    with pytest.raises(co.errors.ArgumentError, match="must be of one member"):
         of_tables({"vary": VARY}, table_of(file, "mission file"), file, {})

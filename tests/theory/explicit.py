@@ -22,9 +22,9 @@ H = 0.1
 
 SPACES: dict[str, tuple[Any, Any]] = {
     "SO3": (co.Defining(), co.Defining()),
-    "SE2": (co.Points(), co.Adjoint()),
-    "SE3": (co.Points(), co.Dual()),
-    "SL2": (co.Dual(), co.Defining()),
+    "SE2": (co.spaces.Points(), co.Adjoint()),
+    "SE3": (co.spaces.Points(), co.spaces.Dual()),
+    "SL2": (co.spaces.Dual(), co.Defining()),
     "Heisenberg": (co.Coadjoint(), co.Adjoint()),
     "SO3xSE2": (co.Defining(), co.Coadjoint()),
     "SO4": (co.Trivial(2), co.Defining()),
@@ -110,11 +110,11 @@ def move(space, group, G, x, velocity: bool = False):
     """Gx for a point, or for a velocity, of each kind of space."""
     if isinstance(space, co.Trivial):
         return x
-    if isinstance(space, co.Points):
+    if isinstance(space, co.spaces.Points):
         return (G @ jnp.append(x, 0.0 if velocity else 1.0))[:-1]
     if isinstance(space, co.Defining):
         return G @ x
-    if isinstance(space, co.Dual):
+    if isinstance(space, co.spaces.Dual):
         return inverse(G).T @ x
     if isinstance(space, co.Adjoint):
         return Ad(group, G, x)

@@ -17,8 +17,8 @@ import coadjoint as co
 from bundles import SIZE, kinetic_system, random_connection, random_motion, random_system, smooth_connection
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import bundle
-from coadjoint.theory import lagrange_poincare
-from coadjoint.theory.discrete_mechanical_connection import discrete_mechanical_connection
+from coadjoint.theory import principal_bundles
+from coadjoint.theory.discrete_connections import discrete_mechanical_connection
 from systems import GROUPS, element, generator
 
 ROWS = Rows()
@@ -30,7 +30,7 @@ BUNDLES = "mechanics/test_bundles.py::"
 POINCARE = "theory/test_lagrange_poincare.py::"
 ANY_CONNECTION = POINCARE + "test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connection"
 CONNECTION = "mechanics.discrete_connection.DiscreteConnection."
-REDUCED = "theory.lagrange_poincare.ReducedLagrangian."
+REDUCED = "theory.principal_bundles.ReducedLagrangian."
 RULES = {"left": co.LeftRectangle(co.Cayley()), "trapezoidal": co.Trapezoidal(co.Cayley())}
 
 
@@ -107,7 +107,7 @@ def connections():
             chi[0] @ omega @ np.linalg.inv(chi[1]),
         )
         smooth = smooth_connection(name)
-        lifted = co.DiscreteConnection.from_connection(smooth, co.Cayley())
+        lifted = co.mechanics.DiscreteConnection.from_connection(smooth, co.Cayley())
 
         def by_cayley(x, y, c=smooth):
             half = 0.5 * explicit.hat(c.group, -c.form(0.5 * (x + y)) @ (y - x))
@@ -115,7 +115,7 @@ def connections():
 
         found = evaluate(lambda x, y, c=lifted: c.group.matrix(c.increment(x, y)), *x[:2])
         yield off(found, evaluate(by_cayley, *x[:2]))
-        again = co.DiscreteConnection.from_form(group, SIZE, connection.form)
+        again = co.mechanics.DiscreteConnection.from_form(group, SIZE, connection.form)
         yield off(evaluate(lambda x, y, c=again: c.group.matrix(c.increment(x, y)), *x[:2]), omega)
 
 
@@ -128,7 +128,7 @@ def connections():
         REDUCED + "increment",
         REDUCED + "velocity",
         REDUCED + "value",
-        "theory.discrete_mechanical_connection.discrete_mechanical_connection",
+        "theory.discrete_connections.discrete_mechanical_connection",
     ),
     (BUNDLES + "test_sigma_is_e_exactly_on_horizontal_steps",),
     bound=SOLVED,
@@ -147,7 +147,7 @@ def reduced_variables():
         exact = evaluate(jax.vmap(group.from_matrix), np.linalg.solve(F, omega))
         for rule, method in RULES.items():
             yield from values(
-                lagrange_poincare.ReducedLagrangian(system, method, connection, H), rule, start, x, exact, G
+                principal_bundles.ReducedLagrangian(system, method, connection, H), rule, start, x, exact, G
             )
     yield from horizontal()
 
@@ -192,7 +192,7 @@ def horizontal():
 @row(
     "[Theorem 6.1](theorems/principal-bundles.md), (B35)–(B36)",
     "discrete equations on a principal bundle",
-    ("theory.lagrange_poincare.lagrange_poincare_residual", REDUCED + "slopes"),
+    ("theory.principal_bundles.lagrange_poincare_residual", REDUCED + "slopes"),
     (
         POINCARE + "test_the_first_variation_of_the_action_is_the_residual_on_any_sequence",
         POINCARE + "test_the_residual_vanishes_on_the_motion_and_nowhere_near_it",
@@ -203,7 +203,7 @@ def theorem_6_1():
     for name in NAMES:
         (system, start), (g, x, G) = random_system(name), motion(name)
         for index, (rule, method) in enumerate(RULES.items()):
-            found = lagrange_poincare.lagrange_poincare_residual(
+            found = principal_bundles.lagrange_poincare_residual(
                 system, start, dt=H, method=method, connection=random_connection(name, index), g=g, x=x
             )
             yield off(found, evaluate(partial(stationarity, system, rule), G, x))
@@ -223,14 +223,14 @@ def euler_lagrange_algorithm():
 @row(
     "after (B37)",
     "algorithm: discrete Euler–Poincaré on the bundle",
-    ("theory.lagrange_poincare.lagrange_poincare",),
+    ("theory.principal_bundles.lagrange_poincare",),
     (ANY_CONNECTION,),
     bound=SOLVED,
 )
 def euler_poincare_algorithm():
     for name, rule in (("SO3", "left"), ("SE2", "trapezoidal")):
         (system, start), connection = random_system(name), random_connection(name)
-        found = lagrange_poincare.lagrange_poincare(
+        found = principal_bundles.lagrange_poincare(
             system, start, dt=H, steps=3, method=RULES[rule], connection=connection
         )
         G = matrices(system.group, found.g)
@@ -261,7 +261,7 @@ def theorem_6_2():
     "last Remark",
     "with 𝒜 = e in the section, the equations of the product",
     (
-        "theory.lagrange_poincare.lagrange_poincare_residual",
+        "theory.principal_bundles.lagrange_poincare_residual",
         "methods.LeftRectangle.equations",
         "methods.LeftRectangle.advance",
     ),
@@ -272,8 +272,8 @@ def trivial_connection():
     for name in NAMES:
         (system, start), (g, x, G) = random_system(name), motion(name)
         group, step = system.group, RULES["left"]
-        e = co.DiscreteConnection(group, SIZE, lambda x, y, group=group: group.identity())
-        found = lagrange_poincare.lagrange_poincare_residual(system, start, dt=H, method=step, connection=e, g=g, x=x)
+        e = co.mechanics.DiscreteConnection(group, SIZE, lambda x, y, group=group: group.identity())
+        found = principal_bundles.lagrange_poincare_residual(system, start, dt=H, method=step, connection=e, g=g, x=x)
         F, one = np.linalg.solve(G[:-1], G[1:]), np.eye(len(G[0]))
         halves = (F - one) @ np.linalg.inv(F + one)
         xi = evaluate(jax.vmap(lambda X, group=group: explicit.vee(group, 2 * X) / H), halves)

@@ -91,7 +91,7 @@ def accepted(L) -> bool:
     """Whether a Lagrangian is reduced."""
     try:
         theory.reduce(L)
-    except co.LagrangianError:
+    except co.errors.LagrangianError:
         return False
     return True
 
@@ -167,7 +167,7 @@ def theorem_6():
 def legendre_transforms(name: str):
     """F± of steps in group form and of the left rule, at unknowns that solve nothing."""
     system, links, ends = next(ends_of(name))
-    records, step = records_of(name, "na", links[1], links[0]), co.GroupVariational(co.Exponential())
+    records, step = records_of(name, "na", links[1], links[0]), co.methods.GroupVariational(co.Exponential())
     minus, plus = theory.discrete_legendre(system, step, records, H)
     yield off_each((*minus, *plus), ends)
     system, start = random_system(name)
@@ -188,13 +188,14 @@ def ends_of(name: str):
 
 
 def steps_in_group_form(name: str):
-    """The equations and the step of co.GroupVariational at any record: momenta that do not fit show by how much."""
+    """The equations and the step of co.methods.GroupVariational at any record: momenta that do not fit show by how
+    much."""
     system = group_system(name)
     g, G, q, a0 = random_sequence(name)
     _, _, _, _, _, links = next(sequences(names=(name,)))
     record = at(records_of(name, "na", links, g), 0)
     mu, pi, mu_next, pi_next = evaluate(partial(explicit.legendre, system), *pair(G, q, 0), a0)
-    step = co.GroupVariational(co.Exponential())
+    step = co.methods.GroupVariational(co.Exponential())
     left = evaluate(lambda s: step.equations(system, s, H), record)
     yield off(left, np.concatenate([mu - record.mu, record.pi - pi]))
     after = evaluate(lambda s: step.advance(system, s, H), record.replace(mu=mu, pi=pi))
@@ -337,9 +338,9 @@ def theorem_7():
         system = group_system(name)
         g, G, q, a0 = random_sequence(name)
         _, _, _, _, _, links = next(sequences(names=(name,)))
-        records, step = records_of(name, "na", links, g), co.GroupVariational(co.Exponential())
+        records, step = records_of(name, "na", links, g), co.methods.GroupVariational(co.Exponential())
         c0 = generator("theorem 7", name).normal(size=system.group.dim)
-        quantities = co.KelvinNoether(c0)
+        quantities = co.mechanics.KelvinNoether(c0)
         legendre = jax.vmap(lambda *pair, y=system, a0=a0: explicit.legendre(y, *pair, a0))
         fits = evaluate(legendre, G[:-1], q[:-1], G[1:], q[1:])
         K, values, sources = evaluate(jax.vmap(partial(kelvin, system, c0)), G[:-1], G[1:], q[1:], *links[1:4])

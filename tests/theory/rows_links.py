@@ -27,9 +27,9 @@ from systems import element, generator, system_on
 ROWS = Rows()
 row = ROWS.add
 
-WORLDS: dict[str, tuple[co.LieGroup, int, Any, Any]] = {
+WORLDS: dict[str, tuple[co.groups.LieGroup, int, Any, Any]] = {
     "SO3": (co.SO3(), 2, co.Defining(), co.Coadjoint()),
-    "SE2": (co.SE2(), 3, co.Adjoint(), co.Dual()),
+    "SE2": (co.SE2(), 3, co.Adjoint(), co.spaces.Dual()),
 }
 CHAINS = "methods/test_chains.py::test_native_code_and_the_structure_of_the_coupling_find_the_same_motion"
 POWER = "groups/test_power.py::test_a_power_is_the_product_of_its_links"
@@ -190,8 +190,8 @@ def theorem_7():
     ("models/rods/test_motion.py::test_a_free_rod_that_spins_keeps_its_momentum",),
 )
 def relative_poses():
-    for factor in (co.SO3(), co.SE2(), co.SLn(2)):
-        count, space = 3, co.RelativePoses([(0, 1), (2, 1), (-1, 0)])
+    for factor in (co.SO3(), co.SE2(), co.groups.SLn(2)):
+        count, space = 3, co.spaces.RelativePoses([(0, 1), (2, 1), (-1, 0)])
         power, random = co.Power(factor, count), generator("poses", factor)
         g, e = ([element(factor, random, 0.5) for _ in range(3)] for _ in range(2))
         x = np.concatenate([np.ravel(leaf) for one in e for leaf in jax.tree.leaves(one)])

@@ -64,7 +64,7 @@ def fits(tau, group) -> bool:
     """Whether a map is accepted."""
     try:
         tau.require_fit(group)
-    except co.GroupError:
+    except co.errors.GroupError:
         return False
     return True
 

@@ -225,7 +225,7 @@ def along_solution(system, parameter: str, size: int, link, steps: int = 5):
 
     def library(G, before, here):
         record = start.replace(g=group.from_matrix(G))
-        K = co.KelvinNoether(c0).momentum_map(system, record)
+        K = co.mechanics.KelvinNoether(c0).momentum_map(system, record)
         return K, *theory.kelvin_noether_poisson(l, before, here, K, H)
 
     K, values, changes = evaluate(jax.vmap(library), G[1:-1], at(path, slice(None, -1)), at(path, slice(1, None)))

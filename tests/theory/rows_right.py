@@ -33,10 +33,10 @@ PRINTED = RIGHT + "test_printed_equations_hold_along_a_right_invariant_run"
 SPACES = tuple(
     f"spaces.by_inverse.ByInverse.{name}" for name in ("diamond", "lifted_diamond", "infinitesimal", "lifted")
 )
-WORLDS: dict[str, tuple[co.LieGroup, Any, Any]] = {
+WORLDS: dict[str, tuple[co.groups.LieGroup, Any, Any]] = {
     "SO3": (co.SO3(), co.Defining(), co.Defining()),
-    "SE2": (co.SE2(), co.Points(), co.Adjoint()),
-    "SL2": (co.SLn(2), co.Dual(), co.Coadjoint()),
+    "SE2": (co.SE2(), co.spaces.Points(), co.Adjoint()),
+    "SL2": (co.groups.SLn(2), co.spaces.Dual(), co.Coadjoint()),
 }
 
 

@@ -266,7 +266,7 @@ def vehicle_quantity():
             printed = R @ (left - np.cross(vehicle.M @ nu, n + H * nu))  # (P78)
 
             def found(record, w0=w0, vehicle=vehicle, step=step):
-                quantities, after = co.KelvinNoether(w0), step.advance(vehicle.system, record, H)
+                quantities, after = co.mechanics.KelvinNoether(w0), step.advance(vehicle.system, record, H)
                 value = quantities.paper_quantity(vehicle.system, step, record, H)
                 ahead = noether.spatial_momentum(vehicle.system, after)
                 return quantities.momentum_map(vehicle.system, record), value, w0 @ ahead

@@ -26,9 +26,11 @@ def close(found, expected, within=SAME):
 
 
 def run_of(world):
-    """A run by co.GroupVariational, with its configurations and links."""
+    """A run by co.methods.GroupVariational, with its configurations and links."""
     system, start = random_group_system(world)
-    run = co.simulate(system, start, dt=H, steps=STEPS, method=co.GroupVariational(co.Exponential(), "velocity"))
+    run = co.simulate(
+        system, start, dt=H, steps=STEPS, method=co.methods.GroupVariational(co.Exponential(), "velocity")
+    )
     path = theory.Configuration(run.records.g, run.records.q)
     a0 = evaluate(lambda s: system.advected.act(system.group, s.g, s.a), start)
     return system, path, named_point(system, a0)
@@ -120,7 +122,7 @@ def test_euler_poincare_poisson_is_the_reduced_algorithm_with_a_parameter(parame
     l = heavy_top(parameter)
     system = theory.poisson_system(l)
     start = system.state(g=evaluate(l.group.exp, np.array([0.4, 0.1, 0.0])), xi=[0.3, 0.2, 1.4], a0=[0, 0, 1])
-    run = co.simulate(system, start, dt=H, steps=200, method=co.GroupVariational(co.Exponential(), "velocity"))
+    run = co.simulate(system, start, dt=H, steps=200, method=co.methods.GroupVariational(co.Exponential(), "velocity"))
     path = theory.Configuration(run.records.g, np.zeros((201, 0)))
     reduced = theory.reduced_path(system.places, path, [0, 0, 1])
     ours = evaluate(jax.vmap(lambda link: theory.poisson_link(l.group, link)), reduced)
@@ -151,8 +153,8 @@ def test_discrete_kelvin_noether_theorem_of_euler_poincare_poisson(parameter):
     l = heavy_top(parameter)
     system = theory.poisson_system(l)
     start = system.state(g=evaluate(l.group.exp, np.array([0.4, 0.1, 0.0])), xi=[0.3, 0.2, 1.4], a0=[0, 0, 1])
-    run = co.simulate(system, start, dt=H, steps=30, method=co.GroupVariational(co.Exponential(), "velocity"))
-    noether = co.KelvinNoether([0.3, -0.5, 0.8], lambda c, a: c + jnp.sin(c @ a) * a, co.Defining())
+    run = co.simulate(system, start, dt=H, steps=30, method=co.methods.GroupVariational(co.Exponential(), "velocity"))
+    noether = co.mechanics.KelvinNoether([0.3, -0.5, 0.8], lambda c, a: c + jnp.sin(c @ a) * a, co.Defining())
     path = theory.Configuration(run.records.g, np.zeros((31, 0)))
     links = evaluate(
         jax.vmap(lambda link: theory.poisson_link(l.group, link)),
@@ -183,7 +185,7 @@ def test_a_lagrangian_that_is_not_invariant_is_refused():
     spaces = {"additional": co.Defining(), "advected": co.Defining()}
     system = theory.reduce(theory.UnreducedLagrangian(group, upright, **spaces))
     assert system.group_lagrangian is not None
-    with pytest.raises(co.LagrangianError, match="left-invariant"):
+    with pytest.raises(co.errors.LagrangianError, match="left-invariant"):
         theory.reduce(theory.UnreducedLagrangian(group, leaning, **spaces))
 
 
@@ -192,7 +194,7 @@ def test_a_curved_space_asks_for_a_point_to_test_invariance_at():
         return (q_next - q) @ (q_next - q) / h + jnp.trace(g.T @ g_next) / h - h * q @ a0
 
     L = theory.UnreducedLagrangian(co.SO3(), pendulum, additional=co.Sphere(), advected=co.Defining())
-    with pytest.raises(co.ArgumentError, match="curved"):
+    with pytest.raises(co.errors.ArgumentError, match="curved"):
         theory.reduce(L)
     assert theory.invariance_defect(L, q=[0, 0, 1]) < 1e-13
 
@@ -205,5 +207,5 @@ def test_a_curved_space_asks_for_a_point_to_test_invariance_at():
     ],
 )
 def test_an_unreduced_lagrangian_of_other_arguments_is_refused(function, spaces, says):
-    with pytest.raises(co.LagrangianError, match=says):
+    with pytest.raises(co.errors.LagrangianError, match=says):
         theory.UnreducedLagrangian(co.SO3(), function, **spaces)

@@ -29,7 +29,7 @@ KINDS = {
     "everything": {"t", "inputs", "internal", "forces", "parameters"},
 }
 INPUTS = {
-    "signals": {"push": co.Signal(lambda t: jnp.sin(3 * t))},
+    "signals": {"push": co.mechanics.Signal(lambda t: jnp.sin(3 * t))},
     "held inputs": {"push": lambda motion: 0.5 * jnp.sum(motion.xi) + motion.t},
     "everything": {"push": lambda motion: 0.5 * jnp.sum(motion.xi) - motion.t, "pull": co.Linear([0, 9], [0.2, 3])},
 }
@@ -88,7 +88,7 @@ def driven(world: str, kind: str):
 @lru_cache
 def run_of(world: str, kind: str):
     system, start = driven(world, kind)
-    method = co.GroupVariational(co.Exponential(), "velocity")
+    method = co.methods.GroupVariational(co.Exponential(), "velocity")
     run = co.simulate(system, start, dt=H, steps=STEPS, method=method, inputs=INPUTS.get(kind), monitors=False)
     a0 = evaluate(lambda s: system.advected.act(system.group, s.g, s.a), start)
     path = theory.Configuration(run.records.g, run.records.q)
@@ -185,7 +185,7 @@ def test_a_step_that_does_not_say_when_it_starts_and_what_is_held_is_refused(kin
     """Every function of a step, in the sentence that names theory.Instant."""
     for world in ("body", "top"):
         for call in calls(world, kind, given):
-            with pytest.raises(co.ArgumentError, match=says):
+            with pytest.raises(co.errors.ArgumentError, match=says):
                 call()
 
 

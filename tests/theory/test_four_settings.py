@@ -46,7 +46,7 @@ def on_rotations(**form):
 
 
 def on_motions(group, **form):
-    return co.System(group, advected=co.Dual(), **form)
+    return co.System(group, advected=co.spaces.Dual(), **form)
 
 
 PRODUCT = co.SemidirectProduct(co.SO3(), co.Defining())
@@ -66,7 +66,7 @@ def settings():
     n = G0.T @ Q0
     first = theory.Link(F0, n, n + D0, G0.T @ DOWN)
     start, then = theory.Configuration(G0, Q0), theory.Configuration(G0 @ F0, Q0 + G0 @ D0)
-    method = co.GroupVariational(co.Exponential())
+    method = co.methods.GroupVariational(co.Exponential())
 
     def begun(system, link, **place):
         left = evaluate(lambda link: theory.left_momenta(system, link, H), link)

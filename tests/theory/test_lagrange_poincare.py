@@ -13,7 +13,7 @@ import coadjoint as co
 from bundles import SIZE, apart, generator, largest, random_connection, random_motion, random_system
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.bundle import reduced
-from coadjoint.theory.lagrange_poincare import ReducedLagrangian
+from coadjoint.theory.principal_bundles import ReducedLagrangian
 from stepping import Stepper
 from systems import GROUPS, RULES
 
@@ -26,7 +26,7 @@ CASES = [
     ("SL2", "right"),
     ("Heisenberg", "midpoint"),
 ]
-TRIVIAL = co.DiscreteConnection(co.SO2(), 1, lambda x, x_next: jnp.eye(2))
+TRIVIAL = co.mechanics.DiscreteConnection(co.SO2(), 1, lambda x, x_next: jnp.eye(2))
 
 
 @cache
@@ -50,7 +50,7 @@ def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connectio
     system, start = random_system(name)
     g, x, _ = motion(name, rule)
     for index in range(2):
-        found = co.lagrange_poincare(
+        found = co.theory.lagrange_poincare(
             system, start, dt=H, steps=5, method=RULES[rule](co.Cayley()), connection=random_connection(name, index)
         )
         error = max(apart(found.g, g), apart(found.x, x))
@@ -68,12 +68,12 @@ def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
     g, x, mu = motion(name, rule)
     arguments = {"dt": H, "method": RULES[rule](co.Cayley()), "connection": random_connection(name)}
     scale = np.max(np.abs(mu)) + 1.0
-    residual = co.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
+    residual = co.theory.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
     assert residual.shape == (4, GROUPS[name].dim + SIZE)
     print(f"{name} {rule}: {np.max(np.abs(residual)) / scale:.1e}")
     assert np.max(np.abs(residual)) <= 2e-13 * scale
     x = x + 1e-6 * generator("perturbed", name).normal(size=x.shape)
-    away = co.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
+    away = co.theory.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
     assert np.all(np.max(np.abs(away), axis=1) > 1e-8)
 
 
@@ -81,8 +81,8 @@ def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
 def test_with_the_trivial_connection_they_are_the_equations_of_the_core():
     """Ω = e, the paper's last remark: σ = F⁻¹, Ad*_{F⁻¹}D^R_σ l = −μ_k."""
     system, start = random_system("SO3")
-    e = co.DiscreteConnection(co.SO3(), SIZE, lambda x, x_next: jnp.eye(3))
-    found = co.lagrange_poincare(system, start, dt=H, steps=5, method=co.Midpoint(co.Cayley()), connection=e)
+    e = co.mechanics.DiscreteConnection(co.SO3(), SIZE, lambda x, x_next: jnp.eye(3))
+    found = co.theory.lagrange_poincare(system, start, dt=H, steps=5, method=co.Midpoint(co.Cayley()), connection=e)
     g, _, _ = motion("SO3", "midpoint")
     assert apart(found.g, g) <= 2e-13
     assert apart(found.sigma, np.swapaxes(g[1:], 1, 2) @ g[:-1]) <= 2e-13
@@ -123,7 +123,7 @@ def test_the_first_variation_of_the_action_is_the_residual_on_any_sequence(name,
         return total
 
     slope = evaluate(jax.grad(action), 0.0)
-    residual = co.lagrange_poincare_residual(system, start, dt=H, method=method, connection=connection, g=g, x=x)
+    residual = co.theory.lagrange_poincare_residual(system, start, dt=H, method=method, connection=connection, g=g, x=x)
     expected = np.sum(residual[:, group.dim :] * dx) + np.sum(residual[:, : group.dim] * eta)
     print(name, rule, slope, expected)
     assert abs(slope - expected) <= 1e-12 * max(1.0, np.max(np.abs(residual)))
@@ -162,16 +162,19 @@ def driven(name: str) -> tuple[co.System, co.State]:
 def test_forces_time_inputs_and_internal_states_give_the_driven_motion(name, rule):
     """Lagrange–d'Alembert–Poincaré: (B35), (B36) with (T∓, φ∓), whatever the connection, against co.simulate."""
     system, start = driven(name)
-    inputs = {"push": co.Signal(lambda t: jnp.sin(2 * t)), "pull": lambda motion: 0.5 * motion.xi[0] + motion.t}
+    inputs = {
+        "push": co.mechanics.Signal(lambda t: jnp.sin(2 * t)),
+        "pull": lambda motion: 0.5 * motion.xi[0] + motion.t,
+    }
     method, connection = RULES[rule](co.Cayley()), random_connection(name)
     run = co.simulate(system, start, dt=H, steps=5, method=method, inputs=inputs, monitors=False)
     g, x, given = run.records.g, run.records.n, {"dt": H, "method": method, "connection": connection}
-    found = co.lagrange_poincare(run.system, start, steps=5, **given)
+    found = co.theory.lagrange_poincare(run.system, start, steps=5, **given)
     assert max(apart(found.g, g), apart(found.x, x)) <= 2e-13 * max(1.0, largest(g))
     scale = np.max(np.abs(run.records.mu)) + 1.0
-    residual = co.lagrange_poincare_residual(run.system, start, g=g, x=x, **given)
+    residual = co.theory.lagrange_poincare_residual(run.system, start, g=g, x=x, **given)
     assert np.max(np.abs(residual)) <= 2e-13 * scale
-    still = co.lagrange_poincare_residual(run.system.unforced, start, g=g, x=x, **given)
+    still = co.theory.lagrange_poincare_residual(run.system.unforced, start, g=g, x=x, **given)
     assert np.min(np.max(np.abs(still), axis=1)) > 1e-3, "forces that do nothing prove nothing"
 
 
@@ -184,10 +187,10 @@ def test_the_discrete_mechanical_connection_does_not_see_forces():
     pushed = co.System(
         co.SO2(), free.lagrangian, additional=co.Trivial(1), forces=lambda motion: co.Force([3.0], [2.0])
     )
-    both = [co.discrete_mechanical_connection(s, co.Midpoint(), H)([0.3], [0.5]) for s in (free, pushed)]
+    both = [co.theory.discrete_mechanical_connection(s, co.Midpoint(), H)([0.3], [0.5]) for s in (free, pushed)]
     assert apart(*both) == 0.0
-    with pytest.raises(co.ArgumentError, match="alone, but this one takes `t`"):
-        co.discrete_mechanical_connection(system, co.Midpoint(), H)
+    with pytest.raises(co.errors.ArgumentError, match="alone, but this one takes `t`"):
+        co.theory.discrete_mechanical_connection(system, co.Midpoint(), H)
 
 
 def test_what_does_not_fit_is_refused_in_one_sentence():
@@ -195,19 +198,21 @@ def test_what_does_not_fit_is_refused_in_one_sentence():
     good = {"dt": H, "steps": 2, "method": co.Midpoint(), "connection": random_connection("SO3")}
     for change, says in (
         ({"connection": random_connection("SE2")}, "The connection is on SE2() with 2 shape coordinates"),
-        ({"connection": None}, "must be a co.DiscreteConnection"),
+        ({"connection": None}, "must be a co.mechanics.DiscreteConnection"),
         ({"dt": -0.1}, "must be a positive number"),
         ({"steps": 0}, "`steps` must be a whole number from 1"),
-        ({"method": co.LeftRight()}, "needs a variational rule of one stage"),
+        ({"method": co.methods.LeftRight()}, "needs a variational rule of one stage"),
         ({"method": None}, "must be a method such as co.Midpoint()"),
     ):
-        with pytest.raises(co.ArgumentError, match=says.replace("(", "\\(").replace(")", "\\)")):
-            co.lagrange_poincare(system, start, **{**good, **change})
+        with pytest.raises(co.errors.ArgumentError, match=says.replace("(", "\\(").replace(")", "\\)")):
+            co.theory.lagrange_poincare(system, start, **{**good, **change})
 
 
 @pytest.mark.long
 def test_a_step_that_has_no_solution_says_so():
     """Midpoint steps of ẍ = eˣ from rest at x = 0: v = ½h exp(½hv) has no root at h = 2."""
     system = co.System(co.SO2(), lambda xi, x, v: 0.5 * (xi @ xi + v @ v) + jnp.exp(x[0]), additional=co.Trivial(1))
-    with pytest.raises(co.StepError, match="no solution at step 0, t = 0 s, that"):
-        co.lagrange_poincare(system, system.state(q=[0.0]), dt=2.0, steps=3, method=co.Midpoint(), connection=TRIVIAL)
+    with pytest.raises(co.errors.StepError, match="no solution at step 0, t = 0 s, that"):
+        co.theory.lagrange_poincare(
+            system, system.state(q=[0.0]), dt=2.0, steps=3, method=co.Midpoint(), connection=TRIVIAL
+        )

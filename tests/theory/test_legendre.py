@@ -62,11 +62,11 @@ METHODS = {
     "galerkin": ("SE2", co.Galerkin(degree=2)),
     "galerkin 3": ("SO3", co.Galerkin(co.Exponential(), degree=3)),
     "variational": ("SL2", co.Variational()),
-    "adjoint variational": ("SO3", co.AdjointVariational()),
-    "group variational": ("SO3xSE2", co.GroupVariational(co.Exponential(), "velocity")),
-    "group variational on a sphere": ("SO3 on a sphere", co.GroupVariational(co.Exponential(), "velocity")),
-    "pair": ("SE2", co.LeftRight()),
-    "symmetrised": ("SO3 on a sphere", co.Symmetrised(co.RightRectangle())),
+    "adjoint variational": ("SO3", co.methods.AdjointVariational()),
+    "group variational": ("SO3xSE2", co.methods.GroupVariational(co.Exponential(), "velocity")),
+    "group variational on a sphere": ("SO3 on a sphere", co.methods.GroupVariational(co.Exponential(), "velocity")),
+    "pair": ("SE2", co.methods.LeftRight()),
+    "symmetrised": ("SO3 on a sphere", co.methods.Symmetrised(co.RightRectangle())),
     "suzuki": ("R3", co.Suzuki4(co.Midpoint())),
     "variable": ("SO3", co.VariableStep()),
 }
@@ -80,7 +80,7 @@ def run_of(name: str):
     world, method = METHODS[name]
     made = {"variable": without_time, "variational": with_discrete_lagrangian}
     made["adjoint variational"] = with_discrete_lagrangian
-    if isinstance(method, co.GroupVariational):
+    if isinstance(method, co.methods.GroupVariational):
         system, start = random_group_system(world, forced=True)
     elif name in made:
         system, start = made[name](world)
@@ -166,7 +166,7 @@ def test_without_forces_the_momentum_maps_agree_along_the_isotropy_of_the_parame
 
 
 @dataclass(frozen=True)
-class Own(co.Method, Step):
+class Own(co.methods.Method, Step):
     """A rule of one's own, which says what it sums: the left rectangle again."""
 
     order = co.LeftRectangle.order
@@ -190,7 +190,7 @@ def test_a_rule_of_ones_own_has_transforms_and_is_refused_with_forces():
     for x, y in zip(jax.tree.leaves(own), jax.tree.leaves(known), strict=True):
         np.testing.assert_allclose(x, y, rtol=0, atol=1e-13)
     system, start = random_system("SO3", forced=True)
-    with pytest.raises(co.ArgumentError, match="Where Own lets forces act"):
+    with pytest.raises(co.errors.ArgumentError, match="Where Own lets forces act"):
         theory.discrete_legendre(system, Own(), start, H)
 
 
@@ -198,5 +198,5 @@ def test_methods_without_a_discrete_lagrangian_are_refused():
     system, start = random_system("SO3 alone")
     run = co.simulate(system, start, dt=H, steps=2, method=co.EnergyMomentum(), monitors=False)
     for function in (theory.discrete_legendre, theory.discrete_momentum_maps):
-        with pytest.raises(co.ArgumentError, match="EnergyMomentum has no discrete Lagrangian"):
+        with pytest.raises(co.errors.ArgumentError, match="EnergyMomentum has no discrete Lagrangian"):
             function(system, run.method, run.records, H)

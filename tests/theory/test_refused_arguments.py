@@ -33,7 +33,7 @@ START = {"xi": [0.3, 1.0, 0.2], "a0": DOWN}
 
 @pytest.fixture(scope="module")
 def path():
-    how = {"dt": H, "steps": 4, "method": co.GroupVariational(co.Cayley(), "velocity"), "progress": False}
+    how = {"dt": H, "steps": 4, "method": co.methods.GroupVariational(co.Cayley(), "velocity"), "progress": False}
     run = co.simulate(TOP, TOP.state(**START), **how)
     return theory.Configuration(run.records.g, run.records.q)
 
@@ -54,7 +54,9 @@ def test_a_part_of_a_step_that_led_to_an_event_has_another_transform_and_is_refu
     run = co.simulate(
         SMOOTH, SMOOTH.state(**START), dt=H, steps=40, until=lambda motion: motion.t - 0.75, progress=False
     )
-    with pytest.raises(co.ArgumentError, match=r"some are 0.05 s: give the `h` of the run, and of a run that ended"):
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"some are 0.05 s: give the `h` of the run, and of a run that ended"
+    ):
         theory.discrete_legendre(SMOOTH, co.Midpoint(), run.records, H)
     records = jax.tree.map(lambda leaf: leaf[:-2], run.records)
     found = theory.discrete_legendre(SMOOTH, co.Midpoint(), records, H)
@@ -79,9 +81,11 @@ def test_members_are_refused_by_every_function_in_one_sentence(path):
         partial(theory.discrete_momentum_maps, smooth, SUZUKI, ensemble.records, H),
         partial(theory.equations_of, smooth, co.Midpoint(), ensemble.records, H),
     ):
-        with pytest.raises(co.ArgumentError, match=r"that of one system, but parameters of this one are co.each"):
+        with pytest.raises(
+            co.errors.ArgumentError, match=r"that of one system, but parameters of this one are co.each"
+        ):
             call()
-    with pytest.raises(co.ArgumentError, match="but is an ensemble"):
+    with pytest.raises(co.errors.ArgumentError, match="but is an ensemble"):
         theory.printed_equations(ensemble)
 
 
@@ -106,5 +110,5 @@ def test_sequences_whose_parts_do_not_belong_together_are_refused_in_one_sentenc
         (partial(theory.reconstruct, TOP.places, np.eye(3), at(links, 0)), "one link or more with a leading axis"),
         (partial(theory.reconstruct, TOP.places, np.eye(3), at(links, slice(0))), "one link or more"),
     ):  # fmt: skip
-        with pytest.raises(co.ArgumentError, match=says):
+        with pytest.raises(co.errors.ArgumentError, match=says):
             call()

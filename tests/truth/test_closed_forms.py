@@ -14,12 +14,12 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import energy
 
-METHODS: list[co.Method] = [
+METHODS: list[co.methods.Method] = [
     co.LeftRectangle(co.Cayley()),
     co.RightRectangle(co.Exponential()),
     co.Midpoint(co.Cayley()),
     co.Trapezoidal(co.Exponential()),
-    co.LeftRight(co.Cayley()),
+    co.methods.LeftRight(co.Cayley()),
     co.Suzuki4(co.Midpoint(co.Exponential())),
 ]
 PROBLEMS: list[Problem] = [*FREE_RIGID_BODIES, *GYROSTATS, *HEAVY_TOPS, *VEHICLES]
@@ -30,7 +30,7 @@ AMPLIFIED = 50
 """By how much the angles of a run amplify it; an error below says nothing about an order."""
 
 
-def title(thing: Problem | co.Method) -> str:
+def title(thing: Problem | co.methods.Method) -> str:
     return thing.title
 
 
@@ -46,7 +46,7 @@ def test_the_start_has_the_state_and_the_energy_of_the_closed_form(problem: Prob
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("problem", PROBLEMS, ids=title)
 @pytest.mark.parametrize("method", METHODS, ids=title)
-def test_a_method_converges_to_the_exact_motion_at_its_order_and_conserves(method: co.Method, problem: Problem):
+def test_a_method_converges_to_the_exact_motion_at_its_order_and_conserves(method: co.methods.Method, problem: Problem):
     errors, energies, floors = [], [], []
     for fraction in (1, 2, 4):
         steps = fraction * round(problem.duration / problem.dt)

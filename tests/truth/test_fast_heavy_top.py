@@ -19,7 +19,7 @@ START = catalogue["heavy_top"].start(TOP)
 EXPONENTIAL, CAYLEY = co.Exponential(), co.Cayley()
 
 
-def errors(method: co.Method, dt: float) -> np.ndarray:
+def errors(method: co.methods.Method, dt: float) -> np.ndarray:
     """The Euclidean distances of the centre of mass from the reference at t = 0.2, 1, 2 s."""
     run = co.simulate(TOP, START, dt=dt, duration=2.0, method=method, save_every=round(0.2 / dt))
     place = run.records.g @ np.array(catalogue["heavy_top"].parameters["center_of_mass"])
@@ -33,8 +33,8 @@ def errors(method: co.Method, dt: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("method", "at_most"),
     [
-        (co.LeftRight(EXPONENTIAL), 5e-5),
-        (co.LeftRight(CAYLEY), 1.5e-4),
+        (co.methods.LeftRight(EXPONENTIAL), 5e-5),
+        (co.methods.LeftRight(CAYLEY), 1.5e-4),
         (co.Midpoint(EXPONENTIAL), 2e-4),
         (co.Midpoint(CAYLEY), 3e-4),
         (co.Trapezoidal(EXPONENTIAL), 2e-4),
@@ -42,14 +42,14 @@ def errors(method: co.Method, dt: float) -> np.ndarray:
     ],
     ids=lambda value: getattr(value, "title", f"{value}"),
 )
-def test_methods_of_order_two_approach_the_reference_at_order_two(method: co.Method, at_most: float):
+def test_methods_of_order_two_approach_the_reference_at_order_two(method: co.methods.Method, at_most: float):
     coarse, fine = errors(method, 2e-4), errors(method, 1e-4)
     assert np.all(np.abs(np.log2(coarse / fine) - 2) <= 0.03)
     assert fine[-1] <= at_most
 
 
 def test_order_four_meets_the_reference_in_all_its_digits():
-    found = errors(co.Suzuki4(co.LeftRight(EXPONENTIAL)), 5e-5)
+    found = errors(co.Suzuki4(co.methods.LeftRight(EXPONENTIAL)), 5e-5)
     assert np.max(found) <= 3e-12
 
 

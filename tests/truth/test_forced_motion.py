@@ -16,7 +16,7 @@ METHODS = {
     "right": co.RightRectangle(),
     "midpoint": co.Midpoint(),
     "trapezoidal": co.Trapezoidal(),
-    "pair": co.LeftRight(),
+    "pair": co.methods.LeftRight(),
     "suzuki": co.Suzuki4(co.Midpoint(), negative_substeps="allow"),
 }
 
@@ -39,7 +39,9 @@ def still(vehicle: co.System, **given) -> co.State:
 def test_a_heavy_vehicle_sinks_at_the_speed_at_which_quadratic_drag_carries_it(method):
     """M v̇ = W − c v²: v = v∞ tanh(t/t∞), v∞ = √(W/c), t∞ = M/√(Wc); at v∞ every rule is exact."""
     weight, c, M = 130 * 9.81 - 1215.8, 60.0, 130 + ADDED[2]
-    vehicle = paper_vehicle({"drag": lambda motion, p: co.Force(force=co.quadratic_drag(p.drag, motion.nu))}, drag=c)
+    vehicle = paper_vehicle(
+        {"drag": lambda motion, p: co.Force(force=co.mechanics.quadratic_drag(p.drag, motion.nu))}, drag=c
+    )
     vehicle = vehicle.replace(mass=130.0)
     terminal, time = np.sqrt(weight / c), M / np.sqrt(weight * c)
     run = co.simulate(vehicle, still(vehicle), dt=0.05, steps=int(25 * time / 0.05), method=method, monitors=False)
@@ -54,7 +56,7 @@ def test_a_heavy_vehicle_sinks_at_the_speed_at_which_quadratic_drag_carries_it(m
 def test_thrust_against_linear_drag_gives_the_terminal_speed_forward():
     """v = T/d (1 − exp(−d t/M)) along the body's own axis, heading 30° to the side."""
     forces = {
-        "drag": co.rayleigh(lambda motion, p: 0.5 * p.drag * motion.nu @ motion.nu),
+        "drag": co.mechanics.rayleigh(lambda motion, p: 0.5 * p.drag * motion.nu @ motion.nu),
         "thrust": lambda motion, p: co.Force(force=jnp.array([1.0, 0, 0]) * p.thrust),
     }
     vehicle = paper_vehicle(forces, drag=40.0, thrust=30.0).replace(mass=1215.8 / 9.81)
@@ -174,7 +176,7 @@ def test_a_damped_vehicle_with_thrust_in_a_current_keeps_its_balances(name):
     method = METHODS[name]
     vehicle = in_a_current({"drag": drag, "thrust": thrust})
     start = begun(vehicle, np.array([0.3, -0.1, 0.0]))
-    about = [co.KelvinNoether(axis) for axis in np.eye(3)]
+    about = [co.mechanics.KelvinNoether(axis) for axis in np.eye(3)]
     runs = [
         co.simulate(vehicle, start, dt=dt, duration=20, method=method, kelvin_noether=about) for dt in (0.05, 0.025)
     ]

@@ -174,5 +174,5 @@ def test_clebschs_condition_is_what_the_fourth_integral_needs():
     other = other.watching({"clebsch_integral": kirchhoff.clebsch_integral})
     run = co.simulate(other, entry.start(other), dt=0.02, steps=10_000, save_every=100)
     assert run.relative_change("clebsch_integral") > 1e-2
-    with pytest.raises(co.ArgumentError, match="m₃ > 0"):
+    with pytest.raises(co.errors.ArgumentError, match="m₃ > 0"):
         entry.make(inertia=(1.0, 1.1, 5.0), mass=(1.0, 3.0))

@@ -35,7 +35,7 @@ def largest(rows: np.ndarray) -> float:
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.title)
-def test_a_neutrally_buoyant_ellipsoid_conserves_impulse_and_moment_on_the_grid(method: co.Method):
+def test_a_neutrally_buoyant_ellipsoid_conserves_impulse_and_moment_on_the_grid(method: co.methods.Method):
     body = ENTRY.make()
     run = co.simulate(body, ENTRY.start(body), dt=0.02, duration=100.0, method=method, save_every=50)
     for name, (values, scale) in impulses(run.records).items():

@@ -41,7 +41,7 @@ def test_the_midpoint_rule_turns_an_oscillator_by_the_angle_of_cayleys_map(backe
 @pytest.mark.parametrize(
     "method",
     [
-        co.LeftRight(),
+        co.methods.LeftRight(),
         co.Trapezoidal(),
         co.Simpson(),
         co.EnergyMomentum(),
@@ -86,8 +86,8 @@ def test_a_run_on_q_alone_is_saved_streamed_stepped_and_told(tmp_path):
     start = PENDULUM.state(q=[1.0], pi=[0.3])
     run = co.simulate(PENDULUM, start, dt=H, steps=STEPS)
     saved = co.load(run.save(tmp_path / "run.nc"))
-    assert "pendulum" in str(saved) and co.casimirs(PENDULUM) == {}
-    with pytest.raises(co.ArgumentError, match="events are not in the file"):
+    assert "pendulum" in str(saved) and co.mechanics.casimirs(PENDULUM) == {}
+    with pytest.raises(co.errors.ArgumentError, match="events are not in the file"):
         _ = saved.events
     streamed = co.simulate(PENDULUM, start, dt=H, steps=STEPS, store=tmp_path / "run")
     np.testing.assert_array_equal(streamed.dataset.q, run.dataset.q)

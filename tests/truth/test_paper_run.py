@@ -17,13 +17,13 @@ START = models.paper_start(VEHICLE)
 
 
 @lru_cache(maxsize=8)
-def run(method: co.Method, dt: float = models.PAPER_STEP) -> Run:
+def run(method: co.methods.Method, dt: float = models.PAPER_STEP) -> Run:
     made = co.simulate(VEHICLE, START, dt=dt, duration=models.PAPER_DURATION, method=method, save_every=round(1 / dt))
     print(made)
     return made
 
 
-def paper(tau: co.DifferenceMap) -> co.Method:
+def paper(tau: co.difference_maps.DifferenceMap) -> co.methods.Method:
     """The paper's scheme."""
     return co.LeftRectangle(tau, start="velocity")
 

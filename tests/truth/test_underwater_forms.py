@@ -118,7 +118,9 @@ def test_on_se3_the_continuous_motion_is_that_on_so3_times_r3():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), co.LeftRight(co.Exponential())], ids=lambda m: m.title)
+@pytest.mark.parametrize(
+    "method", [co.Midpoint(co.Cayley()), co.methods.LeftRight(co.Exponential())], ids=lambda m: m.title
+)
 def test_on_se3_steps_approach_that_motion_and_conserve_horizontal_momentum_and_the_vertical_moment(method):
     vehicle, start, poses = moves("SE(3)")
     errors = []

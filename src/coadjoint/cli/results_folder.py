@@ -96,7 +96,7 @@ def _require_no_sweep(source: Path) -> None:
     drawn = f"its results are drawn in {' and '.join(pictures)}, and " if pictures else ""
     raise FileError(
         f"The folder {folder} holds a sweep of {held.get('members')} members, not a single run: {drawn}"
-        f"co.load_sweep({str(folder)!r}) opens it in Python; `coadjoint info {folder}` shows its numbers."
+        f"co.sweeps.load_sweep({str(folder)!r}) opens it in Python; `coadjoint info {folder}` shows its numbers."
     )
 
 

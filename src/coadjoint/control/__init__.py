@@ -30,4 +30,5 @@ if TYPE_CHECKING:
     from coadjoint.control.problem_data import Input as Input
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,7 +1,7 @@
 """Inputs that change within a step: linear between nodes, or a given function of time with free numbers.
 
 A step sees them at the times where its method samples them: in the program by the functions below, in the run of the
-optimum as `co.Linear` and `co.Signal`, which are the same functions.
+optimum as `co.Linear` and `co.mechanics.Signal`, which are the same functions.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from coadjoint.errors import ArgumentError
 class Measured:
     """y_k = function(motion [, p]) + noise at nodes, which adds ½ Σ_k |(function − y_k)/σ|² to the cost.
 
-    function: of the `co.NodeMotion` at a node, a number or an array, written with `jax.numpy`.
+    function: of the `co.mechanics.NodeMotion` at a node, a number or an array, written with `jax.numpy`.
     values: (K, …) of the function's shape; NaN where nothing was measured; None for an estimator, which receives them
         one after the other.
     deviation: σ, a number or an array of the function's shape, in its units.

@@ -44,7 +44,7 @@ class Problem(ProblemData):
         method: any with fixed steps, also compositions; by default `co.Midpoint()`.
         inputs: name → `co.control.Input` or `co.control.Profile`; other values are signals and functions of the motion,
             as in `co.simulate`.
-        cost: L(motion [, p]), a number a second, of the `co.NodeMotion`; by default none.
+        cost: L(motion [, p]), a number a second, of the `co.mechanics.NodeMotion`; by default none.
         final_cost: M(motion [, p]), a number, of the last node; by default none.
         path: name → `co.control.Bounds`, at every node; by default none.
         path_points: the number of points inside each step at which `path` holds as well, evenly spaced, by default 0.

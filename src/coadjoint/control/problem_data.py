@@ -61,8 +61,8 @@ class Input:
 class Bounds:
     """lower ≤ function(motion [, p]) ≤ upper at every node, and at `path_points` of a problem, of a number or a vector.
 
-    function: of the `co.NodeMotion` at the node, where ξ and ν are those of the momenta and `motion.inputs` the
-    inputs at the start of the step that begins there (at the last node, at the end of the step before).
+    function: of the `co.mechanics.NodeMotion` at the node, where ξ and ν are those of the momenta and `motion.inputs`
+    the inputs at the start of the step that begins there (at the last node, at the end of the step before).
     lower, upper: numbers or vectors; by default none.
     """
 

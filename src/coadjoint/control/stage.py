@@ -88,7 +88,7 @@ class StepGraph:
         return traced(self.tracer, what, of_node, self.constants, self.state, *more)
 
     def of_motion(self, function: Callable[..., Any], what: str) -> list[Expr]:
-        """function(motion [, p]) of the `co.NodeMotion` at the node where the step starts."""
+        """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""
         return flat(self.array_of_motion(function, what))
 
     def array_of_motion(self, function: Callable[..., Any], what: str) -> Any:

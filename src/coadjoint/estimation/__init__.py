@@ -26,4 +26,5 @@ if TYPE_CHECKING:
     from coadjoint.estimation.smoother import smoothed as smoothed
     from coadjoint.estimation.strapdown import StrapdownProcess as StrapdownProcess
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

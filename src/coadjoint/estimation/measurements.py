@@ -17,9 +17,9 @@ from coadjoint.estimation.numbers import numbers
 class Measurement:
     """y = function(motion [, p [, biases]]) + v, v normal with a covariance R.
 
-    function: of a `co.NodeMotion`, if it takes more arguments of the parameters of the system, and of the biases of the
-        process by their names; arguments with defaults do not count. A number or an array, written with `jax.numpy`.
-        A value that contains a NaN is left out completely.
+    function: of a `co.mechanics.NodeMotion`, if it takes more arguments of the parameters of the system, and of the
+        biases of the process by their names; arguments with defaults do not count. A number or an array, written with
+        `jax.numpy`. A value that contains a NaN is left out completely.
     covariance: R, (m, m), or the variances (m,), or one number for all.
     gate: the probability with which a correct value is accepted, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
         and S its covariance, is beyond this quantile of χ² is left out. By default None, all are accepted.

@@ -15,7 +15,8 @@ def require_algebra(basis: np.ndarray, name: str) -> None:
         )
     if np.iscomplexobj(basis):
         raise GroupError(
-            f"The basis of {name} must be real matrices, but is complex: give co.real_form of it, or make the group by "
+            f"The basis of {name} must be real matrices, but is complex: give co.groups.real_form of it, or make the "
+            f"group by "
             "co.MatrixGroup, which takes complex matrices."
         )
     # Every matrix in its own unit: independence and closure do not depend on the scale of a basis.

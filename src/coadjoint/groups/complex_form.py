@@ -19,7 +19,7 @@ def real_form(matrix: Array) -> Array:
 
 
 def complex_form(matrix: Array) -> Array:
-    """A + iB of [[A, −B], [B, A]], the inverse of `co.real_form`.
+    """A + iB of [[A, −B], [B, A]], the inverse of `co.groups.real_form`.
 
     matrix: a NumPy or JAX array (…, 2N, 2N). Returns the same kind, (…, N, N).
     """

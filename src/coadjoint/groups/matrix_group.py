@@ -30,9 +30,9 @@ class MatrixGroup(MatrixElements):
     basis: matrices (dim, N, N), linearly independent and closed under the bracket. constraint: a function g ↦ array
     that vanishes on the group (SL: det g − 1), by default none; with it the group has `project` and `defect`. name: for
     cards and errors, by default "MatrixGroup". A basis of complex matrices spans a real algebra, as that of su(n) does:
-    it is taken in its real form [[A, −B], [B, A]] for A + iB (`co.real_form`, `co.complex_form`), and elements and the
-    argument of `constraint` are real matrices (2N, 2N). Raises GroupError for a basis that is dependent or not closed,
-    and for a constraint that exp(ξ) does not satisfy.
+    it is taken in its real form [[A, −B], [B, A]] for A + iB (`co.groups.real_form`, `co.groups.complex_form`), and
+    elements and the argument of `constraint` are real matrices (2N, 2N). Raises GroupError for a basis that is
+    dependent or not closed, and for a constraint that exp(ξ) does not satisfy.
     """
 
     def __init__(self, basis, constraint: Callable[[Array], Array] | None = None, name: str = "MatrixGroup"):

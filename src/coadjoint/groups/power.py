@@ -77,7 +77,7 @@ class Power(LieGroup):
         if self.coupling == "all":
             raise GroupError(
                 f"{self!r} has no list of pairs, because all links act on each other: give the pairs that are meant, "
-                "as in co.RelativePoses([(0, 1), (1, 2)])."
+                "as in co.spaces.RelativePoses([(0, 1), (1, 2)])."
             )
         chain = tuple((i, i + 1) for i in range(self.count - 1))
         return (*chain, (0, self.count - 1)) if self.coupling == "ring" and self.count > 2 else chain

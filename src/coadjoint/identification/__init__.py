@@ -21,4 +21,5 @@ if TYPE_CHECKING:
     from coadjoint.identification.synthetic import synthetic_log as synthetic_log
     from coadjoint.identification.unknowns import Estimate as Estimate
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -63,7 +63,8 @@ def horizontal_lift(
 ) -> Element:
     """The motion in G along a path of shapes with 𝒜 = e at each step, or 𝒜 = 0: momentum zero for a mechanical 𝒜.
 
-    connection: a co.DiscreteConnection, for which g_{k+1} = g_k Ω(x_k, x_{k+1}), or a co.Connection, g⁻¹ġ = −A(x)ẋ.
+    connection: a co.mechanics.DiscreteConnection, for which g_{k+1} = g_k Ω(x_k, x_{k+1}), or a
+        co.mechanics.Connection, g⁻¹ġ = −A(x)ẋ.
     shapes: of a discrete connection (N+1, m); of a continuous one a function t → x (m,) in terms of jax.numpy.
     g0: the element to start from, by default e.
     times: (N+1,), s, for a continuous connection only. It is integrated by Magnus' series of order 4, each interval cut
@@ -81,7 +82,8 @@ def horizontal_lift(
         increments = _transports(connection, shapes, _times(times))
     else:
         raise ArgumentError(
-            f"Argument `connection` must be a co.Connection or a co.DiscreteConnection, but is {connection!r}."
+            f"Argument `connection` must be a co.mechanics.Connection or a co.mechanics.DiscreteConnection, but is "
+            f"{connection!r}."
         )
     g0 = checked_element(connection.group, g0)
     return finite(_product(connection.group, g0, increments), "The horizontal lift")
@@ -90,12 +92,12 @@ def horizontal_lift(
 def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
     """The holonomy of a closed loop of shapes, its rotation with 𝒜 = e: ∏ Ω(x_k, x_{k+1}), left to right, or its limit.
 
-    connection: a co.DiscreteConnection or a co.Connection.
+    connection: a co.mechanics.DiscreteConnection or a co.mechanics.Connection.
     loop: of a discrete connection (N+1, m) with x_N = x_0; of a continuous one a function t → x (m,) on 0 ≤ t ≤ 1 with
     x(1) = x(0).
 
     Returns an element of G. Raises ArgumentError for a loop that is open; where shapes are angles and the loop winds
-    around, take the last element of co.horizontal_lift.
+    around, take the last element of co.mechanics.horizontal_lift.
     """
     if isinstance(connection, DiscreteConnection):
         ends = shapes_of(connection, loop)[[0, -1]]
@@ -107,14 +109,14 @@ def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
     if gap > 1e-9 * max(1.0, float(np.max(np.abs(ends)))):
         raise ArgumentError(
             f"Argument `loop` must end where it begins, but its ends differ by {gap:.1e}; if shapes are angles and the "
-            "loop winds around, take the last element of co.horizontal_lift."
+            "loop winds around, take the last element of co.mechanics.horizontal_lift."
         )
     return jax.tree.map(lambda leaf: leaf[-1], lift)
 
 
 def shapes_of(connection: DiscreteConnection, shapes: Any) -> np.ndarray:
     """A path of at least two shapes, (N+1, m); raises ArgumentError."""
-    checks.instance(connection, "connection", DiscreteConnection, "a co.DiscreteConnection")
+    checks.instance(connection, "connection", DiscreteConnection, "a co.mechanics.DiscreteConnection")
     if callable(shapes):
         raise ArgumentError("A discrete connection goes from shape to shape: give an array (N+1, m), not a function.")
     found = float64(shapes, "The shapes")

@@ -122,7 +122,7 @@ def _check_forces(system: ReducedFunctions, start: State) -> None:
         if _finite(value) and not _finite(slope):
             raise LagrangianError(
                 f"The derivative of {name[0].lower()}{name[1:]} in the velocities must be finite at the start, but is "
-                "not: a norm has none at rest; co.quadratic_drag is smooth there."
+                "not: a norm has none at rest; co.mechanics.quadratic_drag is smooth there."
             )
 
 

@@ -16,7 +16,7 @@ from coadjoint.mechanics.state import Force, Motion
 def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
     """The force T = −∂R/∂ξ, f = −∂R/∂ν of a dissipation function R, for the `forces` of a system.
 
-        co.System(…, forces={"damping": co.rayleigh(lambda motion, p: 0.5 * p.c * motion.nu @ motion.nu)})
+        co.System(…, forces={"damping": co.mechanics.rayleigh(lambda motion, p: 0.5 * p.c * motion.nu @ motion.nu)})
 
     dissipation: R, a function (motion [, p]) to one number in terms of jax.numpy, W where the rest is in SI.
     A quadratic R takes the power 2R out of the system, one of degree d the power d·R (Rayleigh, 1873). With a current,
@@ -24,7 +24,7 @@ def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
     Raises LagrangianError where R is not one number.
     """
     if not callable(dissipation):
-        raise ArgumentError(f"co.rayleigh takes a function R(motion, p), but got {dissipation!r}.")
+        raise ArgumentError(f"co.mechanics.rayleigh takes a function R(motion, p), but got {dissipation!r}.")
 
     def force(motion: Motion, *parameters: Any) -> Force:
         def R(xi, nu):
@@ -52,7 +52,8 @@ def quadratic_drag(coefficients: Array, velocity: Array) -> Array:
     C, v = jnp.asarray(coefficients), jnp.asarray(velocity)
     if v.ndim != 1 or C.shape not in ((), v.shape, v.shape * 2):
         raise ArgumentError(
-            "co.quadratic_drag takes a velocity of shape (k,) and coefficients of shape (), (k,) or (k, k), but got "
+            "co.mechanics.quadratic_drag takes a velocity of shape (k,) and coefficients of shape (), (k,) or (k, "
+            "k), but got "
             f"shapes {v.shape} and {C.shape}."
         )
     square = v @ v

@@ -126,5 +126,5 @@ def require_equivariant(group: LieGroup, size: int, form: Callable[..., Element]
     if not off <= ROUND_OFF * scale:
         raise ArgumentError(
             "A discrete connection must be equivariant, 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹, but is off by "
-            f"{off:.1e}; give its local form Ω(x, x⁺) to co.DiscreteConnection instead."
+            f"{off:.1e}; give its local form Ω(x, x⁺) to co.mechanics.DiscreteConnection instead."
         )

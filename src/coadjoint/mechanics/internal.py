@@ -39,9 +39,10 @@ def _values(value: Any, name: str) -> Any:
 
 
 def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
-    """The start of a state that `co.sampled` advances: `values`, in force from t on; the first sample is at t itself.
+    """The start of a state that `co.mechanics.sampled` advances: `values`, in force from t on; the first sample is at t
+    itself.
 
-        start = system.state(…, internal={"controller": co.sampling({"rudder": 0.0, "integral": 0.0}), …})
+        start = system.state(…, internal={"controller": co.mechanics.sampling({"rudder": 0.0, "integral": 0.0}), …})
 
     values: numbers and arrays by name. t: s, by default 0. Returns a dictionary that becomes
     `motion.internal.controller`, with the parts `value`, which forces read, `pending`, `sample` and `release` (s).
@@ -60,17 +61,19 @@ def sampled(
 ) -> dict[str, Any]:
     """A digital controller inside a rule: `update` at every multiple of `period`, in force `delay` later.
 
-        controller = co.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2, delay=0.05)
+        controller = co.mechanics.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2,
+                                          delay=0.05)
 
-    motion, h: those of the rule; h is one number, s. held: the state that `co.sampling` began. update: from the values
-    computed last to the next ones. Its result jumps at the node: `controller["value"]` is in force over the step from
-    there, for the actuators that follow it. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the
-    node nearest to its time, so that a period need not be a multiple of dt; one shorter than dt samples at every node.
-    Raises ArgumentError for a delay beyond the period.
+    motion, h: those of the rule; h is one number, s. held: the state that `co.mechanics.sampling` began. update: from
+    the values computed last to the next ones. Its result jumps at the node: `controller["value"]` is in force over the
+    step from there, for the actuators that follow it. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is
+    at the node nearest to its time, so that a period need not be a multiple of dt; one shorter than dt samples at every
+    node. Raises ArgumentError for a delay beyond the period.
     """
     if not traced(period, delay) and not 0 <= delay <= period:
         raise ArgumentError(
-            f"co.sampled takes 0 ≤ delay ≤ period, but got delay = {shown(delay)} and period = {shown(period)}."
+            f"co.mechanics.sampled takes 0 ≤ delay ≤ period, but got delay = {shown(delay)} and period = "
+            f"{shown(period)}."
         )
     now, pending, value = motion.t + 0.5 * h, named(held.pending), named(held.value)
     released = now >= held.release
@@ -103,8 +106,8 @@ def _like(values: Any, pending: Named) -> Any:
     values = named(values)
     if not isinstance(values, Named) or set(values) != set(pending):
         raise LagrangianError(
-            f"The update of co.sampled must return {', '.join(pending)}, but returned {list(values)!r}."
+            f"The update of co.mechanics.sampled must return {', '.join(pending)}, but returned {list(values)!r}."
             if isinstance(values, Named)
-            else f"The update of co.sampled must return a dictionary, but returned {type(values).__name__}."
+            else f"The update of co.mechanics.sampled must return a dictionary, but returned {type(values).__name__}."
         )
     return ordered(values, pending)

@@ -26,7 +26,7 @@ class Course(NamedTuple):
     """The course of a part of an internal state over a step, for the rule that returns it.
 
         x, late = motion.internal.fin, jnp.exp(-h / p.lag)  # τ ẋ = u − x with u held: x(s) = u + (x − u) exp(−s/τ)
-        return {"fin": co.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
+        return {"fin": co.mechanics.Course(u + (x - u) * late, u + (x - u) * (1 - late) * p.lag / h)}
 
     Each is a number, an array or a dictionary in the structure of that part.
 
@@ -132,7 +132,7 @@ def applied(system: System, state: State, h: Array) -> Course:
 
 
 HELD = frozenset({"value", "pending", "sample", "release"})
-"""The parts of a state that `co.sampled` advances, which jump at nodes."""
+"""The parts of a state that `co.mechanics.sampled` advances, which jump at nodes."""
 
 
 def _jumps(tree: Any) -> bool:

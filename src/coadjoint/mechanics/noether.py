@@ -47,7 +47,7 @@ def momentum_scale(system: System, state: State) -> Array:
 class KelvinNoether:
     """I = ⟨𝒦(c, a), m⟩ with c = g⁻¹c₀ (P27) for an equivariant 𝒦: C × V* → 𝔤, 𝒦(gc, ga) = Ad_g 𝒦(c, a) (P25).
 
-        co.simulate(top, start, dt=0.01, steps=100, kelvin_noether=co.KelvinNoether([0.0, 0.0, 1.0]))
+        co.simulate(top, start, dt=0.01, steps=100, kelvin_noether=co.mechanics.KelvinNoether([0.0, 0.0, 1.0]))
 
     c0: c₀, a point of C in the space frame, (dim C,); by default C = 𝔤, (dim G,). K: 𝒦, a function (c, a) → (dim G,) in
     terms of jax.numpy; by default 𝒦(c, a) = c. space: C, by default `co.Adjoint()`.

@@ -70,7 +70,7 @@ class ReducedFunctions:
         if self.lagrangian is None:
             raise LagrangianError(
                 "This system has a discrete Lagrangian only; use the method co.Variational(difference_map), or "
-                "co.GroupVariational(difference_map) where it is in group form."
+                "co.methods.GroupVariational(difference_map) where it is in group form."
             )
         arguments = self._views(self.group.view(xi), (n, nu), a)
         return self.lagrangian(*arguments, **self.keywords(self.lagrangian, t, inputs, internal))

@@ -27,7 +27,8 @@ EARLY = 1e-9
 class Signal:
     """u(t), a function of time written with jax.numpy.
 
-        co.simulate(body, start, dt=0.01, duration=10.0, inputs={"thrust": co.Signal(lambda t: 3.0 * jnp.sin(t))})
+        co.simulate(body, start, dt=0.01, duration=10.0,
+                    inputs={"thrust": co.mechanics.Signal(lambda t: 3.0 * jnp.sin(t))})
 
     function: t (s) to a number or an array, of one shape at all times. It is evaluated at the nodes of the method's own
     quadrature, so that the method keeps its order where u is smooth enough. A plain function given as an input is a
@@ -39,7 +40,9 @@ class Signal:
     function: Callable[[Any], Any]
 
     def __post_init__(self):
-        checks.function(self.function, "Argument `function` of co.Signal", "a function of time, such as jnp.sin")
+        checks.function(
+            self.function, "Argument `function` of co.mechanics.Signal", "a function of time, such as jnp.sin"
+        )
 
     def __call__(self, t: Any) -> Array:
         value = self.function(t)

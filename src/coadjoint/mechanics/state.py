@@ -187,7 +187,7 @@ class Motion(NamedTuple):
 class NodeMotion(NamedTuple):
     """The motion at the node where a step starts, for functions that are evaluated once a step: `Motion`, g and q.
 
-        def rule(motion: co.NodeMotion, h, p):  # advances an internal state, once a step
+        def rule(motion: co.mechanics.NodeMotion, h, p):  # advances an internal state, once a step
 
     xi, n, nu, a, t, inputs: as in `Motion`, at the node; ξ and ν are those of the momenta, where ℓ or ℋ is given.
     internal: the internal state at the node. g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names

@@ -57,15 +57,15 @@ class System(ReducedFunctions, Portable):
         discrete_lagrangian: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1}, instead of ℓ or in addition to it (the papers'
             h·ℓᵈ); integrated by `co.Variational`.
         group_lagrangian: the discrete Lagrangian in group form, Λ(F, n, s, a, p, h) of the increment F = g_k⁻¹g_{k+1};
-            integrated by `co.GroupVariational`.
+            integrated by `co.methods.GroupVariational`.
         hamiltonian: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre transform,
             for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
         quantities: name → function (state) or (state, p) to a number that runs observe at every step.
         internal: the rule (motion, h [, p]) → the internal state after h, a dictionary like the start's, applied at
-            each node for the step of h from there; `co.Course` gives the mean of a part of it over the step, and
-            `co.jumped` makes it jump at the node. Forces read that mean as `motion.internal.name`, ℓ, ℋ or Λ as
-            `internal.name`; μ and π are continuous at the nodes. A `co.InternalRule` declares warnings, datasets and
-            random numbers as well.
+            each node for the step of h from there; `co.mechanics.Course` gives the mean of a part of it over the step,
+            and `co.mechanics.jumped` makes it jump at the node. Forces read that mean as `motion.internal.name`, ℓ, ℋ
+            or Λ as `internal.name`; μ and π are continuous at the nodes. A `co.mechanics.InternalRule` declares
+            warnings, datasets and random numbers as well.
         name: for certificates, files and figures, by default the name of the function.
         units: units of dataset variables, as in {"q": "m", "energy": "J"}, and of parameters by their names, as in
             {"hull.length": "m"}; by default none.
@@ -75,7 +75,7 @@ class System(ReducedFunctions, Portable):
             finite number may replace one.
         invariance: "left" (the default), or "right": ξ = ġg⁻¹, n = gq, ν = gq̇ and a = ga₀ are in the space frame, and
             the conserved momentum is in the body frame. μ and π, forces and F = g_{k+1}g_k⁻¹ go with them, and
-            `system.group` is `co.Opposite(group)`, on which all equations are those of left invariance.
+            `system.group` is `co.groups.Opposite(group)`, on which all equations are those of left invariance.
 
     Raises ArgumentError, LagrangianError or GroupError for functions and spaces that do not fit.
     """
@@ -181,7 +181,7 @@ class System(ReducedFunctions, Portable):
         return replaced(self, forces=None)
 
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
-        """A copy whose runs observe more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
+        """A copy whose runs observe more quantities: `co.simulate(top.watching(co.mechanics.casimirs(top)), …)`."""
         return replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
 
     @deferred_interrupts()

@@ -122,7 +122,7 @@ class Composition(_OverBase):
         if not base.symmetric:
             raise ArgumentError(
                 f"{type(self).__name__} needs a symmetric method, such as co.Midpoint(co.Cayley()), but got {base!r}; "
-                "co.Symmetrised(method) makes one."
+                "co.methods.Symmetrised(method) makes one."
             )
         if any(step.tolerant for step, _ in base.stages):
             raise ArgumentError(f"{type(self).__name__} needs a method of fixed step, but got {base!r}.")

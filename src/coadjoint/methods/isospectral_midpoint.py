@@ -74,9 +74,9 @@ class IsospectralMidpoint(Method, Whole):
         W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]).
 
     The spectrum of Θ and all tr W f(Θ), its Casimirs, stay to round-off; the spectrum of W is none then.
-    A dictionary of such spaces adds up [B_i, Θ_i]; co.Adjoint() is the same. `co.trace_casimirs` watches Casimirs.
-    With invariance="right" all brackets have the other sign and g_{k+1} = Cg_k. On co.Power and on products of equal
-    factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
+    A dictionary of such spaces adds up [B_i, Θ_i]; co.Adjoint() is the same. `co.mechanics.trace_casimirs` watches
+    Casimirs. With invariance="right" all brackets have the other sign and g_{k+1} = Cg_k. On co.Power and on products
+    of equal factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
 
     difference_map: co.Cayley() alone. tolerance: that of the iteration, relative to W̃, by default 1e-14. carry_g:
     whether g, with g_{k+1} = g_k C†, is computed as well, by default False: then states have no g, and what needs it

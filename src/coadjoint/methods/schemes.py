@@ -18,7 +18,7 @@ class _Scheme(Composition):
             raise ArgumentError(
                 f"{type(self).__name__} needs a symmetric method of order 2, such as co.Midpoint(co.Cayley()), "
                 f"but got {base!r}; one of your own says so by `symmetric` and `order`, as co.Variational(symmetric="
-                "True) does, and co.Symmetrised(method) makes one."
+                "True) does, and co.methods.Symmetrised(method) makes one."
             )
         super().__init__(base, _mirrored(self.first), start=start, negative_substeps=negative_substeps)
 

@@ -188,12 +188,12 @@ def _require_symmetric(sides: Array) -> None:
     if not np.isfinite(size[member, point]):
         raise ArgumentError(
             "The discrete Lagrangian of this system is not finite at a random point, so that its symmetry cannot be "
-            "checked: leave out `symmetric`, or use co.Symmetrised(co.Variational())."
+            "checked: leave out `symmetric`, or use co.methods.Symmetrised(co.Variational())."
         )
     if not np.abs(one - other) <= SYMMETRIC * size[member, point]:
         where = f" of member {member}" if len(sides) > 1 else ""
         raise ArgumentError(
             f"The discrete Lagrangian of this system is not symmetric: Λ(ξ, n, s, a; h){where} = {one:.6g}, but "
             f"−Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h) = {other:.6g} at a random point; leave out `symmetric`, or use "
-            "co.Symmetrised(co.Variational())."
+            "co.methods.Symmetrised(co.Variational())."
         )

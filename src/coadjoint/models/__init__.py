@@ -158,5 +158,6 @@ catalogue: Registry[CatalogueEntry] = Registry("MODELS", {entry.name: entry for 
 """Every model by its name; see `CatalogueEntry`."""
 
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
-__all__ += ["PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "CatalogueEntry", "catalogue"]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)
+    __all__ += ["PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "CatalogueEntry", "catalogue"]

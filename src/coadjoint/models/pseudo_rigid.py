@@ -63,7 +63,7 @@ def elastic(*, moments: Any, shear: Any, lame: Any, volume: Any = 1.0) -> System
     Rotations of space keep that form: the angular momentum is conserved, `kelvin_noether`. V is isotropic, so that a
     body with E = e·1 may also be turned within itself, and the circulation is conserved, the skew part of μ:
     `circulation_x`, … with every method, and with every map that turns with the body, τ(Ad_Qξ) = Qτ(ξ)Q⁻¹, as all do
-    but co.SecondKind. About rest it breathes at ω² = v(2G + 3λ)/e and shears at 2vG/e.
+    but co.difference_maps.SecondKind. About rest it breathes at ω² = v(2G + 3λ)/e and shears at 2vG/e.
 
     moments: E = ∫XXᵀ dm about the mass centre, (3, 3) or its diagonal (3,), kg m². shear: G, Pa. lame: λ, Pa, not
     negative. volume: v, m³. Raises ArgumentError for others. Source: Cohen and Muncaster, The Theory of Pseudo-rigid

@@ -84,7 +84,8 @@ class SimulationProblem:
         chosen = given if isinstance(given, (list, tuple)) else [] if given is None else [given]
         if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
             raise ArgumentError(
-                f"Argument `kelvin_noether` must be co.KelvinNoether(c0), or a list of several, but is {shown(given)}."
+                f"Argument `kelvin_noether` must be co.mechanics.KelvinNoether(c0), or a list of several, but is "
+                f"{shown(given)}."
             )
         return list(chosen)
 

@@ -74,11 +74,11 @@ def simulate(
             cover every step nevertheless.
         monitors: whether energies, Kelvin–Noether quantities, budgets, residuals and the system's `quantities` are
             observed at every step; by default True. `system.watching({name: function})` adds quantities.
-        kelvin_noether: a `co.KelvinNoether(c0)` or several; by default one for each c₀ of a basis of
+        kelvin_noether: a `co.mechanics.KelvinNoether(c0)` or several; by default one for each c₀ of a basis of
             {c₀ ∈ 𝔤 : c₀·a₀ = 0}.
         inputs: what forces and ℓ read as `inputs`, by default nothing: a signal such as `co.Linear(times, values)`,
-            evaluated at the method's own nodes; a number or an array, constant; a function of the `co.NodeMotion`,
-            held over each step; or a dictionary of these, read as `inputs.name`.
+            evaluated at the method's own nodes; a number or an array, constant; a function of the
+            `co.mechanics.NodeMotion`, held over each step; or a dictionary of these, read as `inputs.name`.
         until: a function of the state to a number, or a `co.Event` with a direction: the run ends where it crosses
             zero, located on the dense output, and `run.event` is that time in s, or None; by default it runs to its
             end. It is evaluated on records: ξ and ν are those of the step that starts there, μ and π those of the time

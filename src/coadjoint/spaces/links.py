@@ -130,7 +130,8 @@ class _Element(_Value):
 class RelativePoses(Space):
     """The poses of links relative to others: e = g_i⁻¹ e₀ g_j for every pair (i, j), on which Gᴺ acts by g_i e g_j⁻¹.
 
-        system = co.System(co.Power(co.SE3(), 50), rod, advected=dict(joint=co.RelativePoses(), height=co.Dual()))
+        system = co.System(co.Power(co.SE3(), 50), rod, advected=dict(joint=co.spaces.RelativePoses(),
+                           height=co.spaces.Dual()))
 
     With e₀ = e, its value at the start where `a0` leaves it out, it is g_i⁻¹g_j, the pose of link j as link i sees it.
     So an energy of the joints is a function of `a.joint`, elements of G with a leading axis of pairs. With e₀ = e and

@@ -13,7 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.casimirs import kept_by
+from coadjoint.mechanics.casimir_functions import kept_by
 from coadjoint.mechanics.poisson import Phase, vector_field
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State

@@ -102,7 +102,7 @@ def trial(system: System, step: Step, h: Array, record: State) -> Trial:
         return _of_ones_own(system, step, h, record)
     raise ArgumentError(
         f"{type(step).__name__} has no discrete Lagrangian whose Legendre transforms are known: use a variational "
-        "method, such as co.Midpoint() or co.GroupVariational()."
+        "method, such as co.Midpoint() or co.methods.GroupVariational()."
     )
 
 

@@ -126,7 +126,7 @@ def equations_of(
         raise ArgumentError(
             f"The printed equations are those of one discrete Lagrangian a step, which {method.title} does not have: "
             "use co.LeftRectangle, co.RightRectangle, co.Trapezoidal, co.Midpoint, co.Simpson, co.Galerkin, "
-            "co.Variational or co.GroupVariational."
+            "co.Variational or co.methods.GroupVariational."
         )
     require_one(system)
     if np.ndim(records.t) != 1:

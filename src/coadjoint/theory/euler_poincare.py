@@ -53,7 +53,8 @@ def velocities(system: System, link: Link, h: Array) -> tuple[Array, Array]:
 
 
 def impulse(system: System, link: Link, h: Array) -> tuple[Array, Array]:
-    """(T⁻, φ⁻) = (hT, hf), (dim G,) and (ambient,), of forces at the left node of a step, as in co.GroupVariational."""
+    """(T⁻, φ⁻) = (hT, hf), (dim G,) and (ambient,), of forces at the left node of a step, as in
+    co.methods.GroupVariational."""
     if system.forces is None:
         return jnp.zeros(system.group.dim), jnp.zeros_like(link.n)
     xi, nu = velocities(system, link, h)

@@ -98,7 +98,8 @@ def point_of(places: Places, q: Any) -> np.ndarray | None:
 
 
 def reduce(L: UnreducedLagrangian, h: float = 0.1, q: Any = None, at: Instant = ALWAYS) -> System:
-    """The reduced system: Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37), (B11), to be run by co.GroupVariational.
+    """The reduced system: Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37), (B11), to be run by
+    co.methods.GroupVariational.
 
     `h`, `q`, `at`: where invariance is tested, see `invariance_defect`; give the h of your runs.
     Raises LagrangianError where L is not left-invariant to 1e-12 of its size.

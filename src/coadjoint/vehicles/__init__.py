@@ -50,4 +50,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.parts.part import Flow as Flow
     from coadjoint.vehicles.parts.part import Part as Part
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -39,7 +39,7 @@ def prepared(method) -> tuple[Any, ...]:
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "method",
-    [co.Midpoint(), pytest.param(co.LeftRight(co.Cayley()), marks=pytest.mark.long)],
+    [co.Midpoint(), pytest.param(co.methods.LeftRight(co.Cayley()), marks=pytest.mark.long)],
     ids=["one stage", "two stages"],
 )
 def test_tangents_of_driven_runs_are_those_of_differences(method):

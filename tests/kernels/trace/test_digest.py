@@ -63,5 +63,5 @@ def test_a_run_does_not_go_on_with_a_system_that_differs_in_a_power(tmp_path):
     system = body(3)
     co.simulate(system, system.state(xi=[0.1, 0.2, 0.3]), dt=0.01, steps=3, store=tmp_path / "run", progress=False)
     assert co.resume(tmp_path / "run", system).good_steps == 3
-    with pytest.raises(co.ArgumentError, match="equations"):
+    with pytest.raises(co.errors.ArgumentError, match="equations"):
         co.resume(tmp_path / "run", body(5))

@@ -36,7 +36,7 @@ if child == 0:
         for name, function in BY_XLA.items():
             try:
                 function()
-            except co.ArgumentError as error:
+            except co.errors.ArgumentError as error:
                 print(name, error, flush=True)
     finally:
         os._exit(0)

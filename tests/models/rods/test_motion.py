@@ -199,6 +199,6 @@ def test_points_on_rods_and_thin_links_on_so3_move_alike():
     ],
 )
 def test_what_no_rod_can_have_is_refused_in_a_sentence(make: Callable[[], Any], says: str):
-    with pytest.raises(co.ArgumentError) as caught:
+    with pytest.raises(co.errors.ArgumentError) as caught:
         make()
     assert says in str(caught.value)

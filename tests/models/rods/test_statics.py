@@ -28,7 +28,7 @@ SLENDER: dict[str, Any] = {
 
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 0.3, 0.489, 0.4901, 1.0, 3.0])
 @pytest.mark.parametrize("group", [co.SE3(), co.SE2()], ids=repr)
-def test_a_strain_is_the_inverse_of_the_exponential(group: co.LieGroup, angle: float):
+def test_a_strain_is_the_inverse_of_the_exponential(group: co.groups.LieGroup, angle: float):
     xi = np.cos(np.arange(float(group.dim)))
     turning = group.dim // 2
     xi[:turning] *= angle / np.linalg.norm(xi[:turning])

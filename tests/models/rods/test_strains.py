@@ -35,7 +35,7 @@ def test_ratios_of_the_arctangent_and_two_derivatives_are_their_integrals(k: int
 @pytest.mark.cases(3)
 @pytest.mark.parametrize("angle", [0.3, 1.5])
 @pytest.mark.parametrize("group", [co.SE3(), co.SE2(), co.SO3()], ids=repr)
-def test_the_logarithm_is_the_inverse_of_the_exponential_in_two_derivatives(group: co.LieGroup, angle: float):
+def test_the_logarithm_is_the_inverse_of_the_exponential_in_two_derivatives(group: co.groups.LieGroup, angle: float):
     """log exp(ξ + tη) is ξ + tη: η is its first derivative by t at 0, and its second one is 0."""
     log, turning = (rotation_vector, 3) if isinstance(group, co.SO3) else (logarithm, group.dim // 2)
     xi, eta = np.cos(np.arange(float(group.dim))), np.sin(1.0 + np.arange(group.dim))

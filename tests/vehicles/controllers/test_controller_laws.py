@@ -30,7 +30,7 @@ def slewing(wanted, period):
             alpha = attitude.angular_acceleration(p.gains, R, p.wanted, omega)
             return {"torque": J * alpha + jnp.cross(omega, J * omega)}
 
-        return {"controller": co.sampled(motion, h, motion.internal.controller, update, period=period)}
+        return {"controller": co.mechanics.sampled(motion, h, motion.internal.controller, update, period=period)}
 
     return co.System(
         co.SO3(),
@@ -53,7 +53,7 @@ def test_a_slew_from_nearly_half_a_turn_converges_on_the_group_while_its_lyapuno
         g=wanted @ rotation(axis, np.radians(degrees)),
         xi=[0.2, -0.1, 0.15],
         a0={"down": [0, 0, 1], "north": [1, 0, 0]},
-        internal={"controller": co.sampling({"torque": np.zeros(3)})},
+        internal={"controller": co.mechanics.sampling({"torque": np.zeros(3)})},
     )
     run = co.simulate(body, start, dt=0.01, duration=30.0, monitors=False)
     R, omega = run.dataset.R.values, run.dataset.xi.values

@@ -200,7 +200,9 @@ def test_a_controller_in_numpy_that_fails_on_the_way_is_named_and_what_was_compu
             raise KeyError("lost")
         return {"rudder": float(feedback.t)}
 
-    with pytest.raises(co.StepError, match=r"t = 0\.3 s\): The controller `lost` failed: KeyError: 'lost'") as caught:
+    with pytest.raises(
+        co.errors.StepError, match=r"t = 0\.3 s\): The controller `lost` failed: KeyError: 'lost'"
+    ) as caught:
         fly(lost, duration=1.0)
     assert caught.value.run is not None and caught.value.run.count == 6
 

@@ -185,9 +185,9 @@ def test_the_trim_is_that_of_the_published_formulas():
 
 
 def test_a_trim_out_of_range_and_a_vehicle_without_wings_are_told_in_one_sentence():
-    with pytest.raises(co.ArgumentError, match=r"needs `battery` at .* but its range is -0.05 to 0.05"):
+    with pytest.raises(co.errors.ArgumentError, match=r"needs `battery` at .* but its range is -0.05 to 0.05"):
         trim(GLIDER, np.radians(-25.0), 3.0)
-    with pytest.raises(co.ArgumentError, match="one LiftingBody on `Slocum, DAVE`, but there are 0"):
+    with pytest.raises(co.errors.ArgumentError, match="one LiftingBody on `Slocum, DAVE`, but there are 0"):
         trim(vehicles.load("slocum_dave"), np.radians(-25.0), 0.3)
 
 
@@ -256,5 +256,5 @@ WRONG = {
 
 @pytest.mark.parametrize("sentence", WRONG)
 def test_a_wrong_sawtooth_is_told_in_one_sentence(sentence):
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         Sawtooth(**{"volume": 1e-4, "pitch": 0.4, **WRONG[sentence]})

@@ -28,7 +28,7 @@ def eight(value: float) -> np.ndarray:
     [
         (eight(0.0), "is clipped to its limits, 1100 to 1900 us: it is 0 us at t = 0 s, the first time beyond them"),
         (co.Held([0, 5, 9], [eight(1500), eight(2500), eight(800)]), "it is 2500 us at t = 5 s"),
-        (co.Signal(lambda t: jnp.full(8, 1500.0) + 50 * t), "it is 1901 us at t = 8.02 s"),
+        (co.mechanics.Signal(lambda t: jnp.full(8, 1500.0) + 50 * t), "it is 1901 us at t = 8.02 s"),
         (co.Linear([0, 10], [eight(1500), eight(1000)]), "it is 1000 us at t = 10 s"),
     ],
 )

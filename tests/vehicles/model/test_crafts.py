@@ -239,7 +239,7 @@ def test_a_system_knows_the_craft_that_it_was_made_by():
     )
     assert craft_of(system).system.parameters.rudder.area == 0.02  # pyright: ignore[reportOptionalMemberAccess]
     np.testing.assert_allclose(craft_of(system).start(speed=1.5).qdot, [1.5, 0.5, 0])
-    with pytest.raises(co.ArgumentError, match="was not made by a Craft"):
+    with pytest.raises(co.errors.ArgumentError, match="was not made by a Craft"):
         craft_of(co.System(co.SO3(), lambda xi: xi @ xi))
 
 
@@ -361,7 +361,7 @@ def drifting(**inputs: Any):
     ],
 )
 def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
-    with pytest.raises((co.ArgumentError, co.LagrangianError), match=sentence):
+    with pytest.raises((co.errors.ArgumentError, co.errors.LagrangianError), match=sentence):
         call()
 
 

@@ -335,5 +335,5 @@ def wrong(**coefficients: float):
     ],
 )
 def test_what_no_part_can_have_is_said(make, sentence):
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         make()

@@ -274,6 +274,6 @@ WRONG = {
 @pytest.mark.parametrize("sentence", WRONG)
 def test_what_no_thrusters_can_have_is_told_in_one_sentence_with_their_name(sentence):
     given = {"curve": {"linear": 40.0}, **ONE, "limit": 1.0, **WRONG[sentence]}
-    with pytest.raises(co.ArgumentError, match=sentence) as told:
+    with pytest.raises(co.errors.ArgumentError, match=sentence) as told:
         Thrusters("bow_thrusters", **given)
     assert "bow_thrusters" in str(told.value)

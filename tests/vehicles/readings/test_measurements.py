@@ -133,13 +133,13 @@ def test_what_the_parameters_do_not_say_is_refused():
     model = ModelProcess(one.system, start, inputs=COMMANDS)
     for name, what in (("through", "the velocity of the water"), ("pressure", "the pressure of the water")):
         sensor = next(one for one in SENSORS if one.name == name)
-        with pytest.raises(co.ArgumentError, match=f"reads {what}.*kinematics"):
+        with pytest.raises(co.errors.ArgumentError, match=f"reads {what}.*kinematics"):
             Filter(model, start, measurements={name: measurement(sensor)}, deviations={"q": 1.0})
         Filter(
             model, start, measurements={name: measurement(sensor, kinematics=kinematics(one))}, deviations={"q": 1.0}
         )
-    with pytest.raises(co.ArgumentError, match="no channel `gyro`"):
+    with pytest.raises(co.errors.ArgumentError, match="no channel `gyro`"):
         measurement(IMU, biased=("gyro",))
-    with pytest.raises(co.ArgumentError, match="no bias `imu_gyroscope` of 3 numbers"):
+    with pytest.raises(co.errors.ArgumentError, match="no bias `imu_gyroscope` of 3 numbers"):
         known = measurement(IMU, kinematics=kinematics(one), biased=("gyroscope",))
         Filter(model, start, measurements={"imu": known}, deviations={"q": 1.0})

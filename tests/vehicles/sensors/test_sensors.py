@@ -186,7 +186,7 @@ def test_a_node_of_a_craft_is_read():
     craft = co.vehicles.Craft(co.vehicles.load("remus_100"))
     start = craft.start(position=(1, 2, 3), euler_zyx=(0.3, 0.1, -0.2), speed=1.5)
     named = start.named
-    motion = co.NodeMotion(start.xi, start.n, start.nu, named.a, start.t, None, None, start.g, start.q)
+    motion = co.mechanics.NodeMotion(start.xi, start.n, start.nu, named.a, start.t, None, None, start.g, start.q)
     read = at_node(motion)
     np.testing.assert_allclose(Ahrs(name="ahrs", rate=1).measured(read), [-0.2, 0.1, 0.3], atol=1e-14)
     np.testing.assert_allclose(read.position, [1, 2, 3])

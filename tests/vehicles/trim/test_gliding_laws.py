@@ -126,10 +126,10 @@ def test_the_flattest_glide_has_the_best_ratio_of_lift_and_drag_and_flatter_ones
     assert np.tan(up) == pytest.approx(-1 / ratio.min(), rel=1e-8)
     steady_glide(WINGS, 1.001 * down, 0.4)
     for path, speed, word in ((np.nan, 0.4, "`path` must be finite"), (2 * down, -0.4, "`speed` must be positive")):
-        with pytest.raises(co.ArgumentError, match=word):
+        with pytest.raises(co.errors.ArgumentError, match=word):
             steady_glide(WINGS, path, speed)
     for path in (0.999 * down, 0.0, 0.999 * up, np.pi / 2):
-        with pytest.raises(co.ArgumentError, match="`wings` has no steady glide"):
+        with pytest.raises(co.errors.ArgumentError, match="`wings` has no steady glide"):
             steady_glide(WINGS, path, 0.4)
 
 
@@ -153,5 +153,5 @@ def test_what_no_part_can_have_is_told_in_one_sentence_with_its_name(sentence):
         Ballast: {"position": (0, 0, 0), "low": -1e-4, "high": 1e-4, "rate": 1e-5},
         LiftingBody: {"drag": (2.0, 25.0), "lift": (0.0, 130.0), "pitch": (0.0, -100.0, 0.0)},
     }[kind]
-    with pytest.raises(co.ArgumentError, match=sentence):
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
         kind("part", **{**given, **change})

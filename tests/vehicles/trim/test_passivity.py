@@ -60,7 +60,7 @@ def test_a_run_that_enters_such_motions_is_warned_of_and_no_other():
     assert np.max(energy) > 3 * energy[0]
     told = [sentence for sentence in run.warnings if "which should only brake, put in" in sentence]
     assert len(told) == 1 and told[0].startswith("`hull`, `manoeuvring`,")
-    with pytest.raises(co.StepError, match=r"did not converge .* which should only brake, put in") as caught:
+    with pytest.raises(co.errors.StepError, match=r"did not converge .* which should only brake, put in") as caught:
         co.simulate(craft.system, craft.start(angular_velocity=(0.0, 0.5, 0.0)), dt=0.05, duration=10)
     assert "which should only brake" in caught.value.run.warnings[-1]
     ahead = co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, duration=20)

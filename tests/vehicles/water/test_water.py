@@ -236,7 +236,7 @@ def test_a_table_from_csv_is_linear_between_its_rows_and_held_outside(tmp_path):
     ],
 )
 def test_a_wrong_file_of_currents_is_told_by_line_and_column(tmp_path, text, words):
-    with pytest.raises(co.FileError) as caught:
+    with pytest.raises(co.errors.FileError) as caught:
         CurrentTable.from_csv(written(tmp_path, text))
     assert words in str(caught.value) and "\n" not in str(caught.value) and "current.csv" in str(caught.value)
 
@@ -377,7 +377,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("make", "words"), REFUSED)
 def test_water_that_cannot_be_is_refused_in_one_sentence(make, words):
-    with pytest.raises(co.CoadjointError) as caught:
+    with pytest.raises(co.errors.CoadjointError) as caught:
         make()
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
@@ -392,7 +392,7 @@ def test_water_that_cannot_be_is_refused_in_one_sentence(make, words):
     ],
 )
 def test_a_wrong_file_of_densities_is_told_by_line_and_column(tmp_path, text, words):
-    with pytest.raises(co.FileError) as caught:
+    with pytest.raises(co.errors.FileError) as caught:
         DensityTable.from_csv(written(tmp_path, text))
     assert words in str(caught.value) and "\n" not in str(caught.value)
     good = DensityTable.from_csv(written(tmp_path, "depth,density\n0,1020\n10,1025\n"))

@@ -144,7 +144,7 @@ def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
 def following(places: Any, rule: Any) -> list[int]:
     """The numbers of an internal state that follow the motion or a command, rather than jump at nodes.
 
-    What `co.sampled` advances jumps, and what the rule names in its attribute `jumping`, such as noise.
+    What `co.mechanics.sampled` advances jumps, and what the rule names in its attribute `jumping`, such as noise.
     """
     jumping = set(getattr(rule, "jumping", ()))
     found: list[int] = []

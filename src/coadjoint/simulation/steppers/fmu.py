@@ -30,7 +30,7 @@ class {name}(FmiInstance):
 def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write a functional mock-up unit (FMI 2.0, co-simulation) of a stepper, for other simulators.
 
-        co.save_fmu(stepper, "remus.fmu")
+        co.simulation.save_fmu(stepper, "remus.fmu")
 
     stepper: a `co.Stepper`, or what `co.load_stepper` has loaded. path: the file. overwrite: whether to replace one.
 

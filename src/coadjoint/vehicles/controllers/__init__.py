@@ -19,4 +19,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.model.controller import Feedback as Feedback
     from coadjoint.vehicles.model.function_controller import FunctionController as FunctionController
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -17,4 +17,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.environments.task import Task as Task
     from coadjoint.vehicles.environments.uncertainties import Uncertain as Uncertain
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

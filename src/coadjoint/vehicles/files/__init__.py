@@ -12,4 +12,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.files.registry import vehicle_names as vehicle_names
     from coadjoint.vehicles.files.writing import vehicle_to_toml as vehicle_to_toml
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -16,4 +16,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.hydrodynamics.slender_bodies import slender_body_added_mass as slender_body_added_mass
     from coadjoint.vehicles.hydrodynamics.wamit import wamit_added_mass as wamit_added_mass
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

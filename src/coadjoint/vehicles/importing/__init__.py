@@ -11,4 +11,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.importing.importing import import_vehicle as import_vehicle
     from coadjoint.vehicles.importing.report import Report as Report
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -13,4 +13,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.logs.measured import read_log as read_log
     from coadjoint.vehicles.logs.measured import write_log as write_log
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

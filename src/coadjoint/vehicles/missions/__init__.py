@@ -10,4 +10,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.missions.mission import Mission as Mission
     from coadjoint.vehicles.missions.mission import load_mission as load_mission
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

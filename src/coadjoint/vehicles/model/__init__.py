@@ -13,4 +13,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.model.vehicle import Quantity as Quantity
     from coadjoint.vehicles.model.vehicle import Vehicle as Vehicle
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

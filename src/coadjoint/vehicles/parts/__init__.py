@@ -24,4 +24,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.parts.published_curves import T200 as T200
     from coadjoint.vehicles.parts.thrusters import Thrusters as Thrusters
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

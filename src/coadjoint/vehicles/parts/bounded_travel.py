@@ -38,7 +38,7 @@ class BoundedTravel(Part):
         return jnp.clip(command, own.low, own.high)
 
     def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
-        """x over h, co.Course: ẋ = clip((wanted − x)/τ, ±rate), exact for a command that is held."""
+        """x over h, co.mechanics.Course: ẋ = clip((wanted − x)/τ, ±rate), exact for a command that is held."""
         return towards(actual, self.wanted(command, own), h, own)
 
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:

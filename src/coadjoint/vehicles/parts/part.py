@@ -91,7 +91,8 @@ class Part(Numbers, ABC):
         return None
 
     def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
-        """The actuator over h, co.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact for u held.
+        """The actuator over h, co.mechanics.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact
+        for u held.
 
         limit, τ = own.lag (s) and own.rate (per s) count where the part has them; τ = 0: at once, or at that rate.
         """

@@ -13,4 +13,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.readings.taken import Readings as Readings
     from coadjoint.vehicles.readings.taken import SensorReading as SensorReading
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -26,4 +26,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.sensors.sensor import Sensor as Sensor
     from coadjoint.vehicles.sensors.usbl import Usbl as Usbl
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

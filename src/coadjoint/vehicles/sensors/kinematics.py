@@ -63,7 +63,7 @@ class Kinematics(NamedTuple):
 
 
 def at_node(motion: NodeMotion, **more: Any) -> Kinematics:
-    """The kinematics of a `co.NodeMotion` of a craft, as functions of `co.control.Measured` get it.
+    """The kinematics of a `co.mechanics.NodeMotion` of a craft, as functions of `co.control.Measured` get it.
 
         function=lambda motion: dvl.measured(at_node(motion))
 

@@ -18,4 +18,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.serving.served import Reading as Reading
     from coadjoint.vehicles.serving.served import Served as Served
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

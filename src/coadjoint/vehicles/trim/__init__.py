@@ -11,4 +11,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.trim.reading import Trim as Trim
     from coadjoint.vehicles.trim.reading import trim as trim
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

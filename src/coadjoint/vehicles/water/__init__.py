@@ -31,4 +31,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.water.water import UniformWater as UniformWater
     from coadjoint.vehicles.water.water import Water as Water
 
-__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -43,8 +43,8 @@ def _require_finite(velocity: Any, what: str) -> None:
 class TimeCurrent(Water):
     """The current function(t), (3,) m/s, the same everywhere: a function of time, t in s, in terms of jax.numpy.
 
-    co.Linear(times, velocities) and co.Signal are such functions; not co.Held, because a current that jumps pushes
-    infinitely hard. Raises ArgumentError for what is none.
+    co.Linear(times, velocities) and co.mechanics.Signal are such functions; not co.Held, because a current that jumps
+    pushes infinitely hard. Raises ArgumentError for what is none.
     """
 
     function: Callable[[Any], Any]

@@ -123,11 +123,11 @@ def test_water_that_is_none_is_refused(run, tmp_path: Path):
 
 def test_topics_that_tell_nothing_of_the_motion_and_a_text_of_one_are_told(bags):
     both = r"/sensors/compass \(coadjoint_msgs/msg/Compass, 13\).* `sensors`, and the others are .*/odometry"
-    with pytest.raises(co.FileError, match=both) as told:
+    with pytest.raises(co.errors.FileError, match=both) as told:
         read_log(bags / "NED.mcap", topics=["/sensors/compass"])
     assert ", 0)" not in str(told.value)
     text: Any = "/sensors/imu"
-    with pytest.raises(co.ArgumentError, match=r"must be a list of topics, such as \['/sensors/imu'\], but is"):
+    with pytest.raises(co.errors.ArgumentError, match=r"must be a list of topics, such as \['/sensors/imu'\], but is"):
         read_log(bags / "NED.mcap", topics=text)
 
 
@@ -138,7 +138,7 @@ def test_a_dataset_in_place_of_a_log_is_told_with_what_to_do(tmp_path):
     )
     run.save(tmp_path / "run.nc")
     with pytest.raises(
-        co.FileError, match=r"run.nc is a dataset, not a log: of a run `co.load` reads it, whose `save`"
+        co.errors.FileError, match=r"run.nc is a dataset, not a log: of a run `co.load` reads it, whose `save`"
     ):
         read_log(tmp_path / "run.nc")
     co.load(tmp_path / "run.nc").save(tmp_path / "run.csv")

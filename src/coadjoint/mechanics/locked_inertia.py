@@ -59,7 +59,7 @@ def _require_linear(momentum: Callable[..., Array], dim: int, size: int) -> None
     if not bent <= ROUND_OFF * max(scale, 1e-300):
         raise LagrangianError(
             f"The mechanical connection needs ∂ℓ/∂ξ linear in (ξ, ẋ), as kinetic energy has it, but it is off by "
-            f"{bent:.1e}; co.discrete_mechanical_connection takes any regular Lagrangian."
+            f"{bent:.1e}; co.theory.discrete_mechanical_connection takes any regular Lagrangian."
         )
 
 

@@ -15,7 +15,7 @@ from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.connection import random_shapes
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
-from coadjoint.mechanics.mechanical_connection import timeless
+from coadjoint.mechanics.locked_inertia import timeless
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
 from coadjoint.methods.step import Step
@@ -24,7 +24,8 @@ from coadjoint.methods.step import Step
 def discrete_mechanical_connection(system: System, method: Method, dt: float) -> DiscreteConnection:
     """The discrete mechanical connection of a rule: Ω(x, x⁺) is the F with D^R_FΛ(F, x, x⁺; h) = 0.
 
-    system: one with the shapes `additional=co.Trivial(m)`, as in co.mechanical_connection. method: a rule of one stage.
+    system: one with the shapes `additional=co.Trivial(m)`, as in co.mechanics.mechanical_connection. method: a rule of
+        one stage.
     dt: h, s. D^R_FΛ = μ_k is the left discrete Legendre transform, so that horizontal steps are those with momentum
     zero, and a motion of the method with momentum zero is the horizontal lift of its shapes. Of kinetic energy and a
     potential of x, Ω does not depend on dt. Forces have no part in it. Where no F is found, Ω is not finite, and what

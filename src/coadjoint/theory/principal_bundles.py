@@ -22,14 +22,14 @@ from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
 from coadjoint.mechanics.connection import finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.internal_state import stepped
-from coadjoint.mechanics.mechanical_connection import shape_size
+from coadjoint.mechanics.locked_inertia import shape_size
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
 from coadjoint.methods.program import held
 from coadjoint.methods.step import Step
-from coadjoint.theory.discrete_mechanical_connection import one_stage, positive_step
+from coadjoint.theory.discrete_connections import one_stage, positive_step
 from coadjoint.theory.slopes import impulse_of
 
 
@@ -148,11 +148,11 @@ def lagrange_poincare(
         D₁l_k + (Ad_{F_k⁻¹}B₁)* D^R_σ l_k + D₃l_{k−1} + (Ad_{F_{k−1}⁻¹}B₂)* D^R_σ l_{k−1} = 0          (B35–B36)
 
     system: one on M × G, with the shapes `additional=co.Trivial(m)`. start: its state. dt: h, s. steps: N, from 1 on.
-    method: a rule of one stage. connection: a co.DiscreteConnection; the motion does not depend on it, and is that of
-    co.simulate with the same method. Forces add T⁻_k to the left and −T⁺_{k−1} to the right of the first equation, φ⁻_k
-    + φ⁺_{k−1} to the second; inputs are those of `system.driven(inputs)`. Written to be read and compared with, not for
-    speed. Returns times (N+1,), shapes (N+1, m), σ with N and g with N+1 rows. Raises ArgumentError for systems that
-    are not on M × G, and StepError where Newton fails.
+    method: a rule of one stage. connection: a co.mechanics.DiscreteConnection; the motion does not depend on it, and is
+    that of co.simulate with the same method. Forces add T⁻_k to the left and −T⁺_{k−1} to the right of the first
+    equation, φ⁻_k + φ⁺_{k−1} to the second; inputs are those of `system.driven(inputs)`. Written to be read and
+    compared with, not for speed. Returns times (N+1,), shapes (N+1, m), σ with N and g with N+1 rows. Raises
+    ArgumentError for systems that are not on M × G, and StepError where Newton fails.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
     steps = checks.whole(steps, "steps")
@@ -204,9 +204,9 @@ def lagrange_poincare_residual(
 ) -> np.ndarray:
     """Left minus right side of (B35), (B36) at the inner nodes of any motion on M × G, shape (N−1, dim G + m).
 
-    system, dt, method, connection: as in co.lagrange_poincare. start: gives the time of the first node and guesses. g:
-    elements with a leading axis (N+1), such as run.records.g. x: shapes (N+1, m), such as run.records.n. The residual
-    is zero for the motions of the method, whatever the connection.
+    system, dt, method, connection: as in co.theory.lagrange_poincare. start: gives the time of the first node and
+    guesses. g: elements with a leading axis (N+1), such as run.records.g. x: shapes (N+1, m), such as run.records.n.
+    The residual is zero for the motions of the method, whatever the connection.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
     x = shapes_of(connection, x)
@@ -244,7 +244,7 @@ def _begun(system: System, start: State, method: Method, h: float) -> State:
 def _reduced_lagrangian(system: System, method: Method, connection: object, dt: Any) -> ReducedLagrangian:
     """l of a rule through a connection; raises ArgumentError for what does not fit."""
     size = shape_size(system)
-    connection = checks.instance(connection, "connection", DiscreteConnection, "a co.DiscreteConnection")
+    connection = checks.instance(connection, "connection", DiscreteConnection, "a co.mechanics.DiscreteConnection")
     if (connection.group, connection.size) != (system.group, size):
         raise ArgumentError(
             f"The connection is on {connection.group!r} with {connection.size} shape coordinates, but the system on "

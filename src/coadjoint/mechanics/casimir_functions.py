@@ -72,7 +72,8 @@ class Casimir:
 
 
 def casimirs(system: System) -> dict[str, Casimir]:
-    """The polynomial Casimir functions of a system; runs of `system.watching(co.casimirs(system))` observe them.
+    """The polynomial Casimir functions of a system; runs of `system.watching(co.mechanics.casimirs(system))` observe
+    them.
 
     system: of it only the group and the advected parameters matter. Returns names and functions of a state, a basis of
     those that generate all others up to degree 4. They are found from the structure constants of 𝔤 and its action on V:

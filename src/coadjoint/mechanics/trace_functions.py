@@ -49,7 +49,7 @@ class TraceCasimir:
 def trace_casimirs(system: System, degree: int = 4) -> dict[str, TraceCasimir]:
     """Casimir functions tr Wᵏ, or with an advected parameter Θ tr Θᵏ and tr WΘᵏ⁻¹, on U(n), SU(n), SO(n) of any n.
 
-        run = co.simulate(system.watching(co.trace_casimirs(system)), start, dt=0.01, steps=100, method=…)
+        run = co.simulate(system.watching(co.mechanics.trace_casimirs(system)), start, dt=0.01, steps=100, method=…)
 
     Returns functions of a state by name for `system.watching`: `trace_mu_k`, or of advected=co.Coadjoint() `trace_a_k`
     and `trace_mu_a_k`, of a dictionary by its names. With several advected parameters the spectrum of each is kept,
@@ -61,8 +61,8 @@ def trace_casimirs(system: System, degree: int = 4) -> dict[str, TraceCasimir]:
     group, V = group_of(system.places), system.advected
     if not isinstance(group, (Un, SUn, SOn, SO3)):
         raise ArgumentError(
-            f"co.trace_casimirs needs a system on co.Un, co.SUn, co.SOn or co.SO3, but got {group!r}: "
-            "use co.casimirs(system)."
+            f"co.mechanics.trace_casimirs needs a system on co.Un, co.SUn, co.SOn or co.SO3, but got {group!r}: "
+            "use co.mechanics.casimirs(system)."
         )
     names, spaces = (V.names, V.factors) if type(V) is Several else (("a",), (V,))
     if not V.ambient(system.group):
@@ -70,8 +70,8 @@ def trace_casimirs(system: System, degree: int = 4) -> dict[str, TraceCasimir]:
     plain = [space.space if isinstance(space, ByInverse) else space for space in spaces]
     if not all(isinstance(space, (Adjoint, Coadjoint)) for space in plain):
         raise ArgumentError(
-            f"co.trace_casimirs needs advected parameters in co.Coadjoint(), but got {shown(V)}: "
-            "use co.casimirs(system)."
+            f"co.mechanics.trace_casimirs needs advected parameters in co.Coadjoint(), but got {shown(V)}: "
+            "use co.mechanics.casimirs(system)."
         )
     powers = range(2, degree + 1, 2 if isinstance(group, (SOn, SO3)) else 1)
     if not names:
