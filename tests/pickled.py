@@ -26,7 +26,8 @@ from coadjoint.vehicles.missions.example import example
 from systems import GROUPS, MAPS, WORLDS
 
 PACKAGES = (
-    "", "control", "estimation", "identification", "models", "stability", "theory", "vehicles",
+    "", "control", "difference_maps", "errors", "estimation", "groups", "identification", "mechanics", "methods",
+    "models", "simulation", "spaces", "stability", "sweeps", "theory", "vehicles",
     *(f"vehicles.{name}" for name in (
         "controllers", "environments", "importing", "missions", "model", "parts", "readings", "sensors", "serving",
         "trim", "water",
@@ -131,7 +132,7 @@ def cheap() -> dict[str, Callable[[], Any]]:
             co.theory.ContinuousLagrangian(co.SO3(), kinetic), co.theory.UnreducedLagrangian(co.SO3(), unreduced),
             co.theory.SemidirectLagrangian(top), co.theory.PoissonLagrangian(co.SO3(), co.Defining(), kinetic),
         ],
-        "errors": lambda: [getattr(co, name)("It is wrong.") for name in ERRORS],
+        "errors": lambda: [getattr(co.errors, name)("It is wrong.") for name in co.errors.__all__],
         "sweep": lambda: co.sweeps.SweepResults(Manifest(Path("nowhere")), {"members": 3}),
         "motor": lambda: serving.Motor(1, 1),
         "lockstep": lambda: serving.Lockstep(made_for, vehicles.load(LOADED[1]).parts[-1], ()),
@@ -150,10 +151,6 @@ def cheap() -> dict[str, Callable[[], Any]]:
     }  # fmt: skip
 
 
-ERRORS = (
-    "ArgumentError", "CoadjointError", "FileError", "GroupError", "Interrupted", "LagrangianError", "OptimumError",
-    "StepError",
-)  # fmt: skip
 LOADED = ("remus_100", "bluerov2_heavy_von_benzon", "lrauv_raanan", "ellipsoid", "rexrov", "slocum_graver")
 TASKS = ("HoldStation", "FollowPath", "Dock", "CrossCurrent")
 SENSORS = ("Ahrs", "Altimeter", "Compass", "Depth", "Dvl", "Gps", "Imu")

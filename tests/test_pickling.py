@@ -24,7 +24,7 @@ WAYS: dict[str, Callable[[Any], Any]] = {
     "deepcopy": copy.deepcopy,
     "cloudpickle": lambda one: pickle.loads(cloudpickle.dumps(one)),
 }
-BASES = {"coadjoint.DifferenceMap", "coadjoint.LieGroup", "coadjoint.Space"}
+BASES = {"coadjoint.difference_maps.DifferenceMap", "coadjoint.groups.LieGroup", "coadjoint.spaces.Space"}
 NOT_MADE = {
     "coadjoint.control.PhasedOptimum": "runs and numbers, from a solver",
     "coadjoint.identification.Identification": "runs and numbers, from a solver",

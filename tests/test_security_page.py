@@ -30,7 +30,7 @@ IMPORTED = re.compile(
     r"subprocess|multiprocessing|webbrowser|runpy)\b|\b(eval|exec|spec_from_file_location)\(",
     re.M,
 )
-FILES = (co, vehicles, vehicles.water, vehicles.logs, vehicles.hydrodynamics, bodies)
+FILES = (co, co.simulation, co.sweeps, vehicles, vehicles.water, vehicles.logs, vehicles.hydrodynamics, bodies)
 """Packages whose functions take names of files or folders."""
 TAKEN = {"path", "folder", "store"}
 WRITES = ("write_log", "write_mcap")

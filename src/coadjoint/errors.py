@@ -6,6 +6,18 @@ import re
 import warnings
 from typing import Any
 
+__all__ = [
+    "ArgumentError",
+    "CoadjointError",
+    "FileError",
+    "GroupError",
+    "Interrupted",
+    "LagrangianError",
+    "OptimumError",
+    "StepError",
+]
+"""What users catch."""
+
 _ENDLESS = re.compile(r"[^\s/\\]{300,}")
 """A word that cannot be a file or a name; a sentence shows its beginning."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -17,17 +18,27 @@ class Lazy(NamedTuple):
     all: list[str]
 
 
-def lazy(package: str) -> Lazy:
+def lazy(package: str, moved: Mapping[str, str] | None = None) -> Lazy:
     """The names that `package` imports under `if TYPE_CHECKING:`, each loaded at its first use.
 
-    Editors and type checkers follow the imports; at run time nothing is loaded before it is used.
+    Editors and type checkers follow the imports; at run time nothing is loaded before it is used. A package calls this
+    under `if not TYPE_CHECKING:`, because type checkers take any name for one of a module that has a `__getattr__`.
+
+    moved: names that are listed elsewhere, separated by spaces, by the package below this one that lists them. They are
+    loaded with a DeprecationWarning, and `dir` and `__all__` leave them out.
     """
     places = homes(package)
     names = sorted(places)
+    rooms = {name: room for room, words in (moved or {}).items() for name in words.split()}
 
     def load(name: str) -> Any:
+        if name in rooms:
+            there = f"{package}.{rooms[name]}"
+            written = f"`{package}.{name}` is deprecated and goes in 0.3; write `{there}.{name}`."
+            warnings.warn(written, DeprecationWarning, stacklevel=2)
+            return getattr(import_module(there), name)
         if name not in places:
-            raise AttributeError(f"{package} has no `{name}`; it has: {', '.join(names)}.")
+            raise AttributeError(_absent(package, name, [*names, *rooms]))
         module, there = places[name]
         if module == package:
             return import_module(f"{package}.{there}")
@@ -39,12 +50,23 @@ def lazy(package: str) -> Lazy:
     return Lazy(load, lambda: names, names)
 
 
+def _absent(package: str, name: str, names: list[str]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, names, n=1)
+    return f"{package} has no `{name}`; " + (f"did you mean `{near[0]}`?" if near else f"it has: {', '.join(names)}.")
+
+
 def homes(package: str) -> dict[str, tuple[str, str]]:
-    """Module and name of every import under `if TYPE_CHECKING:`, by the name that it is given."""
+    """Module and name of every import under `if TYPE_CHECKING:`, by the name that it is given.
+
+    Of a package without such a block, of every import at the top of its file.
+    """
     spec = find_spec(package)
     source = spec.loader.get_source(package) if spec is not None and spec.loader is not None else None  # pyright: ignore[reportAttributeAccessIssue]
     if source is None:
         raise ImportError(f"The source of {package} is needed, because its names are listed there.")
-    blocks = [node.body for node in ast.parse(source).body if isinstance(node, ast.If)]
+    body = ast.parse(source).body
+    blocks = [node.body for node in body if isinstance(node, ast.If)] or [body]
     imports = [line for block in blocks for line in block if isinstance(line, ast.ImportFrom)]
     return {alias.asname or alias.name: (str(line.module), alias.name) for line in imports for alias in line.names}

@@ -12,7 +12,9 @@ import pytest
 import coadjoint as co
 from imports import modules
 
-PUBLIC = [getattr(co, name) for name in co.__all__] + [co.System.state]
+PACKAGES = (co, co.difference_maps, co.errors, co.groups, co.mechanics, co.methods, co.simulation, co.spaces, co.sweeps)
+PUBLIC = list(dict.fromkeys(getattr(package, name) for package in PACKAGES for name in package.__all__))
+PUBLIC.append(co.System.state)
 PUBLIC = [one for one in PUBLIC if callable(one) and not (inspect.isclass(one) and issubclass(one, Exception))]
 PUBLIC += [co.stability.steady_motion, co.stability.stability, co.stability.energy_casimir]
 PUBLIC += [co.stability.linearised, co.stability.step_modes]

@@ -64,7 +64,7 @@ def test_the_page_of_examples_shows_every_example() -> None:
 
 
 def test_the_reference_has_every_public_name_once() -> None:
-    packages = [co, co.control, co.identification, co.models, co.stability, co.theory, co.vehicles]
+    packages = [co, *(getattr(co, name) for name in co.__all__)]
     packages += [getattr(co.vehicles, name) for name in co.vehicles.__all__]
     packages = [one for one in packages if isinstance(one, ModuleType) and hasattr(one, "__all__")]
     public = {f"{one.__name__}.{name}": getattr(one, name) for one in packages for name in one.__all__}

@@ -151,14 +151,18 @@ ARGUMENTS: dict[str, Callable[[Any], Any]] = {
     "Linear times": lambda v: co.Linear(v, [0.0, 1.0, 2.0]),
     "Held values": lambda v: co.Held([0.0, 1.0, 2.0], v),
     "Signal": co.mechanics.Signal,
-    **{n: getattr(co, n) for n in ("SOn", "SLn", "Sp", "Heisenberg", "Translation", "MatrixGroup", "DirectProduct")},
+    **{
+        n: getattr(co.groups, n)
+        for n in ("SOn", "SLn", "Sp", "Heisenberg", "Translation", "MatrixGroup", "DirectProduct")
+    },
     "MatrixGroup constraint": lambda v: co.MatrixGroup(co.SO3().basis, v),
     "SemidirectProduct group": lambda v: co.SemidirectProduct(v, co.Defining()),
     "SemidirectProduct space": lambda v: co.SemidirectProduct(co.SO3(), v),
-    **{n: getattr(co, n) for n in ("Trivial", "Sphere", "GroupItself", "Several", "Pade", "Squared")},
+    **{n: getattr(co.spaces, n) for n in ("Trivial", "Sphere", "GroupItself", "Several")},
+    **{n: getattr(co.difference_maps, n) for n in ("Pade", "Squared")},
     "Submanifold": on_sphere,
     "Submanifold inside": lambda v: co.spaces.Submanifold(lambda x: x @ x - 1, v),
-    **{n: getattr(co, n) for n in ("Midpoint", "Trapezoidal", "Variational", "GroupVariational")},
+    **{n: getattr(co.methods, n) for n in ("Midpoint", "Trapezoidal", "Variational", "GroupVariational")},
     "Midpoint start": lambda v: co.Midpoint(start=v),
     "KelvinNoether": lambda v: co.mechanics.KelvinNoether(v).require_equivariant(VEHICLE, START),
     "KelvinNoether K": lambda v: co.mechanics.KelvinNoether([0, 0, 1], K=v).require_equivariant(VEHICLE, START),

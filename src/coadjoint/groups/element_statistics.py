@@ -25,9 +25,10 @@ def mean(group: LieGroup, elements: Any, weights: ArrayLike | None = None) -> El
     bi-invariant metric, as SO(n), U(n) and unit quaternions, it is the Riemannian centre of mass (Karcher, Fréchet):
     the least Σ w_i |log(m⁻¹g_i)|²; on the others, such as SE(3), it is the bi-invariant mean.
 
-    elements: an element whose leaves have a leading axis, as `run.records.g`, or a list of elements. weights: (count,),
-    not negative, by default equal. Returns an element. Raises GroupError where an element is so far from the mean that
-    m⁻¹g_i has no logarithm, ArgumentError for other weights and where the elements are too far apart for a mean.
+    group: that of the elements. elements: an element whose leaves have a leading axis, as `run.records.g`, or a list of
+    elements. weights: (count,), not negative, by default equal. Returns an element. Raises GroupError where an element
+    is so far from the mean that m⁻¹g_i has no logarithm, ArgumentError for other weights and where the elements are too
+    far apart for a mean.
     Source: X. Pennec, V. Arsigny (2013), Exponential barycenters of the canonical Cartan connection and invariant means
     on Lie groups.
     """

@@ -25,8 +25,9 @@ def geodesic(group: LieGroup, start: Element, end: Element, s: Array) -> Element
     It is a one-parameter subgroup, translated, and the same from either side; on groups with a bi-invariant metric the
     shortest curve, on SE(3) a screw motion.
 
-    start, end: g and h, elements. s: a number, or an array of any shape, which may leave [0, 1]. Returns an element,
-    with the axes of `s` first. Raises GroupError where g⁻¹h has no logarithm, as `group.log`.
+    group: that of the elements. start, end: g and h, elements. s: a number, or an array of any shape, which may leave
+    [0, 1]. Returns an element, with the axes of `s` first. Raises GroupError where g⁻¹h has no logarithm, as
+    `group.log`.
     """
     along = group.log(group.compose(group.inverse(start), end)) if traced(start, end) else None
     if along is None:

@@ -29,9 +29,9 @@ Energy = Literal["bounded", "exact", "quadratic", "discrete", "changed"]
 class Claims(NamedTuple):
     """What a method claims of every smooth system; `coadjoint audit` measures each claim.
 
-    `order` of convergence, with forces too, and `order_with_internal`, 2 at most, with actuators and sampled
-    controllers; `symmetric`: step(−h) undoes step(h). Of unforced motion: `symplectic`, the two-form is kept;
-    `momentum`, m of every isotropy direction is kept to round-off; `energy`, "bounded" for an error without drift,
+    order: that of convergence, with forces too; `order_with_internal`, 2 at most, is that with actuators and sampled
+    controllers. symmetric: step(−h) undoes step(h). The others are about unforced motion. symplectic: the two-form is
+    kept. momentum: m of every isotropy direction is kept to round-off. energy: "bounded" for an error without drift,
     "exact" for Legendre's to round-off, "quadratic" for that where ℋ is quadratic and nothing elsewhere,
     "discrete" for −∂_hΛ to round-off, "changed" where the method itself damps or drives.
     """

@@ -11,8 +11,12 @@ from typing import TYPE_CHECKING
 from coadjoint.extensions import Registry
 from coadjoint.lazy import lazy
 from coadjoint.models.catalogue_entries import HAMILTONIAN, INTEGRABLE, LINKS
-from coadjoint.models.entry import MOVING, TURNING, UP, CatalogueEntry
-from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
+from coadjoint.models.entry import MOVING, TURNING, UP
+from coadjoint.models.entry import CatalogueEntry as CatalogueEntry
+from coadjoint.models.paper_tables import PAPER_DURATION as PAPER_DURATION
+from coadjoint.models.paper_tables import PAPER_STEP as PAPER_STEP
+from coadjoint.models.paper_tables import TABLE_1 as TABLE_1
+from coadjoint.models.paper_tables import TABLE_2 as TABLE_2
 
 if TYPE_CHECKING:
     from coadjoint.models import beanie as beanie

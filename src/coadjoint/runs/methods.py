@@ -5,7 +5,6 @@ from __future__ import annotations
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-import coadjoint
 from coadjoint.checks import letters, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.lazy import homes
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
     from coadjoint.difference_maps import DifferenceMap
     from coadjoint.methods import Method
 
-_CONTRACTS = ("Method", "DifferenceMap", "Squared")
+_CONTRACTS = ("Claims", "DifferenceMap", "Method", "Squared", "Step")
 """Names of base classes and wrappers, which are not rules or maps themselves."""
 
 _OPTIONS = {
@@ -51,7 +50,9 @@ def method(chosen: MethodSection) -> Method:
 
 
 def _rule(chosen: MethodSection, name: str, start: str) -> Method:
-    kind: Any = getattr(coadjoint, name)
+    from coadjoint import methods
+
+    kind: Any = getattr(methods, name)
     takes = signature(kind).parameters
     outermost = name == method_name(chosen.name)
     options = {key: getattr(chosen, key) for key in _OPTIONS if getattr(chosen, key) not in (None, "")}
@@ -69,14 +70,15 @@ def _rule(chosen: MethodSection, name: str, start: str) -> Method:
 
 
 def _map(name: str) -> DifferenceMap:
+    from coadjoint import difference_maps
+
     if name.startswith("squared "):
-        return coadjoint.Squared(_map(name.removeprefix("squared ")))
-    return getattr(coadjoint, name)()
+        return difference_maps.Squared(_map(name.removeprefix("squared ")))
+    return getattr(difference_maps, name)()
 
 
 def _named(written: str, home: str, what: str) -> str:
-    rooms = {name: module for name, (module, _) in homes("coadjoint").items() if name not in _CONTRACTS}
-    names = [name for name, module in rooms.items() if f"{module}.".startswith(f"{home}.")]
+    names = [name for name in homes(home) if name not in _CONTRACTS]
     plain = {letters(name): name for name in names}
     if letters(written) not in plain:
         raise ArgumentError(unknown(f"{what} `{written}`", "coadjoint", written, names))

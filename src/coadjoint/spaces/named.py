@@ -13,7 +13,10 @@ from coadjoint.paths import paths, respelled
 
 @jax.tree_util.register_pytree_with_keys_class
 class Named:
-    """Immutable values under names, read as attributes: `p.mass`, `a.down`."""
+    """Immutable values under names, read as attributes: `p.mass`, `a.down`.
+
+    values: anything, by names.
+    """
 
     __slots__ = ("_values",)
     _values: dict[str, Any]

@@ -8,6 +8,7 @@ from coadjoint.theory.continuous import (
     space_velocity,
     unreduce_continuous,
 )
+from coadjoint.theory.discrete_connections import discrete_mechanical_connection
 from coadjoint.theory.equations import Equations, Residual, equations_of, printed_equations
 from coadjoint.theory.euler_poincare import (
     Link,
@@ -38,6 +39,7 @@ from coadjoint.theory.poisson import (
     poisson_link,
     poisson_system,
 )
+from coadjoint.theory.principal_bundles import lagrange_poincare, lagrange_poincare_residual
 from coadjoint.theory.reduction import invariance_defect, reconstruct, reduce, reduced_path, unreduce
 from coadjoint.theory.semidirect import (
     SemidirectLagrangian,
@@ -85,12 +87,15 @@ __all__ = [
     "discrete_euler_poincare_poisson",
     "discrete_euler_poincare_semidirect",
     "discrete_legendre",
+    "discrete_mechanical_connection",
     "discrete_momentum_maps",
     "equations_of",
     "induced_variation",
     "instants",
     "invariance_defect",
     "kelvin_noether_poisson",
+    "lagrange_poincare",
+    "lagrange_poincare_residual",
     "left_momenta",
     "link_momentum_maps",
     "link_of",

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    __all__ = ["load", "names", "read"]  # which have other names where they are defined
+
     from coadjoint.vehicles import axes as axes
     from coadjoint.vehicles import controllers as controllers
     from coadjoint.vehicles import environments as environments
@@ -37,9 +39,9 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import water as water
     from coadjoint.vehicles.environments.make import environment as environment
     from coadjoint.vehicles.environments.make import vector_environment as vector_environment
-    from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401
-    from coadjoint.vehicles.files.registry import load_vehicle as load  # noqa: F401
-    from coadjoint.vehicles.files.registry import vehicle_names as names  # noqa: F401
+    from coadjoint.vehicles.files.file import read_vehicle as read
+    from coadjoint.vehicles.files.registry import load_vehicle as load
+    from coadjoint.vehicles.files.registry import vehicle_names as names
     from coadjoint.vehicles.importing.importing import import_vehicle as import_vehicle
     from coadjoint.vehicles.missions.mission import load_mission as load_mission
     from coadjoint.vehicles.model.controller import Controller as Controller
