@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import jax
+from numpy.typing import ArrayLike
 
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
@@ -32,6 +33,10 @@ class Each:
     def member(self, index: int) -> Any:
         """The value of one member."""
         return jax.tree.map(lambda leaf: leaf[index], self.values)
+
+
+Quantity = ArrayLike | Each
+"""A number or an array, nested lists included, or one for each member."""
 
 
 def each(values: Any) -> Each:

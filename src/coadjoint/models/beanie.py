@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.groups import SO2
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -26,7 +27,7 @@ def lagrangian(xi, x, v, p):
     return 0.5 * p.body * body**2 + 0.5 * p.cap * cap**2 - 0.5 * p.stiffness * x[0] ** 2
 
 
-def make(*, body: Any, cap: Any, stiffness: Any) -> System:
+def make(*, body: Any, cap: Any, stiffness: Quantity) -> System:
     """A body that turns in the plane with a cap on it, on SO(2) with the angle ψ of the cap against it as its shape.
 
     ℓ = ½ I₁ω² + ½ I₂(ω + ψ̇)² − ½kψ². The mechanical connection A = I₂/(I₁ + I₂) is flat: with momentum zero, a full
@@ -39,7 +40,12 @@ def make(*, body: Any, cap: Any, stiffness: Any) -> System:
 
 
 def start(
-    beanie: System, *, angle: Any = 0.0, angular_velocity: Any = 0.0, cap_angle: Any = 0.0, cap_rate: Any = 0.0
+    beanie: System,
+    *,
+    angle: Quantity = 0.0,
+    angular_velocity: Quantity = 0.0,
+    cap_angle: Quantity = 0.0,
+    cap_rate: Quantity = 0.0,
 ) -> State:
     """The state at angle θ (rad) of the body, its angular velocity ω (rad/s), the cap's angle ψ and rate ψ̇."""
     theta = number(angle, "angle")

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 
 from coadjoint.groups import SO3
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -54,7 +55,7 @@ def lagrangian(xi, x, v, p):
     return kinetic + 0.5 * reduced_mass * apart @ apart - 0.5 * p.stiffness * x @ x
 
 
-def make(*, mass: Any, axial: Any, transverse: Any, reach: Any, stiffness: Any) -> System:
+def make(*, mass: Quantity, axial: Quantity, transverse: Quantity, reach: Quantity, stiffness: Quantity) -> System:
     """A cat in free fall, seen from its mass centre: SO(3) with the bend x ∈ ℝ² of its spine as shape.
 
     Front and rear body stand in the attitudes R± of `halves` to the middle frame; what couples them is the joint alone.
@@ -70,11 +71,11 @@ def make(*, mass: Any, axial: Any, transverse: Any, reach: Any, stiffness: Any) 
 def start(
     cat: System,
     *,
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
     bend: Any = (0.0, 0.0),
     bend_rate: Any = (0.0, 0.0),
 ) -> State:

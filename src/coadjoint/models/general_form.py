@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import jax.numpy as jnp
 
 from coadjoint.groups import SE3, SO3
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -93,13 +93,13 @@ def _parameters(mass, inertia, added_mass, buoyancy, center_of_mass, center_of_b
 
 def general_vehicle(
     *,
-    mass: Any,
-    inertia: Any,
-    added_mass: Any,
-    buoyancy: Any = None,
-    center_of_mass: Any = (0.0, 0.0, 0.0),
-    center_of_buoyancy: Any = (0.0, 0.0, 0.0),
-    gravity: Any = 9.81,
+    mass: Quantity,
+    inertia: Quantity,
+    added_mass: Quantity,
+    buoyancy: Quantity | None = None,
+    center_of_mass: Quantity = (0.0, 0.0, 0.0),
+    center_of_buoyancy: Quantity = (0.0, 0.0, 0.0),
+    gravity: Quantity = 9.81,
 ) -> System:
     """An underwater vehicle on SO(3) × ℝ³ about any origin O fixed in the body, in still water.
 
@@ -127,13 +127,13 @@ def general_vehicle(
 
 def se3_vehicle(
     *,
-    mass: Any,
-    inertia: Any,
-    added_mass: Any,
-    buoyancy: Any = None,
-    center_of_mass: Any = (0.0, 0.0, 0.0),
-    center_of_buoyancy: Any = (0.0, 0.0, 0.0),
-    gravity: Any = 9.81,
+    mass: Quantity,
+    inertia: Quantity,
+    added_mass: Quantity,
+    buoyancy: Quantity | None = None,
+    center_of_mass: Quantity = (0.0, 0.0, 0.0),
+    center_of_buoyancy: Quantity = (0.0, 0.0, 0.0),
+    gravity: Quantity = 9.81,
 ) -> System:
     """The vehicle of `general_vehicle` on SE(3), where the pose g = (R, q) is one element and no n is needed.
 
@@ -156,14 +156,14 @@ def se3_vehicle(
 def se3_start(
     vehicle: System,
     *,
-    position: Any = (0.0, 0.0, 0.0),
-    velocity: Any = (0.0, 0.0, 0.0),
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
-    down: Any = (0.0, 0.0, 1.0),
+    position: Quantity = (0.0, 0.0, 0.0),
+    velocity: Quantity = (0.0, 0.0, 0.0),
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
+    down: Quantity = (0.0, 0.0, 1.0),
 ) -> State:
     """The state of a vehicle on SE(3): arguments as in `start`, with q̇ in the space frame; ξ = (ω, R⁻¹q̇)."""
     R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)

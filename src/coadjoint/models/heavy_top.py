@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.groups import SO3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -36,7 +36,14 @@ def lagrangian(xi, a, p):
     return 0.5 * xi @ p.inertia @ xi - p.mass * p.gravity * p.center_of_mass @ a
 
 
-def make(*, mass: Any, center_of_mass: Any, inertia: Any, gravity: Any = 9.81, inertia_about: str = "pivot") -> System:
+def make(
+    *,
+    mass: Quantity,
+    center_of_mass: Quantity,
+    inertia: Quantity,
+    gravity: Quantity = 9.81,
+    inertia_about: str = "pivot",
+) -> System:
     """A heavy top on SO(3) with the upward direction as its advected parameter.
 
     ℓ(ω, a) = ½ ω·Jω − mg r·a, J about the pivot. If `inertia` is about the mass centre, J = I_c + m(|r|²I − r rᵀ).
@@ -58,12 +65,12 @@ def make(*, mass: Any, center_of_mass: Any, inertia: Any, gravity: Any = 9.81, i
 def start(
     top: System,
     *,
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
-    up: Any = (0.0, 0.0, 1.0),
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
+    up: Quantity = (0.0, 0.0, 1.0),
 ) -> State:
     """The state of a top at an attitude R with angular velocity ω, a = R⁻¹up.
 

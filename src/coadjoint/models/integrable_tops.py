@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
 
 from coadjoint.groups import SO3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.system import System
 from coadjoint.models.heavy_top import CHECKS, UNITS, lagrangian, start
@@ -25,7 +27,14 @@ _UNITS = {
 }
 
 
-def lagrange(*, mass: Any, lever: Any, transverse: Any, axial: Any, gravity: Any = 9.81) -> System:
+def lagrange(
+    *,
+    mass: Quantity,
+    lever: Quantity,
+    transverse: Quantity,
+    axial: Quantity,
+    gravity: Quantity = 9.81,
+) -> System:
     """Lagrange's top: J = diag(I₁, I₁, I₃) about the pivot, the mass centre on the axis at r = l e₃.
 
     Integrals: energy, vertical momentum μ·a, axial momentum μ₃. u = cos θ = a₃ is an elliptic function of time,
@@ -38,7 +47,7 @@ def lagrange(*, mass: Any, lever: Any, transverse: Any, axial: Any, gravity: Any
     return _top("Lagrange top", mass, gravity, (0.0, 0.0, positive(lever, "lever")), inertia, watched)
 
 
-def kovalevskaya(*, mass: Any, lever: Any, axial: Any, gravity: Any = 9.81) -> System:
+def kovalevskaya(*, mass: Quantity, lever: Quantity, axial: Quantity, gravity: Quantity = 9.81) -> System:
     """Kovalevskaya's top: J = diag(2C, 2C, C) about the pivot, the mass centre in the equator at r = l e₁.
 
     Integrals: energy, vertical momentum μ·a, and K = |(ω₁ + iω₂)² − k(a₁ + ia₂)|² with k = mgl/C.
@@ -50,7 +59,7 @@ def kovalevskaya(*, mass: Any, lever: Any, axial: Any, gravity: Any = 9.81) -> S
     return _top("Kovalevskaya top", mass, gravity, (positive(lever, "lever"), 0.0, 0.0), (2 * C, 2 * C, C), watched)
 
 
-def goryachev_chaplygin(*, mass: Any, lever: Any, axial: Any, gravity: Any = 9.81) -> System:
+def goryachev_chaplygin(*, mass: Quantity, lever: Quantity, axial: Quantity, gravity: Quantity = 9.81) -> System:
     """The top of Goryachev and Chaplygin: J = diag(4C, 4C, C) about the pivot, the mass centre at r = l e₁.
 
     Integrals: energy, vertical momentum μ·a, and where that is zero G = ω₃(ω₁² + ω₂²) − kω₁a₃ with k = mgl/C.
@@ -97,7 +106,14 @@ def _strength(p):
     return p.mass * p.gravity * p.center_of_mass[0] / p.inertia[2, 2]
 
 
-def _top(name: str, mass: Any, gravity: Any, lever: Any, inertia: Any, quantities: Any) -> System:
+def _top(
+    name: str,
+    mass: Quantity,
+    gravity: Quantity,
+    lever: Sequence[Quantity],
+    inertia: Sequence[Quantity],
+    quantities: Any,
+) -> System:
     given = {"mass": mass, "center_of_mass": list(lever), "inertia": list(inertia), "gravity": gravity}
     p = Parameters(**checked(CHECKS, given))
     spaces = {

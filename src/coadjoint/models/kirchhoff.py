@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SE3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -58,7 +59,7 @@ def clebsch_integral(state, p):
     return 0.5 * (spin @ spin + first * impulse[0] ** 2 + second * impulse[1] ** 2)
 
 
-def body(*, inertia: Any, mass: Any) -> System:
+def body(*, inertia: Quantity, mass: Quantity) -> System:
     """A neutrally buoyant body on SE(3): Π̇ = Π×Ω + P×V, Ṗ = P×Ω, with Π = JΩ and P = MV.
 
     All of the spatial momentum is conserved, P·P and Π·P are Casimir functions.
@@ -68,7 +69,7 @@ def body(*, inertia: Any, mass: Any) -> System:
     return _body("Kirchhoff body", inertia, mass, {})
 
 
-def clebsch(*, inertia: Any, mass: Any) -> System:
+def clebsch(*, inertia: Quantity, mass: Quantity) -> System:
     """The Kirchhoff body of Clebsch: J₁(1/m₂ − 1/m₃) + J₂(1/m₃ − 1/m₁) + J₃(1/m₁ − 1/m₂) = 0.
 
     It has a fourth integral, ½ Π·Π + ½ ΣλᵢPᵢ², and so is integrable.
@@ -86,7 +87,7 @@ def clebsch(*, inertia: Any, mass: Any) -> System:
     return _body("Kirchhoff body of Clebsch", J, mass, {"clebsch_integral": clebsch_integral})
 
 
-def _body(name: str, inertia: Any, mass: Any, quantities: dict[str, Any]) -> System:
+def _body(name: str, inertia: Quantity, mass: Quantity, quantities: dict[str, Any]) -> System:
     p = Parameters(**checked(CHECKS, {"inertia": inertia, "mass": mass}))
     kept = {"units": UNITS, "checks": partial(checked, CHECKS)}
     watched = {"linear_casimir": linear_casimir, "angular_casimir": angular_casimir, **quantities}
@@ -96,13 +97,13 @@ def _body(name: str, inertia: Any, mass: Any, quantities: dict[str, Any]) -> Sys
 def start(
     system: System,
     *,
-    position: Any = (0.0, 0.0, 0.0),
-    velocity: Any = (0.0, 0.0, 0.0),
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
+    position: Quantity = (0.0, 0.0, 0.0),
+    velocity: Quantity = (0.0, 0.0, 0.0),
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
 ) -> State:
     """The state of a body at a position and attitude, with q̇ in the space frame: ξ = (Ω, R⁻¹q̇); see `orientation`."""
     R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)

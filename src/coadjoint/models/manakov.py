@@ -14,6 +14,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SOn
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -28,7 +29,7 @@ WATCHED = 4
 """The highest power of L whose integrals runs observe."""
 
 
-def body(*, moments: Any) -> System:
+def body(*, moments: Quantity) -> System:
     """A rigid body in n dimensions that nothing acts on: M = JΩ + ΩJ, Ṁ = [M, Ω], with J = diag(λ₁, …, λ_n).
 
     λ_i = ∫x_i² dm, so that the moment of inertia of a turn in the plane (i, j) is λ_i + λ_j; for n = 3 it is Euler's
@@ -66,7 +67,7 @@ def integral(state, p, *, power: int, of_z: int):
     return _traces(_matrix(state.mu, p.moments), p.moments, power)[of_z]
 
 
-def start(manakov: System, *, angular_velocity: Any) -> State:
+def start(manakov: System, *, angular_velocity: Quantity) -> State:
     """The state of a body that turns with Ω at R = 1.
 
     angular_velocity: Ω, skew (n, n), or its entries Ω_ji, i < j, by rows, (n(n − 1)/2,), rad/s: the rate at which e_i

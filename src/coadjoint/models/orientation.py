@@ -8,15 +8,16 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
+from coadjoint.mechanics.members import Quantity
 from coadjoint.models.quantities import angles, matrix, vector
 
 
 def orientation(
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
 ) -> tuple[Any, Any]:
     """R (body to space, by default I) and the body angular velocity ω (by default 0).
 

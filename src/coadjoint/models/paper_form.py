@@ -19,9 +19,9 @@ The Lagrangian holds the weight as +(mg − B) n·a, whatever the axes are calle
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from coadjoint.groups import SO3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -74,12 +74,12 @@ def lagrangian(xi, n, nu, a, p):
 
 def vehicle(
     *,
-    mass: Any,
-    added_mass: Any,
-    inertia: Any,
-    buoyancy: Any = None,
-    center_of_buoyancy: Any = (0.0, 0.0, 0.0),
-    gravity: Any = 9.81,
+    mass: Quantity,
+    added_mass: Quantity,
+    inertia: Quantity,
+    buoyancy: Quantity | None = None,
+    center_of_buoyancy: Quantity = (0.0, 0.0, 0.0),
+    gravity: Quantity = 9.81,
 ) -> System:
     """An underwater vehicle on SO(3) with its position in ℝ³ and the direction of gravity as advected parameter.
 
@@ -115,14 +115,14 @@ def vehicle(
 def start(
     vehicle: System,
     *,
-    position: Any = (0.0, 0.0, 0.0),
-    velocity: Any = (0.0, 0.0, 0.0),
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
-    down: Any = (0.0, 0.0, 1.0),
+    position: Quantity = (0.0, 0.0, 0.0),
+    velocity: Quantity = (0.0, 0.0, 0.0),
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
+    down: Quantity = (0.0, 0.0, 1.0),
 ) -> State:
     """The state of a vehicle at position q with velocity q̇, attitude R and angular velocity ω; a = R⁻¹down.
 

@@ -13,6 +13,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, DirectProduct, Heisenberg
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -31,7 +32,7 @@ _SPHERE = {"xi": "1/s", "xi_body": "1/s", "mu": "m⁴/s"}
 _BOTH = {"energy": "m⁴/s²", "discrete_energy": "m⁴/s²"}
 
 
-def plane(*, circulations: Any) -> System:
+def plane(*, circulations: Quantity) -> System:
     """N point vortices in the plane, Γ_i ẋ_i = ∂H/∂y_i, Γ_i ẏ_i = −∂H/∂x_i, H = −1/(2π) Σ_{i<j} Γ_iΓ_j ln |r_i − r_j|.
 
     It is the Lie–Poisson equation on the dual of the Heisenberg algebra, the central extension of the translations:
@@ -68,7 +69,7 @@ def plane_positions(mu: Array, circulations: Array) -> Array:
     return xp.stack([mu[..., :N] / root, mu[..., N:-1] / (xp.sign(gamma) * root)], axis=-1)
 
 
-def plane_start(vortices: System, *, positions: Any) -> State:
+def plane_start(vortices: System, *, positions: Quantity) -> State:
     """The state with the vortices at r_i. positions: (N, 2), m, all different; raises ArgumentError for others."""
     gamma = _of(vortices, plane_energy, "plane")
     r = _positions(positions, len(gamma), 2)
@@ -91,7 +92,7 @@ def angular_impulse(state, p):
     return p.circulations @ jnp.sum(plane_positions(state.mu, p.circulations) ** 2, axis=1)
 
 
-def sphere(*, circulations: Any, radius: Any) -> System:
+def sphere(*, circulations: Quantity, radius: Quantity) -> System:
     """N point vortices on a sphere, ẋ_i = 1/(4πR) Σ_j Γ_j x_j × x_i / (R² − x_i·x_j), |x_i| = R.
 
     It is the Lie–Poisson equation on so(3)*ᴺ with μ_i = RΓ_i x_i and ℋ = −1/(4π) Σ_{i<j} Γ_iΓ_j ln |x_i − x_j|²,
@@ -117,14 +118,14 @@ def sphere_energy(mu, p):
     return -jnp.sum(p.circulations[i] * p.circulations[j] * jnp.log(apart)) / (4 * np.pi)
 
 
-def sphere_positions(mu: Array, circulations: Array, radius: Any) -> Array:
+def sphere_positions(mu: Array, circulations: Array, radius: Array | float) -> Array:
     """x_i, (…, N, 3), m, of momenta (…, 3N), m⁴/s, circulations (N,), m²/s, and R, m; else ArgumentError."""
     mu, gamma = _momenta(mu, circulations, 3, 0)
     xp = _arrays(mu, gamma)
     return xp.reshape(mu, (*mu.shape[:-1], -1, 3)) / (radius * gamma[:, None])
 
 
-def sphere_start(vortices: System, *, positions: Any) -> State:
+def sphere_start(vortices: System, *, positions: Quantity) -> State:
     """The state with the vortices at x_i. positions: (N, 3), m, |x_i| = R, all different; else ArgumentError."""
     gamma = _of(vortices, sphere_energy, "sphere")
     radius = float(vortices.parameters.radius)  # pyright: ignore[reportOptionalMemberAccess]
@@ -170,7 +171,7 @@ def _circulations(value: Any, name: str, count: int | None = None) -> Any:
     return found
 
 
-def _momenta(mu: Any, circulations: Any, each: int, more: int) -> tuple[Any, Any]:
+def _momenta(mu: Any, circulations: Quantity, each: int, more: int) -> tuple[Any, Any]:
     """μ, (…, each · N + more), and Γ, (N,), as arrays; raises ArgumentError for others."""
     xp = _arrays(mu, circulations)
     mu, gamma = xp.asarray(mu), xp.asarray(circulations)

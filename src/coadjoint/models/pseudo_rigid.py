@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import GLn, LieGroup, SLn
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -54,7 +56,7 @@ class Forms(Representation):
         return jnp.reshape(x, (group.matrix_size, group.matrix_size))
 
 
-def elastic(*, moments: Any, shear: Any, lame: Any, volume: Any = 1.0) -> System:
+def elastic(*, moments: Quantity, shear: Quantity, lame: Quantity, volume: Quantity = 1.0) -> System:
     """A body x = F(t)X that stays an affine image of itself, F in GL(3), with the energy of a compressible rubber.
 
         L = ½ tr(Ḟ E Ḟᵀ) − V(FᵀF),   V(C) = v(½G(tr C − 3 − 2 ln J) + ½λ (ln J)²),   J = √det C
@@ -81,7 +83,7 @@ def elastic(*, moments: Any, shear: Any, lame: Any, volume: Any = 1.0) -> System
     return _body(GLn(3), energy, lambda p: p.moments, checks, given, "pseudo-rigid body")
 
 
-def gravitating(*, mass: Any, radius: Any, gravitational_constant: Any = 6.6743e-11) -> System:
+def gravitating(*, mass: Quantity, radius: Quantity, gravitational_constant: Quantity = 6.6743e-11) -> System:
     """A self-gravitating ellipsoid of an ideal fluid of constant density, x = F(t)X, F in SL(3): Dirichlet's problem.
 
         L = (mr²/10) tr ḞḞᵀ − W(FᵀF),   W = −(3/10)Gm² ∫₀^∞ du/√det(r²C + u)
@@ -125,7 +127,7 @@ def invariants(C: Array) -> tuple[Array, Array, Array]:
     return first, 0.5 * (first**2 - jnp.sum(C * C)), C[0] @ jnp.cross(C[1], C[2])
 
 
-def start(body: System, *, deformation: Any = None, velocity: Any = None) -> State:
+def start(body: System, *, deformation: Quantity | None = None, velocity: Quantity | None = None) -> State:
     """The state of a body with x = FX and ẋ = ḞX.
 
     deformation: F, (3, 3), by default 1, with det F = 1 for a fluid. velocity: Ḟ, (3, 3), 1/s, by default 0, with
@@ -154,7 +156,14 @@ def start(body: System, *, deformation: Any = None, velocity: Any = None) -> Sta
     return body.state(g=F, xi=evaluate(body.group.vee, U), a0=np.eye(3).ravel())
 
 
-def _body(group: Any, energy: Any, moments: Any, checks: Any, given: dict[str, Any], name: str) -> System:
+def _body(
+    group: Any,
+    energy: Any,
+    moments: Callable[[Any], Any],
+    checks: Any,
+    given: dict[str, Any],
+    name: str,
+) -> System:
     """The system of ℓ(ξ, C) = ½ tr(ξ E ξᵀC) − V(C), which observes the circulation."""
 
     def lagrangian(xi, a, p):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from coadjoint.groups import SO3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -33,7 +33,7 @@ def lagrangian(xi, p):
     return 0.5 * xi @ p.inertia @ xi
 
 
-def make(*, inertia: Any) -> System:
+def make(*, inertia: Quantity) -> System:
     """A rigid body on SO(3) that nothing acts on: Jω̇ = Jω × ω, Ṙ = Rω^×.
 
     inertia: J about the mass centre in the body frame, (3, 3) or its diagonal (3,), kg m². Raises ArgumentError unless
@@ -46,11 +46,11 @@ def make(*, inertia: Any) -> System:
 def start(
     body: System,
     *,
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
 ) -> State:
     """The state of a body at an attitude R with angular velocity ω, given as in `orientation`."""
     R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from coadjoint.groups import SO3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -31,7 +32,7 @@ def momentum_squared(state):
     return state.mu @ state.mu
 
 
-def make(*, inertia: Any, rotor_inertia: Any, axis: Any = (0.0, 0.0, 1.0)) -> System:
+def make(*, inertia: Quantity, rotor_inertia: Any, axis: Any = (0.0, 0.0, 1.0)) -> System:
     """A free rigid body with a rotor that turns freely about an axis of the body: μ̇ = μ×ω, π̇ = 0.
 
     μ = Jω + πe, so that a fast rotor holds the body: about a principal axis e = eₖ the body turns stably at rate ω
@@ -49,11 +50,11 @@ def make(*, inertia: Any, rotor_inertia: Any, axis: Any = (0.0, 0.0, 1.0)) -> Sy
 def start(
     body: System,
     *,
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
     rotor_angle: Any = 0.0,
     rotor_rate: Any = 0.0,
 ) -> State:

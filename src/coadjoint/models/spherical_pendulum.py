@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint.groups import SO3
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -35,7 +36,7 @@ def pendulum_momentum(state):
     return state.a @ jnp.cross(state.n, state.pi)
 
 
-def make(*, mass: Any, length: Any, gravity: Any = 9.81, inertia: Any = (1.0, 1.0, 1.0)) -> System:
+def make(*, mass: Quantity, length: Quantity, gravity: Quantity = 9.81, inertia: Quantity = (1.0, 1.0, 1.0)) -> System:
     """A spherical pendulum on S² with a free carrier on SO(3), which it does not feel: q ∈ S², n = R⁻¹q.
 
     Integrals: energy and the vertical angular momentum. z = q·e_z obeys ż² = (2g/l)(z − z₁)(z − z₂)(z − z₃).
@@ -53,12 +54,12 @@ def start(
     *,
     bob: Any = (0.0, 0.0, -1.0),
     bob_velocity: Any = (0.0, 0.0, 0.0),
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    angular_velocity: Any = None,
-    euler_rates: Any = None,
-    up: Any = (0.0, 0.0, 1.0),
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    angular_velocity: Quantity | None = None,
+    euler_rates: Quantity | None = None,
+    up: Quantity = (0.0, 0.0, 1.0),
 ) -> State:
     """The state with the bob in direction q ∈ S² of the space frame, q̇ tangent in 1/s; the carrier by `orientation`."""
     R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)

@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.groups import SE2, SO2
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -74,7 +75,7 @@ def lagrangian(xi, x, v, p):
     return kinetic - 0.5 * p.stiffness * x @ x
 
 
-def make(*, semi_axes: Any, density: Any, stiffness: Any) -> System:
+def make(*, semi_axes: Quantity, density: Quantity, stiffness: Quantity) -> System:
     """Three equal ellipses, hinged in a row, in an ideal fluid at rest of their own density: SE(2) with two angles.
 
     The fluid adds to each ellipse the inertia that it adds to a single one; the flow between ellipses is neglected.
@@ -89,9 +90,9 @@ def make(*, semi_axes: Any, density: Any, stiffness: Any) -> System:
 def start(
     swimmer: System,
     *,
-    angle: Any = 0.0,
-    position: Any = (0.0, 0.0),
-    velocity: Any = (0.0, 0.0, 0.0),
+    angle: Quantity = 0.0,
+    position: Quantity = (0.0, 0.0),
+    velocity: Quantity = (0.0, 0.0, 0.0),
     bend: Any = (0.0, 0.0),
     bend_rate: Any = (0.0, 0.0),
 ) -> State:

@@ -12,6 +12,7 @@ from coadjoint.checks import array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import MatrixGroup
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
@@ -61,7 +62,7 @@ def trace(state, *, power: int):
     return jnp.trace(found)
 
 
-def start(toda: System, *, positions: Any, momenta: Any) -> State:
+def start(toda: System, *, positions: Quantity, momenta: Quantity) -> State:
     """The state of particles at q_i with momenta p_i, (n,) each; raises ArgumentError for other shapes."""
     n = toda.group.matrix_size
     q, p = np.asarray(array(positions, "positions", (n,))), np.asarray(array(momenta, "momenta", (n,)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 from jax import lax
@@ -13,6 +12,7 @@ from jax import lax
 from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
 from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
+from coadjoint.kernels.trace.jaxprs import EquationParameters
 from coadjoint.kernels.trace.movement import MOVEMENT, arranged, scatters
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -34,12 +34,12 @@ def indexing_rules(graph: Graph, lift: Callable[[Array], Array]) -> dict[str, Ru
             return partial(_loaded, graph, tables.of(x), x.shape)
         return partial(window, graph, lift(x))
 
-    def dynamic_slice(p: Any, x: Array, *starts: Array) -> Array:
+    def dynamic_slice(p: EquationParameters, x: Array, *starts: Array) -> Array:
         if not any(map(symbolic, starts)):
             return MOVEMENT["dynamic_slice"](p, lift(x), *starts)
         return windows(x)([_entry(graph, start) for start in starts], p["slice_sizes"])
 
-    def gather(p: Any, operand: Array, indices: Array) -> Array:
+    def gather(p: EquationParameters, operand: Array, indices: Array) -> Array:
         if not symbolic(indices):
             return MOVEMENT["gather"](p, lift(operand), indices)
         _require_few("gather", operand.size if symbolic(operand) else math.prod(p["slice_sizes"]), indices.shape[:-1])
@@ -49,7 +49,7 @@ def indexing_rules(graph: Graph, lift: Callable[[Array], Array]) -> dict[str, Ru
         "scatter-add"
     ]
 
-    def scatter_add(p: Any, operand: Array, indices: Array, updates: Array) -> Array:
+    def scatter_add(p: EquationParameters, operand: Array, indices: Array, updates: Array) -> Array:
         if not symbolic(indices):
             return added(p, lift(operand), indices, lift(updates))
         return _scatter_add(graph, p, lift(operand), indices, lift(updates))
@@ -106,7 +106,7 @@ def _loaded(graph: Graph, table: Table, shape: tuple[int, ...], starts: Sequence
     return found
 
 
-def _gather(graph: Graph, p: Any, shape: tuple[int, ...], window: Window, indices: Array) -> Array:
+def _gather(graph: Graph, p: EquationParameters, shape: tuple[int, ...], window: Window, indices: Array) -> Array:
     d, sizes, lead = p.fields("dimension_numbers"), p["slice_sizes"], indices.shape[:-1]
     into, batching = d.start_index_map, (d.operand_batching_dims, d.start_indices_batching_dims)
     windows = np.empty((*lead, *sizes), object)
@@ -136,7 +136,7 @@ def _starts(
     return starts
 
 
-def _scatter_add(graph: Graph, p: Any, operand: Array, indices: Array, updates: Array) -> Array:
+def _scatter_add(graph: Graph, p: EquationParameters, operand: Array, indices: Array, updates: Array) -> Array:
     """Each window of the updates is added wherever it may belong, times one where it does and zero elsewhere."""
     if any(node.op == "placeholder" for node in reachable([n for n in indices.reshape(-1) if isinstance(n, Expr)])):
         raise Untraceable("lu", "its factors are used outside a linear solve, for more than 3 unknowns")
@@ -167,7 +167,7 @@ def _scatter_add(graph: Graph, p: Any, operand: Array, indices: Array, updates: 
     return out
 
 
-def _filled(graph: Graph, p: Any, found: Array, starts: Sequence[Expr], last: Sequence[int]) -> Array:
+def _filled(graph: Graph, p: EquationParameters, found: Array, starts: Sequence[Expr], last: Sequence[int]) -> Array:
     """A window outside its array is filled, by NaN unless JAX says otherwise."""
     inside = graph.true
     for start, end in zip(starts, last, strict=True):

@@ -13,6 +13,7 @@ import numpy as np
 from jax import lax
 
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
+from coadjoint.kernels.trace.jaxprs import EquationParameters
 from coadjoint.kernels.untraceable import Untraceable
 
 
@@ -27,14 +28,14 @@ def _same(dtype: Any, *arrays: Array) -> list[Array]:
     return list(arrays)
 
 
-def _broadcast(p: Any, x: Array, *_: Array) -> Array:
+def _broadcast(p: EquationParameters, x: Array, *_: Array) -> Array:
     shape, placed = p["shape"], [1] * len(p["shape"])
     for axis, size in zip(p["broadcast_dimensions"], x.shape, strict=True):
         placed[axis] = size
     return np.broadcast_to(x.reshape(placed), shape)
 
 
-def _slice(p: Any, x: Array) -> Array:
+def _slice(p: EquationParameters, x: Array) -> Array:
     strides = p["strides"] or (1,) * x.ndim
     return x[tuple(map(slice, p["start_indices"], p["limit_indices"], strides))]
 
@@ -46,17 +47,17 @@ def _starts(name: str, starts: tuple[Array, ...], shape: tuple[int, ...], sizes:
     return [slice(f, f + size) for f, size in zip(first, sizes, strict=True)]
 
 
-def _dynamic_slice(p: Any, x: Array, *starts: Array) -> Array:
+def _dynamic_slice(p: EquationParameters, x: Array, *starts: Array) -> Array:
     return x[tuple(_starts("dynamic_slice", starts, x.shape, p["slice_sizes"]))]
 
 
-def _dynamic_update_slice(p: Any, x: Array, update: Array, *starts: Array) -> Array:
+def _dynamic_update_slice(p: EquationParameters, x: Array, update: Array, *starts: Array) -> Array:
     out = x.astype(np.result_type(x, update))
     out[tuple(_starts("dynamic_update_slice", starts, x.shape, update.shape))] = update
     return out
 
 
-def _pad(p: Any, x: Array, value: Array) -> Array:
+def _pad(p: EquationParameters, x: Array, value: Array) -> Array:
     """Interior padding first, then the edges; a negative edge crops."""
     for axis, (low, high, interior) in enumerate(p["padding_config"]):
         size = x.shape[axis]
@@ -69,7 +70,7 @@ def _pad(p: Any, x: Array, value: Array) -> Array:
     return x
 
 
-def _split(p: Any, x: Array) -> list[Array]:
+def _split(p: EquationParameters, x: Array) -> list[Array]:
     ends = np.cumsum([0, *p["sizes"]])
     return [x[(slice(None),) * p["axis"] + (slice(a, b),)] for a, b in pairwise(ends)]
 
@@ -103,7 +104,7 @@ def _windows(
     return (cells @ strides).reshape(*lead, *sizes), inside | clip
 
 
-def _gather(p: Any, operand: Array, indices: Array) -> Array:
+def _gather(p: EquationParameters, operand: Array, indices: Array) -> Array:
     d, sizes = p.fields("dimension_numbers"), list(p["slice_sizes"])
     clip = p["mode"] == lax.GatherScatterMode.CLIP
     batching = (d.operand_batching_dims, d.start_indices_batching_dims)
@@ -129,7 +130,7 @@ def arranged(dimensions: Any, windows: Array, lead: int) -> Array:
 
 
 def _scatter(name: str, combine: Callable[[Any, Any], Any]) -> Rule:
-    def rule(p: Any, operand: Array, indices: Array, updates: Array) -> Array:
+    def rule(p: EquationParameters, operand: Array, indices: Array, updates: Array) -> Array:
         d = p.fields("dimension_numbers")
         window = list(d.update_window_dims)
         gone = {*d.inserted_window_dims, *d.operand_batching_dims}

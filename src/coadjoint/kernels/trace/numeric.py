@@ -11,6 +11,7 @@ from jax import lax
 
 from coadjoint.kernels.expressions.operations import BINARY, UNARY, special
 from coadjoint.kernels.trace.interpreter import Array, Rule
+from coadjoint.kernels.trace.jaxprs import EquationParameters
 from coadjoint.kernels.trace.movement import MOVEMENT, scatters
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -20,13 +21,13 @@ def _special(name: str) -> Rule:
     return lambda p, x: function(x)
 
 
-def _divide(p: Any, x: Array, y: Array) -> Any:
+def _divide(p: EquationParameters, x: Array, y: Array) -> Any:
     if np.issubdtype(x.dtype, np.floating):
         return np.divide(x, y)
     return np.trunc(np.divide(x, y)).astype(x.dtype)
 
 
-def _select(p: Any, which: Array, *cases: Array) -> Array:
+def _select(p: EquationParameters, which: Array, *cases: Array) -> Array:
     return np.where(which, cases[1], cases[0]) if which.dtype == bool else np.choose(which, cases)
 
 
@@ -36,7 +37,7 @@ def round_name(parameters: Any) -> str:
     return "round_even" if even else "round_away"
 
 
-def matricize(p: Any, x: Array, y: Array) -> tuple[Array, Array, tuple[int, ...]]:
+def matricize(p: EquationParameters, x: Array, y: Array) -> tuple[Array, Array, tuple[int, ...]]:
     """The factors of a dot_general as stacks (b, m, k) and (b, k, n), and the shape of the result."""
     (cx, cy), (bx, by) = p["dimension_numbers"]
     free_x = [axis for axis in range(x.ndim) if axis not in (*cx, *bx)]
@@ -49,7 +50,7 @@ def matricize(p: Any, x: Array, y: Array) -> tuple[Array, Array, tuple[int, ...]
     return left, right, (*batch, *m, *n)
 
 
-def _dot(p: Any, x: Array, y: Array) -> Array:
+def _dot(p: EquationParameters, x: Array, y: Array) -> Array:
     left, right, shape = matricize(p, x, y)
     return np.matmul(left, right).reshape(shape)
 
@@ -61,7 +62,7 @@ def _reduction(function: Callable) -> Rule:
 def _extremum(function: Callable, lowest: bool) -> Rule:
     """XLA reduces an empty array to the identity of the reduction, −∞ for a maximum."""
 
-    def rule(p: Any, x: Array) -> Array:
+    def rule(p: EquationParameters, x: Array) -> Array:
         if x.size:
             return function(x, axis=tuple(p["axes"]))
         info = np.iinfo(x.dtype) if x.dtype.kind in "iu" else None
@@ -76,25 +77,25 @@ def _arg(function: Callable) -> Rule:
 
 
 def _cumulative(function: Callable) -> Rule:
-    def rule(p: Any, x: Array) -> Array:
+    def rule(p: EquationParameters, x: Array) -> Array:
         axis = p["axis"]
         return np.flip(function(np.flip(x, axis), axis=axis), axis) if p["reverse"] else function(x, axis=axis)
 
     return rule
 
 
-def _iota(p: Any) -> Array:
+def _iota(p: EquationParameters) -> Array:
     line = [1] * len(p["shape"])
     line[p["dimension"]] = -1
     return np.broadcast_to(np.arange(p["shape"][p["dimension"]]).reshape(line), p["shape"])
 
 
-def _polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
+def _polynomial(p: EquationParameters, x: Array, *coefficients: Array) -> Array:
     """a₀ + x (a₁ + x (a₂ + …))."""
     return np.broadcast_arrays(reduce(lambda y, a: y * x + a, coefficients[::-1]), x)[0]
 
 
-def _lu(p: Any, a: Array) -> list[Array]:
+def _lu(p: EquationParameters, a: Array) -> list[Array]:
     """P a = L U with partial pivoting, as LAPACK's getrf: L and U in one, pivots, P. SciPy takes long to load.
 
     Column after column, over all leading axes together.
@@ -114,7 +115,7 @@ def _lu(p: Any, a: Array) -> list[Array]:
     return [factors.reshape(a.shape), pivots.reshape(*leading, pivots.shape[1]), order.reshape(*leading, rows)]
 
 
-def _triangular(p: Any, a: Array, b: Array) -> Array:
+def _triangular(p: EquationParameters, a: Array, b: Array) -> Array:
     """a x = b, or x a = b, for triangular a by substitution: row after row, over all leading axes together."""
     lower = p["lower"]
     if p["transpose_a"] == p["left_side"]:  # aᵀ x = b, or x a = b, which is aᵀ xᵀ = bᵀ
@@ -129,7 +130,7 @@ def _triangular(p: Any, a: Array, b: Array) -> Array:
     return x if p["left_side"] else np.swapaxes(x, -1, -2)
 
 
-def _sort(p: Any, *operands: Array) -> list[Array]:
+def _sort(p: EquationParameters, *operands: Array) -> list[Array]:
     keys = operands[: p["num_keys"]]
     if operands[0].ndim == 1 or p["num_keys"] == 1:
         order = np.argsort(keys[0], axis=p["dimension"], kind="stable") if len(keys) == 1 else np.lexsort(keys[::-1])

@@ -15,6 +15,7 @@ from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.trace.indexing import indexing_rules
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
+from coadjoint.kernels.trace.jaxprs import EquationParameters
 from coadjoint.kernels.trace.movement import MOVEMENT, scatters
 from coadjoint.kernels.trace.numeric import matricize, round_name
 from coadjoint.kernels.untraceable import Untraceable
@@ -71,7 +72,7 @@ _JOINED = ("concatenate", "pad", "stack")
 def _lifted(graph: Graph, rule: Rule, every: bool = False) -> Rule:
     """Data movement places expressions only; its indices stay numbers."""
 
-    def lifted(p: Any, *xs: Array) -> Any:
+    def lifted(p: EquationParameters, *xs: Array) -> Any:
         return rule(p, *(lift(graph, x) if every or x.dtype.kind == "f" else x for x in xs))
 
     return lifted
@@ -84,19 +85,19 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Expr], int], Rul
     def logistic(x: Expr) -> Expr:
         return graph.div(graph.one, graph.add(graph.one, graph.apply("exp", graph.neg(x))))
 
-    def convert(p: Any, x: Array) -> Array:
+    def convert(p: EquationParameters, x: Array) -> Array:
         kind = np.dtype(p["new_dtype"])
         if kind.kind == "c" or (kind.kind == "f" and kind.itemsize < 8):
             raise Untraceable("convert_element_type", f"to {kind.name}")
         return np.asarray(each(lambda n: _converted(graph, n, kind.kind), x))
 
-    def polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
+    def polynomial(p: EquationParameters, x: Array, *coefficients: Array) -> Array:
         """a₀ + x (a₁ + x (a₂ + …))."""
         horner = elementwise(lambda y, x, a: graph.add(graph.mul(y, x), a), 3)
         value = reduce(lambda y, a: np.asarray(horner(p, y, x, a)), coefficients[::-1])
         return np.broadcast_arrays(value, x)[0]
 
-    def select(p: Any, which: Array, *cases: Array) -> Array:
+    def select(p: EquationParameters, which: Array, *cases: Array) -> Array:
         if len(cases) == 2:
             return elementwise(lambda c, no, yes: graph.select(_truth(graph, c), yes, no), 3)(p, which, *cases)
         chosen = lift(graph, cases[-1])
@@ -147,21 +148,21 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         return x.transpose([*kept, *axes]).reshape(math.prod(shape), count), shape
 
     def reduction(function: Callable[[Expr, Expr], Expr], start: Expr) -> Rule:
-        def rule(p: Any, x: Array) -> Array:
+        def rule(p: EquationParameters, x: Array) -> Array:
             rows, shape = along(tuple(p["axes"]), x)
             return nodes((reduce(function, row) if row.size else start for row in rows), shape)
 
         return rule
 
     def arg(op: str) -> Rule:
-        def rule(p: Any, x: Array) -> Array:
+        def rule(p: EquationParameters, x: Array) -> Array:
             rows, shape = along(tuple(p["axes"]), x)
             return nodes((_arg(graph, op, list(row)) for row in rows), shape)
 
         return rule
 
     def cumulative(function: Callable[[Expr, Expr], Expr]) -> Rule:
-        def rule(p: Any, x: Array) -> Array:
+        def rule(p: EquationParameters, x: Array) -> Array:
             line = np.moveaxis(x, p["axis"], 0).copy()
             order = range(len(line) - 2, -1, -1) if p["reverse"] else range(1, len(line))
             for i in order:
@@ -200,7 +201,7 @@ def _arg(graph: Graph, op: str, row: list[Expr]) -> Expr:
 
 
 def _linear(graph: Graph) -> dict[str, Rule]:
-    def product(p: Any, x: Array, y: Array) -> Array:
+    def product(p: EquationParameters, x: Array, y: Array) -> Array:
         left, right, shape = matricize(p, lift(graph, x), lift(graph, y))
         stacks = zip(left, right, strict=True)
         return nodes((elimination.dot(graph, r, c) for a, b in stacks for r in a for c in b.T), shape)
@@ -209,7 +210,7 @@ def _linear(graph: Graph) -> dict[str, Rule]:
         return _solve_operator(graph, operator, right)
 
     def stacked(function: Callable[[list[list[Expr]]], Any], rank: int) -> Rule:
-        def rule(p: Any, a: Array) -> Array:
+        def rule(p: EquationParameters, a: Array) -> Array:
             matrices = a.reshape(-1, *a.shape[-2:])
             flat = [x for matrix in matrices for x in np.ravel(np.asarray(function(matrix.tolist()), object))]
             return nodes(flat, a.shape[: a.ndim - 2 + rank])
@@ -240,7 +241,7 @@ def _factors(graph: Graph, a: Array) -> list[Array]:
     return [factors, factors[..., 0], factors[..., 0]]
 
 
-def _triangular(graph: Graph, p: Any, a: Array, b: Array) -> Array:
+def _triangular(graph: Graph, p: EquationParameters, a: Array, b: Array) -> Array:
     if a.ndim > 2:
         return np.stack([_triangular(graph, p, x, y) for x, y in zip(a, b, strict=True)])
     transposed = p["transpose_a"] == p["left_side"]

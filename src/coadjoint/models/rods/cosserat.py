@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.float64 import float64 as float64_scope
 from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
@@ -52,16 +53,16 @@ UNITS = {
 def cosserat(
     *,
     elements: Any,
-    length: Any,
+    length: Quantity,
     EI: Any,
     GJ: Any,
-    mass: Any,
-    inertia: Any,
+    mass: Quantity,
+    inertia: Quantity,
     EA: Any = None,
     GA: Any = None,
     rest_curvature: Any = (0.0, 0.0, 0.0),
     ends: str = "free",
-    gravity: Any = 0.0,
+    gravity: Quantity = 0.0,
     load: Any = None,
     moment: Any = None,
     motion: Callable[[Any], Any] | None = None,
@@ -95,15 +96,15 @@ def cosserat(
 def planar(
     *,
     elements: Any,
-    length: Any,
+    length: Quantity,
     EI: Any,
-    mass: Any,
-    inertia: Any,
+    mass: Quantity,
+    inertia: Quantity,
     EA: Any = None,
     GA: Any = None,
     rest_curvature: Any = 0.0,
     ends: str = "free",
-    gravity: Any = 0.0,
+    gravity: Quantity = 0.0,
     load: Any = None,
     moment: Any = None,
     motion: Callable[[Any], Any] | None = None,
@@ -151,7 +152,7 @@ def elastic_energy(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Ar
     return 0.5 * jnp.sum(p.length[:, None] * stiffness(p) * strain**2)
 
 
-def _rod(layout: RodLayout, length: Any, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
+def _rod(layout: RodLayout, length: Quantity, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
     gravity, load, moment, motion = outside
     needed = OF_AN_ELEMENT[layout.planar] * layout.elements
     fits = most_that_fit(layout.elements, needed, 1)

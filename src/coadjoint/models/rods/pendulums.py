@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, Power, Translation
+from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -25,7 +26,14 @@ POINTS = {**UNITS, "n": "1", "nu": "1/s", "q": "1", "qdot": "1/s", "pi": "kg m²
 
 
 def pendulums(
-    *, links: Any, length: Any, mass: Any, inertia: Any, center: Any = None, stiffness: Any = 0.0, gravity: Any = 9.81
+    *,
+    links: Any,
+    length: Quantity,
+    mass: Quantity,
+    inertia: Quantity,
+    center: Quantity | None = None,
+    stiffness: Quantity = 0.0,
+    gravity: Quantity = 9.81,
 ) -> System:
     """N rigid bodies on ball joints, the first hung from a fixed point, on SO(3)ᴺ with the constraints in ℓ.
 
@@ -68,7 +76,11 @@ def pendulums(
 
 
 def pendulums_start(
-    chain: System, *, rotation: Any = None, angular_velocity: Any = (0.0, 0.0, 0.0), down: Any = (1.0, 0.0, 0.0)
+    chain: System,
+    *,
+    rotation: Quantity | None = None,
+    angular_velocity: Quantity = (0.0, 0.0, 0.0),
+    down: Quantity = (1.0, 0.0, 0.0),
 ) -> State:
     """The state of a chain of `pendulums`, by default hanging at rest along the first axis of space, which points down.
 
@@ -83,7 +95,7 @@ def pendulums_start(
     return chain.state(g=g, xi=np.broadcast_to(omega, (N, 3)).copy(), a0=a0)
 
 
-def points(*, links: Any, length: Any, mass: Any, gravity: Any = 9.81) -> System:
+def points(*, links: Any, length: Quantity, mass: Quantity, gravity: Quantity = 9.81) -> System:
     """N points on massless rods, one hung from the other, on (S²)ᴺ: q_i is the direction of rod i.
 
         ℓ = ½ Σ_i m_i |Σ_{j≤i} l_j ν_j|² − Σ_i m_i g e_z·x_i,   x_i = Σ_{j≤i} l_j n_j

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from coadjoint import checks
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.members import Quantity
 from coadjoint.models.quantities import positive
 from coadjoint.spaces.links import GROUND
 
@@ -18,7 +19,7 @@ SHEAR = 0.9
 """The share of a round section that carries shear."""
 
 
-def round_section(*, radius: Any, density: Any, young: Any, shear: Any) -> dict[str, Any]:
+def round_section(*, radius: Quantity, density: Quantity, young: Quantity, shear: Quantity) -> dict[str, Any]:
     """EA, GA, GJ, EI, mass and inertia of a full round section, as `cosserat` takes them.
 
     A = πr², I = πr⁴/4, J = 2I; of A, 0.9 carries shear.

@@ -12,7 +12,7 @@ from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.members import Each
+from coadjoint.mechanics.members import Each, Quantity
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
@@ -26,14 +26,14 @@ OPEN = 1e-3
 def start(
     rod: System,
     *,
-    position: Any = (0.0, 0.0, 0.0),
-    rotation: Any = None,
-    euler_zxz: Any = None,
-    euler_zyx: Any = None,
-    curvature: Any = None,
-    velocity: Any = (0.0, 0.0, 0.0),
-    angular_velocity: Any = (0.0, 0.0, 0.0),
-    down: Any = (0.0, 0.0, -1.0),
+    position: Quantity = (0.0, 0.0, 0.0),
+    rotation: Quantity | None = None,
+    euler_zxz: Quantity | None = None,
+    euler_zyx: Quantity | None = None,
+    curvature: Quantity | None = None,
+    velocity: Quantity = (0.0, 0.0, 0.0),
+    angular_velocity: Quantity = (0.0, 0.0, 0.0),
+    down: Quantity = (0.0, 0.0, -1.0),
 ) -> State:
     """The state of a rod of `cosserat` in the shape of its curvatures, moving as a rigid body or section by section.
 
@@ -50,12 +50,12 @@ def start(
 def planar_start(
     rod: System,
     *,
-    position: Any = (0.0, 0.0),
-    angle: Any = 0.0,
-    curvature: Any = None,
-    velocity: Any = (0.0, 0.0),
-    angular_velocity: Any = 0.0,
-    down: Any = (0.0, -1.0),
+    position: Quantity = (0.0, 0.0),
+    angle: Quantity = 0.0,
+    curvature: Quantity | None = None,
+    velocity: Quantity = (0.0, 0.0),
+    angular_velocity: Quantity = 0.0,
+    down: Quantity = (0.0, -1.0),
 ) -> State:
     """The state of a rod of `planar`, as `start`.
 
@@ -96,7 +96,14 @@ def curve(rod: System, first: Any, strain: Any) -> Any:
     return jax.tree.map(lambda *parts: np.stack(parts), *poses)
 
 
-def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_velocity: Any, down: Any) -> State:
+def _start(
+    rod: System,
+    first: Any,
+    curvature: Quantity | None,
+    velocity: Quantity,
+    angular_velocity: Quantity,
+    down: Quantity,
+) -> State:
     group = rod_of(rod)
     p: Any = rod.parameters
     for name in ("length",) if curvature is not None else ("length", "rest_curvature"):
@@ -173,7 +180,7 @@ def _clamps(rod: System, pairs: Any, poses: Any) -> Any:
     return turned, moved
 
 
-def _velocities(R: np.ndarray, x: np.ndarray, velocity: Any, angular_velocity: Any) -> np.ndarray:
+def _velocities(R: np.ndarray, x: np.ndarray, velocity: Quantity, angular_velocity: Quantity) -> np.ndarray:
     """ξ (N, d) of velocities in space."""
     N, size = x.shape
     v = float64(velocity, "Argument `velocity`")
