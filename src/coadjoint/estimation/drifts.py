@@ -8,6 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
@@ -22,11 +23,11 @@ class Drift(ABC):
     """m, one number or (k,)."""
 
     @abstractmethod
-    def factor(self, h: Any) -> Any:
+    def factor(self, h: Array | float) -> Any:
         """φ(h), one number."""
 
     @abstractmethod
-    def variance(self, h: Any) -> Any:
+    def variance(self, h: Array | float) -> Any:
         """q(h), one number or one for each of θ."""
 
 
@@ -42,11 +43,11 @@ class RandomWalk(Drift):
     def __post_init__(self):
         object.__setattr__(self, "density", not_negative(self.density, "density", "co.estimation.RandomWalk"))
 
-    def factor(self, h: Any) -> Any:
+    def factor(self, h: Array | float) -> Any:
         """1."""
         return 1.0
 
-    def variance(self, h: Any) -> Any:
+    def variance(self, h: Array | float) -> Any:
         """density² h."""
         return self.density**2 * h
 
@@ -68,16 +69,16 @@ class GaussMarkov(Drift):
         object.__setattr__(self, "time", checks.positive(self.time, "Argument `time` of co.estimation.GaussMarkov"))
         object.__setattr__(self, "mean", finite(self.mean, "mean", "co.estimation.GaussMarkov"))
 
-    def factor(self, h: Any) -> Any:
+    def factor(self, h: Array | float) -> Any:
         """exp(−h/τ)."""
         return _of(h).exp(-h / self.time)
 
-    def variance(self, h: Any) -> Any:
+    def variance(self, h: Array | float) -> Any:
         """deviation² (1 − exp(−2h/τ))."""
         return -(self.deviation**2) * _of(h).expm1(-2.0 * h / self.time)
 
 
-def _of(h: Any) -> Any:
+def _of(h: Array | float) -> Any:
     """The module of functions of h: NumPy, unless JAX traces it."""
     return jnp if traced(h) else np
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
@@ -210,7 +211,7 @@ class StrapdownProcess(Process):
 
     # Steps.
 
-    def _after(self, row: Any, h: Any, w: Any) -> Any:
+    def _after(self, row: Any, h: Array | float, w: Any) -> Any:
         """The row after a step of h, with the integrals w = (w_g, w_a) of the white noises over it."""
         x, theta = _pose(row), self._drifts.named(row[22:])
         phi = self._mount @ ((row[16:19] - _of(theta, "gyroscope_bias")) * h - w[:3])

@@ -213,7 +213,7 @@ def require_internal(system: System, start: State, h: Array) -> list[str]:
     return internal_warnings(system, h)
 
 
-def internal_warnings(system: System, h: Any) -> list[str]:
+def internal_warnings(system: System, h: Array | float) -> list[str]:
     """The warnings of the rule of the system about steps of length h."""
     return declared(system.internal).warnings(h, system.parameters)
 

@@ -146,7 +146,7 @@ class ReducedFunctions:
             self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
         )
 
-    def motion_at(self, state: State, inputs: Any = None, h: Any = 0.0) -> NodeMotion:
+    def motion_at(self, state: State, inputs: Any = None, h: Array | float = 0.0) -> NodeMotion:
         """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
 
         A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.

@@ -44,7 +44,7 @@ class Signal:
             self.function, "Argument `function` of co.mechanics.Signal", "a function of time, such as jnp.sin"
         )
 
-    def __call__(self, t: Any) -> Array:
+    def __call__(self, t: Array | float) -> Array:
         value = self.function(t)
         try:
             return jnp.asarray(value, dtype=float)
@@ -85,12 +85,12 @@ class _Table(Signal):
         size = (1 << len(borders).bit_length()) - 1
         return np.concatenate([borders, np.full(size - len(borders), np.inf)]), columns
 
-    def _time(self, t: Any) -> Any:
+    def _time(self, t: Array | float) -> Any:
         """A time unchanged, several as an array; raises ArgumentError for anything else."""
         plain = isinstance(t, float) and abs(t) < inf
         return t if plain or isinstance(t, Tracer) else float64(t, f"The time of co.{type(self).__name__}")
 
-    def _row(self, t: Any) -> list[Array]:
+    def _row(self, t: Array | float) -> list[Array]:
         """The row of every column that is in force at t."""
         if traced(self.times, self.values):
             return _row_by_halving(t, *self._rows(jnp))
@@ -126,7 +126,7 @@ class Held(_Table):
         early = EARLY * number.min(gaps) if len(gaps) else 0.0
         return self.times[1:] - early, [self.values]
 
-    def __call__(self, t: Any) -> Array:
+    def __call__(self, t: Array | float) -> Array:
         return self._row(self._time(t))[0]
 
 
@@ -149,14 +149,14 @@ class Linear(_Table):
         begins, starts = number.concatenate([times[:1], times]), number.concatenate([values[:1], values])
         return times, [begins, starts, slopes]
 
-    def __call__(self, t: Any) -> Array:
+    def __call__(self, t: Array | float) -> Array:
         t = self._time(t)
         begin, start, slope = self._row(t)
         return start + (t - begin) * slope
 
 
 @jax.jit
-def _row_by_bisection(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
+def _row_by_bisection(t: Array | float, borders: Array, columns: list[Array]) -> list[Array]:
     """Row i of every column, borders[i − 1] ≤ t < borders[i], among 2ᵏ − 1 borders by k comparisons.
 
     Compiled, so that JAX traces it once for a shape.
@@ -174,7 +174,7 @@ def _at(column: Array, i: Array) -> Array:
     return column.at[i].get(mode="clip", wrap_negative_indices=False)
 
 
-def _row_by_halving(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
+def _row_by_halving(t: Array | float, borders: Array, columns: list[Array]) -> list[Array]:
     """Row i of every column, borders[i − 1] ≤ t < borders[i], by halving a number of rows that is a power of two.
 
     For numbers that are parameters, which lie nowhere in memory where an index could point: n rows cost about n

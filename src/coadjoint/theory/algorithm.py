@@ -69,7 +69,7 @@ class Algorithm(DenseStage):
     def blocks(self) -> tuple[int, ...]:
         return self.group.dim, self.space.dim(self.group)
 
-    def prepare(self, parameters: Any, state: Any, h: Any) -> Any:
+    def prepare(self, parameters: Any, state: Any, h: Array | float) -> Any:
         return state
 
     def monitors(self, parameters: Any, record: Any, h: Array) -> Mapping[str, Array]:

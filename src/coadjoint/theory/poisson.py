@@ -136,7 +136,7 @@ def _of_group(
     f: Element,
     a: Array,
     h: Array,
-    t: Any = 0.0,
+    t: Array | float = 0.0,
     inputs: Any = None,
     internal: Any = None,
 ) -> Array:

@@ -71,7 +71,14 @@ def semidirect_system(
 
 
 def _of_group(
-    plain: System, f: Element, y: Array, u: Array, h: Array, t: Any = 0.0, inputs: Any = None, internal: Any = None
+    plain: System,
+    f: Element,
+    y: Array,
+    u: Array,
+    h: Array,
+    t: Array | float = 0.0,
+    inputs: Any = None,
+    internal: Any = None,
 ) -> Array:
     """l(f, y, u⁺, h) of a system that nothing drives."""
     group, Q, _ = plain.places
