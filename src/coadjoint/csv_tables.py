@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import FileError
-from coadjoint.texts import told_text
+from coadjoint.texts import file_text
 
 LARGEST, MOST_LINES, MOST_CELLS = 128_000_000, 4_000_000, 20_000_000
 """The most bytes, lines and cells of a table."""
@@ -61,7 +61,7 @@ def read_sheet(path: str | os.PathLike[str]) -> Sheet:
     Raises FileError for a file that cannot be read or has no rows, for a column without a name and for two of one name,
     and for a row of another length.
     """
-    text = told_text(Path(path), most=LARGEST)
+    text = file_text(Path(path), most=LARGEST)
     _require_small(path, text)
     lines = list(enumerate(text.splitlines(), 1))
     kept = [(n, line) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]

@@ -37,7 +37,7 @@ def shown(value: Any) -> str:
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}…"
 
 
-def told(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """An error of another library in one short line: its kind and the first line of its message."""
     try:
         first = next(iter(str(error).strip().splitlines()), "").rstrip(".")

@@ -27,7 +27,7 @@ def text_of(source: Path, most: int = LARGEST) -> str:
     return content.decode("utf-8-sig")
 
 
-def told_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
+def file_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
     """The text in a file, as `text_of`; raises FileError alone, with `what` the file is in the sentence."""
     try:
         return text_of(path, most)

@@ -30,7 +30,7 @@ def test_calls_refuse_a_name_with_a_nul(tmp_path):
         co.simulate(top, start, dt=0.01, steps=1, store="\0")
     with pytest.raises(co.errors.ArgumentError, match="Argument `path` must be the name of a file"):
         co.load("\0.nc")
-    with pytest.raises(co.errors.FileError, match="hold.* a NUL"):
+    with pytest.raises(co.errors.FileError, match="which holds a NUL"):
         co.sweep(tmp_path / "top.toml", mass=co.each([4.0, 5.0]), store="\0")
-    with pytest.raises(co.errors.FileError, match="hold.* a NUL"):
+    with pytest.raises(co.errors.FileError, match="cannot hold a NUL"):
         co.sweep("\0", mass=co.each([4.0, 5.0]))

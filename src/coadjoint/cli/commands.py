@@ -33,11 +33,11 @@ class Reproduce:
         from coadjoint.report.folder import SUMMARY
         from coadjoint.report.reproduce import reproduce
         from coadjoint.report.summary import to_json
-        from coadjoint.texts import LARGEST_SUMMARY, told_text
+        from coadjoint.texts import LARGEST_SUMMARY, file_text
 
         found = reproduce(self.out, overwrite=self.overwrite, progress=False if self.json else None)
         if found is None and self.json:
-            terminal.text(told_text(self.out / SUMMARY, "summary", LARGEST_SUMMARY))
+            terminal.text(file_text(self.out / SUMMARY, "summary", LARGEST_SUMMARY))
         elif found is None:
             terminal.line(f"The folder {self.out} holds this reproduction, finished: nothing was run.")
         elif self.json:

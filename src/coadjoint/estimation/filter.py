@@ -249,8 +249,8 @@ class Filter(Remade):
         return found
 
     def _take(self, name: str, value: Any) -> Innovation:
-        told = self._follow([(CORRECT, self._numbers[name], 0, 0)], self._value(name, value), 2)
-        nis, used = told[:, 0], told[:, 1] > 0
+        update = self._follow([(CORRECT, self._numbers[name], 0, 0)], self._value(name, value), 2)
+        nis, used = update[:, 0], update[:, 1] > 0
         self._past.took(name, value)
         return Innovation(float(nis[0]), bool(used[0])) if self.members is None else Innovation(nis, used)
 
@@ -290,13 +290,13 @@ class Filter(Remade):
         checks.whole(save_every, "save_every", 1)
         seen = self._series(measured, "measured", self._sizes)
         known = {name: seen[name] for name in self.measurements if name in seen}
-        told = self._series(inputs, "inputs", self.process.input_sizes)
-        table = Timetable(self.t, dt, until, known, told)
+        logged = self._series(inputs, "inputs", self.process.input_sizes)
+        table = Timetable(self.t, dt, until, known, logged)
         for name in self.process.awaited:
-            require_readings(name, told.get(name), table.times, float(dt), name in self._awaited)
+            require_readings(name, logged.get(name), table.times, float(dt), name in self._awaited)
         for name, one in known.items():
             require_radians(name, one, self._prepared[name].turns)
-        if doubt := self.process.doubt(self.rows[0], told):
+        if doubt := self.process.doubt(self.rows[0], logged):
             warn(doubt, stacklevel=2)
         numbers = [self._numbers[name] for name in known]
         sizes = self.process.input_sizes
@@ -305,20 +305,20 @@ class Filter(Remade):
         plan = table.orders(given, places, save_every, covariances, numbers)
         output = self._follow(plan.orders, plan.data, plan.size)
         self._past.forget()
-        self._awaited -= set(told)
+        self._awaited -= set(logged)
         if self._sample is not None:
             self._judge_log(self._sample, table.times, plan, output[0], save_every, covariances)
         return filtered(self.process, plan, output, covariances, self.members is None, save_every, self._sizes)
 
     def _judge_log(
-        self, sample: FilterSample, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, whole: bool
+        self, sample: FilterSample, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, full: bool
     ) -> None:
         """Judge steps of a filtered log, from its saved nodes."""
         size, n, nodes = len(self.process.example), self.process.width, np.arange(0, len(times), every)
         rows = output[plan.rows : plan.rows + len(nodes) * size].reshape(len(nodes), size)
-        width = n * n if whole else n
+        width = n * n if full else n
         P = output[plan.P : plan.P + len(nodes) * width].reshape(len(nodes), width)
-        P = np.diagonal(P.reshape(len(nodes), n, n), axis1=1, axis2=2) if whole else P
+        P = np.diagonal(P.reshape(len(nodes), n, n), axis1=1, axis2=2) if full else P
         if sentence := judged_log(sample, times, nodes, rows, P):
             self._sample = None
             warn(sentence, stacklevel=3)

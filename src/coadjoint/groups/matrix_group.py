@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.errors import GroupError, shown, told
+from coadjoint.errors import GroupError, error_line, shown
 from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.complex_form import off_real_form, real_form
 from coadjoint.groups.group import Array
@@ -82,7 +82,7 @@ class MatrixGroup(MatrixElements):
         except Exception as error:
             raise GroupError(
                 f"Argument `constraint` of {self._name} must be a function g ↦ array written with jax.numpy, but with "
-                f"a matrix ({self.matrix_size}, {self.matrix_size}) it raised {told(error)}."
+                f"a matrix ({self.matrix_size}, {self.matrix_size}) it raised {error_line(error)}."
             ) from error
         if not off <= 1e-10:
             raise GroupError(

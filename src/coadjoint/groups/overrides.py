@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import CoadjointError, GroupError, shown, told
+from coadjoint.errors import CoadjointError, GroupError, error_line, shown
 from coadjoint.kernels.trace.evaluate import tabulate
 
 AGREEMENT = 1e-9
@@ -119,7 +119,7 @@ def in_words(what: str) -> Iterator[None]:
     except CoadjointError:
         raise
     except Exception as error:
-        raise GroupError(f"{what} raised {told(error)}; write it with jax.numpy, for arrays.") from error
+        raise GroupError(f"{what} raised {error_line(error)}; write it with jax.numpy, for arrays.") from error
 
 
 def require_agreement(

@@ -116,7 +116,7 @@ def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, s
     longest = asked.log.duration if segment is None else segment
     shortest = max(8 * asked.log.interval, (FEWEST_STEPS + 1) * h)
     lengths = [length for length in SHORT if shortest <= length <= longest / 2]
-    for length in lengths if asked.tells_starts else ():
+    for length in lengths if asked.holds_starts else ():
         fit = Fit(asked.shooting(h, length), asked, sigma, held=True)
         place = fit.at(shared)
         fit.settle(place)

@@ -81,7 +81,7 @@ def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ..
     return tuple(sorted(found, key=lambda one: -one.score))
 
 
-def sentences(log: Log, innovations: Mapping[str, np.ndarray], found: tuple[Misfit, ...]) -> list[str]:
+def misfit_messages(log: Log, innovations: Mapping[str, np.ndarray], found: tuple[Misfit, ...]) -> list[str]:
     """A sentence on the column that the model misses, and the command that it follows; or that the log is too short."""
     most = max((int(np.isfinite(w).sum()) for w in innovations.values()), default=0)
     if log.inputs and most < FEWEST:

@@ -61,7 +61,7 @@ class Setting:
         return interval / np.ceil(interval / LONGEST_STEP - 1e-9) if self.step is None else self.step
 
     @property
-    def tells_starts(self) -> bool:
+    def holds_starts(self) -> bool:
         """Whether the log of a vehicle holds its attitude and its velocity."""
         known = self.channels.vehicle
         return "heading" in known and any(all(name in known for name in names) for names in (POSITION, VELOCITY))
@@ -101,7 +101,7 @@ class Setting:
         """The starts of segments: from the log if possible, otherwise from a run of the system with its prior
         values."""
         system, start = self.unknowns.system, self.start
-        if self.tells_starts:
+        if self.holds_starts:
             pose = at_origin(poses(self.log, times), self.log)
             if system.additional.ambient(system.group):
                 return Reference(pose.R, pose.q, pose.omega, pose.v)

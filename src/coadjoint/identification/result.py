@@ -15,7 +15,7 @@ from coadjoint.identification.fit import Fit
 from coadjoint.identification.fitting import Fitted
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
-from coadjoint.identification.misfit import Misfit, misfits, sentences
+from coadjoint.identification.misfit import Misfit, misfit_messages, misfits
 from coadjoint.identification.process_noise_estimate import ProcessNoise, wandered
 from coadjoint.identification.process_noise_model import without
 from coadjoint.identification.unknowns import Estimate
@@ -157,7 +157,7 @@ def judged(found: Fitted, level: float) -> Identification:
         warnings=(
             *fit.log.notes,
             *diagnostics.gaps(fit.log, shooting.samples),
-            *sentences(fit.log, innovations, missed),
+            *misfit_messages(fit.log, innovations, missed),
             *warnings,
         ),
     )

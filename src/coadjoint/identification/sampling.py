@@ -79,7 +79,7 @@ class Samples:
         records[..., self.turning] = np.unwrap(records[..., self.turning], axis=1)
         return records
 
-    def reading(self, delays: np.ndarray, steps: int) -> Interpolation:
+    def interpolation(self, delays: np.ndarray, steps: int) -> Interpolation:
         """The places of each number of the record for `delays` s in the log; records have so many steps."""
         x = self.steps_away[..., None] - delays / self.h
         nodes = _around(x, steps)

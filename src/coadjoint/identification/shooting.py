@@ -51,14 +51,14 @@ class Reference(NamedTuple):
 class Prediction(NamedTuple):
     """The simulated measurements at the samples, (segments, samples, numbers), with their trajectory.
 
-    `reading`: their places, with delays; None at the times of the samples. `wandering`: piecewise parameters.
+    `interpolation`: their places, with delays; None at the times of the samples. `wandering`: piecewise parameters.
     `standing`: the states of actuators at the starts.
     """
 
     values: np.ndarray
     path: batch.Path
     slopes_of_start: np.ndarray
-    reading: Interpolation | None
+    interpolation: Interpolation | None
     wandering: batch.PiecewiseParameters | None = None
     standing: ActuatorsAtStarts | None = None
 
@@ -248,9 +248,9 @@ class Shooting:
         records = self.samples.unwrapped(path.records)
         if delays is None:
             return Prediction(self.samples.weighed(records), path, slopes, None, wandering, standing)
-        reading = self.samples.reading(delays, records.shape[1])
-        values = self.samples.read(records, reading.nodes, reading.weights)
-        return Prediction(values, path, slopes, reading, wandering, standing)
+        interpolation = self.samples.interpolation(delays, records.shape[1])
+        values = self.samples.read(records, interpolation.nodes, interpolation.weights)
+        return Prediction(values, path, slopes, interpolation, wandering, standing)
 
     def _standing(self, numbers: np.ndarray, internal: Any) -> tuple[ActuatorsAtStarts | None, Any]:
         """The states of actuators at the starts, and the internal states there."""
@@ -270,9 +270,9 @@ class Shooting:
 
     def speeds(self, found: Prediction) -> np.ndarray:
         """d/dt of the simulated measurements, (segments, samples, numbers)."""
-        assert found.reading is not None
+        assert found.interpolation is not None
         records = self.samples.unwrapped(found.path.records)
-        return self.samples.read(records, found.reading.nodes, found.reading.slopes)
+        return self.samples.read(records, found.interpolation.nodes, found.interpolation.slopes)
 
     def slopes(self, coordinates: np.ndarray, found: Prediction) -> np.ndarray:
         """∂values/∂(δ, knots, coordinates): (segments, samples, columns, channels)."""
@@ -291,9 +291,9 @@ class Shooting:
         if self.knots is not None:
             first = self.size + len(self.unknowns.each)
             dot = np.concatenate([dot[:, :, : self.size], dot[:, :, first:], dot[:, :, self.size : first]], axis=2)
-        if found.reading is None:
+        if found.interpolation is None:
             return self.samples.weighed(dot)
-        return self.samples.read(dot, found.reading.nodes, found.reading.weights)
+        return self.samples.read(dot, found.interpolation.nodes, found.interpolation.weights)
 
     def _directions(self, knots: Knots) -> np.ndarray:
         """dp/dx of the first knot; 0 of the others, (knots · components, active)."""

@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from coadjoint.checks import is_short
-from coadjoint.errors import CoadjointError, LagrangianError, told
+from coadjoint.errors import CoadjointError, LagrangianError, error_line
 from coadjoint.kernels.trace import jaxprs
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.mechanics.state import State
@@ -56,7 +56,7 @@ def in_words(what: str, arguments: tuple[Any, ...] = ()) -> Iterator[None]:
 
 
 def _sentence(what: str, error: Exception, arguments: tuple[Any, ...]) -> str:
-    kind, said = type(error).__name__, told(error)
+    kind, said = type(error).__name__, error_line(error)
     if isinstance(error, jax.errors.UnexpectedTracerError):
         return _KEPT.format(what)
     if "RuntimeError" in kind and type(error).__module__.startswith("jax"):
@@ -139,7 +139,7 @@ def _again(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) 
         with jax.numpy_dtype_promotion("strict"):
             return trace(function, what, arguments)
     except LagrangianError as error:
-        said = told(error.__cause__ or error)
+        said = error_line(error.__cause__ or error)
         if "float32" in said or "float16" in said:
             return None
     return trace(function, what, arguments)

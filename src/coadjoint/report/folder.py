@@ -22,7 +22,7 @@ from coadjoint.errors import FileError
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
 from coadjoint.report.companion_files import companions
 from coadjoint.simulation.lock import Lock
-from coadjoint.texts import read_table, text_of, told_text
+from coadjoint.texts import file_text, read_table, text_of
 
 RUN_FILE = "run.toml"
 """The configuration of the run that a folder holds."""
@@ -219,7 +219,7 @@ def held(folder: Path) -> Iterator[Claim]:
     if found is None:
         require_free(folder, "")
         raise FileError(f"The folder {folder} holds no run.")
-    with claimed(folder, told_text(found.path(RUN_FILE), "run file"), False) as claim:
+    with claimed(folder, file_text(found.path(RUN_FILE), "run file"), False) as claim:
         for name in (RUN_FILE, *(name for name in found.files if name.startswith(f"{INPUTS}/"))):
             found.require(name)
         yield claim

@@ -101,7 +101,7 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
     except CoadjointError:
         raise
     except (Exception, SystemExit) as error:
-        raise ArgumentError(f"The file {source} could not be run: {_told(error, source)}") from error
+        raise ArgumentError(f"The file {source} could not be run: {_error_line(error, source)}") from error
     finally:
         sys.path.pop(0)
     for file in (getattr(sys.modules[name], "__file__", None) for name in set(sys.modules) - before):
@@ -134,10 +134,10 @@ def _called(function: Callable[..., Any], source: Path, keywords: dict[str, Any]
         raise
     except (Exception, SystemExit) as error:
         name = getattr(function, "__name__", "factory")
-        raise ArgumentError(f"The factory {source}:{name} raised an error: {_told(error, source)}") from error
+        raise ArgumentError(f"The factory {source}:{name} raised an error: {_error_line(error, source)}") from error
 
 
-def _told(error: BaseException, source: Path) -> str:
+def _error_line(error: BaseException, source: Path) -> str:
     """The error in one line, with the last line of the user's file in its traceback."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == source]
     if isinstance(error, SyntaxError) and error.lineno:

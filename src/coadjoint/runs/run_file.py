@@ -17,7 +17,7 @@ from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.sections import in_si, without_unit
-from coadjoint.texts import read_table, told_text, too_long
+from coadjoint.texts import file_text, read_table, too_long
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
@@ -101,7 +101,7 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
     Raises FileError for a file that cannot be read or is not TOML, ArgumentError for unknown sections, keys and values.
     """
     source = Path(path)
-    text = told_text(source, "run file")
+    text = file_text(source, "run file")
     table = read_table(text, source)
     try:
         _require_short(table)

@@ -19,7 +19,7 @@ import xarray
 import zarr
 from zarr.storage import LocalStore
 
-from coadjoint.errors import FileError, told
+from coadjoint.errors import FileError, error_line
 from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, sums_up
 from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import coordinates_of, labelled
@@ -110,7 +110,7 @@ def arrays(manifest: Manifest, place: str) -> dict[str, Any]:
         raise
     except Exception as error:  # zarr has errors of all kinds
         raise FileError(
-            f"The arrays in {manifest.folder / place} cannot be opened ({told(error)}): {DAMAGED}."
+            f"The arrays in {manifest.folder / place} cannot be opened ({error_line(error)}): {DAMAGED}."
         ) from error
 
 
@@ -151,7 +151,7 @@ def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> dic
     try:
         found = json.loads(manifest.path(name).read_bytes())
     except (OSError, ValueError, RecursionError) as error:
-        raise FileError(f"The file {manifest.folder / name} cannot be read: {told(error)}.") from error
+        raise FileError(f"The file {manifest.folder / name} cannot be read: {error_line(error)}.") from error
     if not isinstance(found, dict) or found.get("zarr_format") != 3 or found.get("node_type") != kind:
         raise _strange(manifest, place, f"is no {kind} of zarr format 3")
     if not found.keys() <= known or not _is_plain(found.get("attributes")):

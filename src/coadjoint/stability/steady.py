@@ -116,7 +116,7 @@ class Search(Remade):
 
         self._zero = np.zeros(self.width + sum(self.sizes) + carried)
         given = self._zero, near, np.asarray(aim, dtype=float)
-        self._both, self._state = tabulate(both, *given), tabulate(self._whole, *given[:2])
+        self._both, self._state = tabulate(both, *given), tabulate(self._with_momenta, *given[:2])
 
     def find(self, guess: State, aim: Array = 0.0) -> SteadyMotion:
         """The steady motion near the guess at this aim, an array of the shape of the first one."""
@@ -181,7 +181,7 @@ class Search(Remade):
             state = state.replace(**{field: _replaced(getattr(state, field), name, changed)})
         return state
 
-    def _whole(self, w: Array, guess: State) -> State:
+    def _with_momenta(self, w: Array, guess: State) -> State:
         """The state with its momenta, as a start."""
         return self.reduced.with_momenta(self._moved(guess, w)).replace(from_velocities=True)
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from typing import Any
 
-from coadjoint.errors import ArgumentError, CoadjointError, FileError, told
+from coadjoint.errors import ArgumentError, CoadjointError, FileError, error_line
 from coadjoint.log import logger
 from coadjoint.sweeps.local import LIVES, Done, load
 
@@ -196,7 +196,9 @@ def _ready(client: Any) -> None:
     try:
         client.run(load)
     except ImportError as error:
-        raise FileError(f"A worker cannot load the library: {told(error)}; install coadjoint[cluster] there.") from None
+        raise FileError(
+            f"A worker cannot load the library: {error_line(error)}; install coadjoint[cluster] there."
+        ) from None
     except OSError:
         raise _Lost(f"The scheduler {_address(client)} is gone") from None
 
@@ -215,7 +217,7 @@ def _lost_or_raise(client: Any, error: BaseException, number: int, lives: Counte
     elif isinstance(error, KilledWorker):
         lives[number] += 1
     else:
-        raise FileError(f"Task {number} of the sweep failed on a worker: {told(error)}.") from error
+        raise FileError(f"Task {number} of the sweep failed on a worker: {error_line(error)}.") from error
     if lives[number] > LIVES:
         raise FileError(
             f"Task {number} of the sweep was lost with its worker again and again, as where a worker has too little "

@@ -51,7 +51,7 @@ def columns(
     return numbers, results
 
 
-def _told(figure: Figure, *parts: str) -> None:
+def _set_title(figure: Figure, *parts: str) -> None:
     """The omissions of a figure, as its title; empty if it shows all."""
     if sentence := "; ".join(filter(None, parts)):
         figure.suptitle(sentence, fontsize=8)
@@ -104,7 +104,7 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
         every = made.dataset.sizes["member"]
         failed = every - len(good)
         lost = f"{failed:,} of {every:,} members failed and are not shown" if failed else ""
-        _told(figure, _of(len(values), len(good), "members that did not fail" if failed else "members"), lost)
+        _set_title(figure, _of(len(values), len(good), "members that did not fail" if failed else "members"), lost)
     return figure
 
 
@@ -136,7 +136,7 @@ def responses(made: SweepResults, result: str = "") -> Figure:
             axes.set(ylabel=_short(b, 1), xlim=_ends(numbers[a]), ylim=_ends(numbers[b]))
         if shades is not None:
             figure.colorbar(shades, ax=figure.axes, label=_with_unit(made, name))
-        _told(figure, _of(len(good), made.dataset.sizes["member"]))
+        _set_title(figure, _of(len(good), made.dataset.sizes["member"]))
     return figure
 
 
@@ -167,7 +167,7 @@ def failure_map(made: SweepResults) -> Figure:
                 (mark,) = axes.plot(numbers[a][here], numbers[b][here], "." if code == 0 else "x", **own)
                 marks.setdefault("good" if code == 0 else CAUSES.get(code, str(code)), mark)
         style.legend(figure, [*marks.values()], [*marks], least=1)
-        _told(
+        _set_title(
             figure,
             _of(len(kept), len(good), "members that did not fail"),
             _of(len(lost), len(bad), "members that failed"),

@@ -19,7 +19,7 @@ from coadjoint.runs.run_file import of_table, put
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.sections import key
 from coadjoint.sweeps.numbers import DIGEST, DRAWN, MOST, SAMPLINGS, Design, Varied, design, digest, read
-from coadjoint.texts import read_table, told_text
+from coadjoint.texts import file_text, read_table
 
 if TYPE_CHECKING:
     from coadjoint.runs.runnable import Runnable
@@ -276,4 +276,4 @@ def read_sweep(path: Path) -> Sweep:
 
 def table_of(path: Path, word: str) -> dict[str, Any]:
     """The table in a TOML file; raises FileError."""
-    return read_table(told_text(path, word), path)
+    return read_table(file_text(path, word), path)

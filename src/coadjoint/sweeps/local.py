@@ -21,7 +21,7 @@ from importlib import import_module
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from coadjoint.errors import CoadjointError, FileError, told
+from coadjoint.errors import CoadjointError, FileError, error_line
 from coadjoint.interrupts import look
 
 LIVES = 10
@@ -218,7 +218,7 @@ def _called(call: bytes) -> Any:
     except CoadjointError as error:
         return type(error)(str(error))
     except Exception as error:
-        return FileError(f"A task of the sweep failed: {told(error)}.")
+        return FileError(f"A task of the sweep failed: {error_line(error)}.")
 
 
 def load() -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray
 
-from coadjoint.errors import FileError, told
+from coadjoint.errors import FileError, error_line
 from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED, Manifest
 from coadjoint.report.folder import SUMMARY, held_manifest
@@ -60,7 +60,7 @@ class SweepResults:
         except FileError:
             raise
         except Exception as error:  # xarray and zarr have errors of all kinds
-            raise FileError(f"The arrays in {path} cannot be opened ({told(error)}): {DAMAGED}.") from error
+            raise FileError(f"The arrays in {path} cannot be opened ({error_line(error)}): {DAMAGED}.") from error
 
     @cached_property
     def statistics(self) -> xarray.Dataset:
@@ -75,7 +75,7 @@ class SweepResults:
         except FileError:
             raise
         except Exception as error:  # h5py and the libraries above it have errors of all kinds
-            raise FileError(f"The file {path} cannot be read as netCDF ({told(error)}): {DAMAGED}.") from error
+            raise FileError(f"The file {path} cannot be read as netCDF ({error_line(error)}): {DAMAGED}.") from error
         raise FileError(f"The file {path} does not hold the statistics of a sweep: {DAMAGED}.")
 
     @property
@@ -113,7 +113,7 @@ def _summary(manifest: Manifest) -> dict[str, Any]:
     except FileError:
         raise
     except (OSError, ValueError, RecursionError) as error:
-        raise FileError(f"The file {path} cannot be read: {told(error)}.") from error
+        raise FileError(f"The file {path} cannot be read: {error_line(error)}.") from error
     kinds = {str: _WORDS, (int, float): _NUMBERS, dict: ("failures", "warnings", "refusals", "versions")}
     lists = [found.get(name) for name in ("numbers", "figures")] if isinstance(found, dict) else [None]
     if not all(isinstance(one, list) and all(isinstance(word, str) for word in one) for one in lists) or not all(

@@ -118,7 +118,7 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
         (GOOD.replace("rudder_rad", "rudder (furlong)"), "`rudder (furlong)` has no known unit"),
         (GOOD.replace("rudder_rad", "u_cm_s"), "`u` is given twice"),
         (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: there are 3 cells for 4 columns"),
-        (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is no number"),
+        (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is not a number"),
         (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not a finite number: leave the"),
         (GOOD.replace("2,2,1,0", "1,2,1,0"), "line 4, column `time_s`: the time 1 s comes twice"),
         (GOOD.replace("2,2,1,0", ",2,1,0"), "line 4, column `time_s`: the time is missing"),
@@ -146,7 +146,7 @@ def test_files_that_are_not_there_and_unknown_axes(tmp_path):
 
 def test_a_log_refuses_what_no_log_can_hold():
     t = np.arange(3.0)
-    with pytest.raises(ArgumentError, match="must grow"):
+    with pytest.raises(ArgumentError, match="must increase"):
         Log(t[::-1], {"u": t})
     with pytest.raises(ArgumentError, match="at least two samples"):
         Log(t[:1], {"u": t[:1]})

@@ -55,7 +55,7 @@ class Probe:
     def _bare(self, state: Any) -> Any:
         return self._stage.carry(state, None) if self._bears else state
 
-    def _whole(self, row: np.ndarray) -> Any:
+    def _full_state(self, row: np.ndarray) -> Any:
         state = self.layout.unpack(row)
         return self._stage.carry(state, self._carried) if self._bears else state
 
@@ -115,7 +115,7 @@ class Probe:
             return self._xla_members(rows, h, steps, whose)
         after, records, codes = np.array(rows), np.array(rows), np.zeros(len(rows), int)
         for i, row in enumerate(rows):
-            state = self._whole(row)
+            state = self._full_state(row)
             found = xla.run(self.program, self.parameters, state, float(h[i]), 1, steps, self.monitors)
             codes[i], after[i] = int(found.code), pack(self._bare(found.final))[1]
             if found.steps:

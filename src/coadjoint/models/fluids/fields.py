@@ -57,22 +57,22 @@ def fields(fluid: Any, run: Any, latitudes: int = 91, longitudes: int = 180) -> 
     _require_same(fluid, np.sum(enstrophy / squares, axis=1), dataset)
     made = xarray.Dataset(
         {
-            "vorticity": (grid, omega, _told("relative vorticity", "s-1")),
-            "stream_function": (grid, psi, _told("stream function of the velocity", "s-1")),
-            "energy_spectrum": (lines, enstrophy / squares, _told("kinetic energy by degrees", "s-2")),
-            "enstrophy_spectrum": (lines, enstrophy, _told("enstrophy by degrees", "s-2")),
+            "vorticity": (grid, omega, _attributes("relative vorticity", "s-1")),
+            "stream_function": (grid, psi, _attributes("stream function of the velocity", "s-1")),
+            "energy_spectrum": (lines, enstrophy / squares, _attributes("kinetic energy by degrees", "s-2")),
+            "enstrophy_spectrum": (lines, enstrophy, _attributes("enstrophy by degrees", "s-2")),
         },
         {
             "time": ("time", dataset["time"].values, {"units": "s", "long_name": "time", "axis": "T"}),
             "latitude": ("latitude", north, _axis("latitude", "degrees_north", "Y")),
             "longitude": ("longitude", east, _axis("longitude", "degrees_east", "X")),
-            "degree": ("degree", degree, _told("degree of spherical harmonics", "1")),
+            "degree": ("degree", degree, _attributes("degree of spherical harmonics", "1")),
         },
     )
     if "a" in dataset:
         values = on_grid(coefficients_of(size, dataset["a"].values), latitudes, longitudes)[2]
         units = dict(fluid.units).get("a", "").replace("1/s^2", "s-2").replace("1/s", "s-1")
-        made["carried"] = grid, values, _told("function carried by the flow", units)
+        made["carried"] = grid, values, _attributes("function carried by the flow", units)
     return made.assign_attrs(
         Conventions="CF-1.11",
         title=fluid.name,
@@ -92,7 +92,7 @@ def _require_same(fluid: Any, kinetic_energy: np.ndarray, dataset: xarray.Datase
             )
 
 
-def _told(name: str, units: str) -> dict[str, str]:
+def _attributes(name: str, units: str) -> dict[str, str]:
     return {"long_name": name, "units": units}
 
 

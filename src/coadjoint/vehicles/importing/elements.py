@@ -11,7 +11,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from coadjoint.errors import FileError
-from coadjoint.texts import told_text
+from coadjoint.texts import file_text
 
 LARGEST = 4_000_000
 """The most bytes of a file."""
@@ -78,7 +78,7 @@ def read_elements(path: Path, name: str) -> Element:
 
     Raises FileError for what is no XML, has a document type, or is too large or too deep.
     """
-    return parse(told_text(path, most=LARGEST), name)
+    return parse(file_text(path, most=LARGEST), name)
 
 
 def parse(text: str, name: str) -> Element:

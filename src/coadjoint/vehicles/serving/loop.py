@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, CoadjointError, told
+from coadjoint.errors import ArgumentError, CoadjointError, error_line
 from coadjoint.log import logger
 
 _log = logger(__name__)
@@ -105,7 +105,7 @@ class Loop:
         except Exception as error:  # Whatever a datagram does, the next one is answered.
             self.refused += 1
             if self.refused == 1:
-                _log.warning("%s", error if isinstance(error, CoadjointError) else f"{told(error)}.")
+                _log.warning("%s", error if isinstance(error, CoadjointError) else f"{error_line(error)}.")
             answer = None
         t = answering.t
         self.simulated += t - before if t >= before else t

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError, told
+from coadjoint.errors import ArgumentError, FileError, error_line
 from coadjoint.log import logger
 
 _SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113
@@ -60,7 +60,7 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     except (FileError, ArgumentError):
         raise
     except Exception as error:
-        raise FileError(f"The file {path} is no GeoTIFF that can be read ({told(error)}).") from error
+        raise FileError(f"The file {path} is no GeoTIFF that can be read ({error_line(error)}).") from error
 
 
 def _require_grid(path: Path, shape: tuple[int, ...], tags: dict[int, Any], most: int) -> None:

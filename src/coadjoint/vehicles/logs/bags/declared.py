@@ -28,7 +28,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.sections import key, read
-from coadjoint.texts import read_table, told_text
+from coadjoint.texts import file_text, read_table
 from coadjoint.units import ANGLE, LENGTH, TIME
 from coadjoint.vehicles.axes import Axes, body_axes, space_axes
 from coadjoint.vehicles.logs.bags.converted import MOST_NORTH, OTHERS, WaterAbove
@@ -175,7 +175,7 @@ def declared(given: str | os.PathLike[str] | Mapping[str, Any] | None, axes: Axe
         table, where = dict(given), "The declaration of a log"
     else:
         where = f"{given}"
-        table = read_table(told_text(Path(given), "declaration of a log"), given)
+        table = read_table(file_text(Path(given), "declaration of a log"), given)
     _require_keys(table, ("axes", "sensor", "command"), where)
     axes = axes or _axes(table.get("axes", usual), where)
     sensors = [(row.sensor(axes, where), bool(row.columns)) for row in _rows(SensorSection, "sensor", table, where)]

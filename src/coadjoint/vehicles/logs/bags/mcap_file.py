@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from coadjoint.errors import FileError, told
+from coadjoint.errors import FileError, error_line
 from coadjoint.vehicles.logs.bags.bag import Bag, BagChannel
 from coadjoint.vehicles.logs.bags.decompressing import LARGEST_CHUNK, MOST_TIMES, lz4, zstd
 from coadjoint.vehicles.logs.bags.definitions import short
@@ -138,7 +138,7 @@ class _Reading:
             elif kind == 0:
                 raise self.wrong(at, "a record is of no kind")
         except (struct.error, UnicodeDecodeError) as error:
-            raise self.wrong(at, f"a record of kind {kind} cannot be read ({told(error)})") from error
+            raise self.wrong(at, f"a record of kind {kind} cannot be read ({error_line(error)})") from error
 
     def schema(self, content: memoryview) -> None:
         (number,) = struct.unpack_from("<H", content)
@@ -179,7 +179,7 @@ class _Reading:
             try:
                 plain = zstd(data, size) if compression == "zstd" else lz4(data, size)
             except Exception as error:
-                raise self.wrong(at, f"a chunk cannot be decompressed ({told(error)})") from error
+                raise self.wrong(at, f"a chunk cannot be decompressed ({error_line(error)})") from error
         if len(plain) != size:
             raise self.wrong(at, f"a chunk says that it holds {size} bytes, but it does not")
         return memoryview(plain)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from coadjoint.errors import FileError, told
+from coadjoint.errors import FileError, error_line
 from coadjoint.vehicles.logs.bags.bag import Bag, BagChannel
 from coadjoint.vehicles.logs.bags.decompressing import LARGEST_CHUNK, MOST_TIMES, bz2, lz4
 from coadjoint.vehicles.logs.bags.definitions import short
@@ -82,7 +82,7 @@ class _Reading:
                 try:
                     self.record(content, content[head : head + size], data, length, rows, inside)
                 except (struct.error, UnicodeDecodeError, KeyError, IndexError) as error:
-                    raise self.wrong(base or begin, f"a record cannot be read ({told(error)})") from error
+                    raise self.wrong(base or begin, f"a record cannot be read ({error_line(error)})") from error
             return True
         finally:
             for number, found in rows.items():
@@ -135,7 +135,7 @@ class _Reading:
         try:
             plain = known[compression](data, size)
         except (OSError, ValueError, RuntimeError, EOFError) as error:
-            raise self.wrong(at, f"a chunk cannot be decompressed ({told(error)})") from error
+            raise self.wrong(at, f"a chunk cannot be decompressed ({error_line(error)})") from error
         if len(plain) != size:
             raise self.wrong(at, f"a chunk says that it holds {size} bytes, but it does not")
         self.rows(memoryview(plain), 0, at, inside=True)

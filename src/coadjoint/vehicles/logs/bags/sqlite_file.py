@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from coadjoint.errors import FileError, told
+from coadjoint.errors import FileError, error_line
 from coadjoint.vehicles.logs.bags.bag import Bag, BagChannel
 from coadjoint.vehicles.logs.bags.definitions import short
 from coadjoint.vehicles.logs.bags.schemas import BODIES, schema
@@ -51,7 +51,7 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
         finally:
             base.close()
     except sqlite3.Error as error:
-        raise FileError(f"The bag {path} is damaged, or no bag of ROS 2 ({told(error)}).") from error
+        raise FileError(f"The bag {path} is damaged, or no bag of ROS 2 ({error_line(error)}).") from error
 
 
 def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], bool]) -> Bag:

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from coadjoint.errors import FileError, told
+from coadjoint.errors import FileError, error_line
 from coadjoint.vehicles.logs.bags.dataflash_file import Dataflash, require_short
 from coadjoint.vehicles.logs.bags.definitions import Definition, Field
 from coadjoint.vehicles.logs.bags.messages import Block, Topic
@@ -51,7 +51,7 @@ def read_tlog(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
         try:
             rows, strange, count = _messages(_packets(parser, opened), wanted)
         except Exception as error:
-            raise FileError(f"The telemetry {path} cannot be read ({told(error)}).") from error
+            raise FileError(f"The telemetry {path} cannot be read ({error_line(error)}).") from error
     if strange > MOST_STRANGE * count:
         raise FileError(f"The telemetry {path} is damaged: {strange} of {count} packets are none.")
     notes = [f"{strange} of {count} packets are damaged, and are passed over."] if strange else []
