@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from coadjoint.lazy import lazy
+from coadjoint.extending import lazy
 
 if TYPE_CHECKING:
     __all__ = ["load", "names", "read"]  # which have other names where they are defined

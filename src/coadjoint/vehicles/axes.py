@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import traced
 
 Axes = Literal["NED/FRD", "ENU/FLU"]
 

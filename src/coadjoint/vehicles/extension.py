@@ -5,7 +5,8 @@ Read by `coadjoint.extensions`; nothing is imported before it is used.
 
 from __future__ import annotations
 
-from coadjoint.models.entry import MOVING, CatalogueEntry
+from coadjoint.extending import MOVING
+from coadjoint.models import CatalogueEntry
 from coadjoint.plotting.registries import AddedScene
 from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
 from coadjoint.vehicles.files.bodies import body_numbers

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
+from coadjoint.mechanics import State, System
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.controllers.cruise import Cruise
 from coadjoint.vehicles.files.registry import load_vehicle

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.vehicles.trim.under_way import UnderWay
 
 

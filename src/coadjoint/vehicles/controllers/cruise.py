@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint.vehicles.controllers.design import propose

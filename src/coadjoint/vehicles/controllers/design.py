@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.kernels.run import disk_cache
+from coadjoint.extending import disk_cache
 from coadjoint.vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way

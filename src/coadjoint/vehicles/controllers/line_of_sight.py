@@ -11,11 +11,10 @@ import numpy as np
 from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.signals import Held
+from coadjoint.extending import Array, traced
+from coadjoint.mechanics import Held
 from coadjoint.models.quantities import positive
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 from coadjoint.vehicles.controllers.proposed import own_controller
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.parts.measured import measured, not_negative

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 
 
 def pid(

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.attitude import attitude_error, attitude_of
 from coadjoint.vehicles.model.controller import Controller, Feedback

@@ -10,13 +10,10 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.extending import Prepared, legendre, replace_parameters, tabulate
 from coadjoint.groups import attitude
-from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics import State
 from coadjoint.mechanics.members import each, stacked
-from coadjoint.mechanics.start import legendre
-from coadjoint.mechanics.state import State
-from coadjoint.simulation.steppers.interface import Prepared
 from coadjoint.vehicles.environments.nested import nested
 from coadjoint.vehicles.environments.simulated import Simulated
 from coadjoint.vehicles.model.craft import Craft

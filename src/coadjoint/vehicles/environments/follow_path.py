@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.vehicles.environments.task import End, Function, Task, length, towards
 from coadjoint.vehicles.model.controller import Feedback

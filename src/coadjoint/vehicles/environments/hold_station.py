@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import number, positive, vector
 from coadjoint.vehicles.controllers.hover import Hover
 from coadjoint.vehicles.environments.task import End, Function, Task, facing, length, misaligned, towards

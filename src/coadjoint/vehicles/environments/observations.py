@@ -12,9 +12,8 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.mechanics import continuous
-from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.state import State
+from coadjoint.extending import replace_parameters
+from coadjoint.mechanics import State, continuous
 from coadjoint.vehicles.environments.actions import Actions, actuator_actions
 from coadjoint.vehicles.environments.task import Function
 from coadjoint.vehicles.model.actuators import seen

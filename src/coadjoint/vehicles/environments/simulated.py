@@ -12,11 +12,9 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, StepError, shown
-from coadjoint.mechanics.state import State
-from coadjoint.portable import require_portable
-from coadjoint.simulation.steppers.base import StepperBase
-from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.stepper import Stepper
+from coadjoint.extending import Fields, StepperBase, require_portable
+from coadjoint.mechanics import State
+from coadjoint.simulation import Stepper
 from coadjoint.vehicles.environments.actions import Actions, actuator_actions, set_point_actions
 from coadjoint.vehicles.environments.observations import Common, actuators, chosen, observable, of_feedback
 from coadjoint.vehicles.environments.task import End, Function, Task

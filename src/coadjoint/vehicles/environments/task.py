@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.vehicles.controllers.proposed import own_controller
 from coadjoint.vehicles.model.controller import Controller, Feedback

@@ -16,9 +16,9 @@ from matplotlib.transforms import Affine2D
 from coadjoint import checks
 from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError
+from coadjoint.extending import player_page as page
+from coadjoint.extending import scene_of_runs as scene
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.player import page
-from coadjoint.plotting.scene_of_runs import scene
 from coadjoint.plotting.style import COLOURS, canvas, style
 from coadjoint.vehicles.figures.navigation import draw_depth, draw_track
 from coadjoint.vehicles.logs.records import VehicleRecords

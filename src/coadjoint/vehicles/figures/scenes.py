@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.plotting.decimation import thin
+from coadjoint.extending import thin
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.scene import POINTS, Body, Member, Moving, Readout, Scene, Shape, quaternions
 from coadjoint.plotting.style import COLOURS

@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.report.companion_files import keep_beside
+from coadjoint.extending import keep_beside
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.table import Section, axes_of
 from coadjoint.vehicles.hydrodynamics.added_mass import added_mass_about

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.extending import evaluate
 from coadjoint.mechanics.members import Each
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.damping import Damping

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.roots import brent
+from coadjoint.extending import brent
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part

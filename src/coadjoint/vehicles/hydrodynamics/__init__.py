@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from coadjoint.lazy import lazy
+from coadjoint.extending import lazy
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.hydrodynamics.added_mass import added_mass_about as added_mass_about

@@ -10,8 +10,8 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import FileError
+from coadjoint.extending import engine_of
 from coadjoint.models.quantities import positive
-from coadjoint.sealed import engine_of
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
 
 MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import elliprd
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.system import System
-from coadjoint.models.general_form import general_vehicle
+from coadjoint.mechanics import System
+from coadjoint.models import general_vehicle
 from coadjoint.models.quantities import positive, vector
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.clocks import Unsorted
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.signals import Held, Linear
+from coadjoint.mechanics import Held, Linear
 from coadjoint.vehicles.logs.csv_file import CsvFile, read_csv
 
 MOST_ROWS = 100_000

@@ -15,7 +15,7 @@ from coadjoint.clocks import Jumps, Unsorted, clock, require_choices
 from coadjoint.csv_tables import Sheet, csv_text, read_sheet
 from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError, FileError, warn
-from coadjoint.identification.log import Log
+from coadjoint.identification import Log
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.columns import written
 from coadjoint.vehicles.logs.headers import NAMES, Column, column

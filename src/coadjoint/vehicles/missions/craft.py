@@ -12,8 +12,8 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
+from coadjoint.extending import Setup
 from coadjoint.mechanics.members import Each, count_members
-from coadjoint.runs.setup import Setup
 from coadjoint.sections import in_si
 from coadjoint.units import split_name
 from coadjoint.vehicles.figures.scenes import BOTTOM, GEOMETRY

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from coadjoint.runs.toml_text import to_toml
+from coadjoint.extending import to_toml
 from coadjoint.units import ending
 
 _SET_POINTS: dict[str, Any] = {

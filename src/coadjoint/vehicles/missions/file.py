@@ -18,9 +18,9 @@ from coadjoint.vehicles.missions.sections import AXES, MissionSections
 from coadjoint.vehicles.missions.sensors import SensorsSection
 
 if TYPE_CHECKING:
+    from coadjoint.extending import Setup
     from coadjoint.mechanics.members import Each
-    from coadjoint.runs.setup import Setup
-    from coadjoint.simulation.run import Run
+    from coadjoint.simulation import Run
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from coadjoint.errors import ArgumentError, warn
-from coadjoint.runs.run_file import read
-from coadjoint.runs.setup import Setup
+from coadjoint.extending import Setup
+from coadjoint.extending import read_run_file as read
 from coadjoint.vehicles.missions.file import MissionFile
 
 if TYPE_CHECKING:
-    from coadjoint.runs.running import Written
-    from coadjoint.simulation.run import Ensemble, Run
+    from coadjoint.extending import Written
+    from coadjoint.simulation import Ensemble, Run
 
 
 class Mission:
@@ -45,7 +45,7 @@ class Mission:
         Raises ArgumentError and LagrangianError before the run; StepError, with what was computed, at a step that
         fails.
         """
-        from coadjoint.runs.running import simulate
+        from coadjoint.extending import simulate_setup as simulate
 
         run = simulate(self.file, self.setup, progress)
         run.dataset.attrs.update(self.setup.attributes)
@@ -60,7 +60,7 @@ class Mission:
 
         Raises FileError where the folder holds another run or cannot be written.
         """
-        from coadjoint.runs.running import execute
+        from coadjoint.extending import execute
 
         return execute(self.file, self.file.folder if folder is None else Path(folder), overwrite, progress)
 

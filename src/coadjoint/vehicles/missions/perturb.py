@@ -13,8 +13,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.sections import key
 
 if TYPE_CHECKING:
+    from coadjoint.mechanics import System
     from coadjoint.mechanics.members import Each
-    from coadjoint.mechanics.system import System
 
 SYMMETRIC = ("inertia", "added_mass")
 

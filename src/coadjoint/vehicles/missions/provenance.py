@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from coadjoint.report.folder import kept_inputs
-from coadjoint.report.numbers import Sourced, shown
+from coadjoint.extending import Sourced, kept_inputs
+from coadjoint.extending import shown_number as shown
 from coadjoint.vehicles.files.registry import load_vehicle
 
 

@@ -18,7 +18,7 @@ from coadjoint.vehicles.missions.sensors import counts, logs
 from coadjoint.vehicles.missions.summary import mission_summary, spread
 
 if TYPE_CHECKING:
-    from coadjoint.simulation.run import Run
+    from coadjoint.simulation import Run
     from coadjoint.vehicles.missions.sections import MissionOutputSection, MissionRunSection
 
 LOG, BAG, MEMBERS = "trajectory.csv", "trajectory.mcap", "members.csv"

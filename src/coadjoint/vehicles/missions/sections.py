@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.initial import initial_values
-from coadjoint.runs.runnable import Runnable
+from coadjoint.extending import Runnable, initial_values
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
 from coadjoint.sections import key, written
 from coadjoint.units import ANGLE, ANGULAR_VELOCITY, LENGTH, SPEED, TIME

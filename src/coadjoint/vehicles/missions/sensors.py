@@ -19,7 +19,7 @@ from coadjoint.vehicles.missions.lost_sensors import LostSensor, without_lost
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from coadjoint.simulation.run import Run
+    from coadjoint.simulation import Run
     from coadjoint.vehicles.model.vehicle import Vehicle
     from coadjoint.vehicles.water.bottom import Bottom
 

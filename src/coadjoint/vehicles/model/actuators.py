@@ -13,13 +13,10 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.internal import sampled, sampling, starting_values
-from coadjoint.mechanics.internal_rule import InternalRule
+from coadjoint.extending import Array, named, starting_values, traced
+from coadjoint.mechanics import InternalRule, NodeMotion, sampled, sampling
 from coadjoint.mechanics.members import Each, count_members, stacked
-from coadjoint.mechanics.state import NodeMotion
-from coadjoint.spaces.named import Named, named
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.command_limits import clipped, command_range, require_in_range
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import traced
 from coadjoint.mechanics.members import Each, count_members, member_of
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 
 FIXED = ("inertia", "added_mass", "allocation", "positions", "directions")
 """Arrays whose shape others count on: a diagonal is no matrix here."""

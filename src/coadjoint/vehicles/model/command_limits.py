@@ -9,11 +9,10 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.inputs import Inputs
+from coadjoint.extending import Inputs, evaluate, traced
+from coadjoint.mechanics import Held, Linear, Signal
 from coadjoint.mechanics.members import Each, count_members
-from coadjoint.mechanics.signals import Held, Linear, Signal
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import Array, traced
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative
 from coadjoint.vehicles.parts.numbers import Numbers

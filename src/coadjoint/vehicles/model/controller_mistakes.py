@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint.kernels.untraceable import Untraceable
-from coadjoint.spaces.named import Named
+from coadjoint.extending import Untraceable
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.controller import Controller, Feedback
 
 _UNKNOWN = re.compile(r"There is no `(\w+)` here; there is: (.*)\.$")

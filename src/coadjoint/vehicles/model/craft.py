@@ -9,9 +9,7 @@ from typing import Any
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
-from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.state import Force, State
-from coadjoint.mechanics.system import System
+from coadjoint.mechanics import Force, Parameters, State, System
 from coadjoint.models.paper_form import UNITS
 from coadjoint.spaces import Defining
 from coadjoint.vehicles import axes as turned

@@ -8,8 +8,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force, Motion
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force, Motion
 from coadjoint.vehicles.parts.part import Flow, Part, acting_at
 from coadjoint.vehicles.water.water import Water
 

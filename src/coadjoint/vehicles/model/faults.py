@@ -11,11 +11,9 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.internal_state import Course, jumped
-from coadjoint.mechanics.state import NodeMotion
+from coadjoint.extending import Array, named
+from coadjoint.mechanics import Course, NodeMotion, jumped
 from coadjoint.models.quantities import number
-from coadjoint.spaces.named import named
 from coadjoint.vehicles.parts.part import Part
 
 BARELY = 1e-9

@@ -13,8 +13,8 @@ import numpy as np
 from jax import lax
 
 from coadjoint.errors import ArgumentError, warn
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.spaces.named import Named
+from coadjoint.extending import traced
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_mistakes import called
 from coadjoint.vehicles.model.inputs_read import Read, require_read

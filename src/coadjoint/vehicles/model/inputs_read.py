@@ -8,7 +8,7 @@ from typing import Any
 import jax
 
 from coadjoint.errors import ArgumentError
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 
 
 @jax.tree_util.register_pytree_with_keys_class

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.spaces.named import named
+from coadjoint.extending import named
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
 

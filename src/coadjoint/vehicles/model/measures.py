@@ -8,7 +8,7 @@ from typing import Any
 
 from coadjoint.paths import paths
 from coadjoint.sections import keys
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 from coadjoint.units import Dimension
 from coadjoint.vehicles.model.changed import part_of
 from coadjoint.vehicles.model.vehicle import Vehicle

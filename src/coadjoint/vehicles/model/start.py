@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.extending import evaluate, starting_values
 from coadjoint.groups import attitude
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.members import Each, count_members, each, stacked
 from coadjoint.models.quantities import angles, number, vector
 from coadjoint.vehicles import axes as turned

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force, Motion
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force, Motion
 from coadjoint.vehicles.model import energies
 from coadjoint.vehicles.model.actuators import Rule
 from coadjoint.vehicles.model.energies import Surroundings, actual_of

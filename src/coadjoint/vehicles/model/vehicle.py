@@ -11,9 +11,9 @@ import numpy as np
 from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative, place
 from coadjoint.vehicles.parts.part import Part

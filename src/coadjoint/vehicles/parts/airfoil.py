@@ -9,9 +9,8 @@ import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array, traced
+from coadjoint.mechanics import Force
 from coadjoint.models.quantities import number, positive
 from coadjoint.vehicles.parts.measured import measured, not_negative, place, share, way
 from coadjoint.vehicles.parts.part import Command, Flow, Part, acting_at

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from coadjoint import units as u
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint.vehicles.parts.measured import lag_or_none, measured, place

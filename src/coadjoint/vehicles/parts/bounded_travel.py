@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force
 from coadjoint.vehicles.parts.part import Command, Flow, Part, towards
 
 

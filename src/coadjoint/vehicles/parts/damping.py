@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.checks import float64
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force
 from coadjoint.vehicles.parts.measured import measured, numbers, six
 from coadjoint.vehicles.parts.part import Flow, Part, speed_of
 

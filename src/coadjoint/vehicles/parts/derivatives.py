@@ -11,9 +11,9 @@ import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force
 from coadjoint.mechanics.members import Each
-from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import number, positive
 from coadjoint.vehicles.parts.measured import measured, not_negative
 from coadjoint.vehicles.parts.part import Command, Flow, Part

@@ -10,9 +10,8 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array, traced
+from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import measured, not_negative, place, way
 from coadjoint.vehicles.parts.part import AHEAD, Command, Flow, Part, acting_at, speed_of

@@ -15,7 +15,7 @@ import numpy as np
 
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.vehicles.parts.numbers import Numbers
 
 

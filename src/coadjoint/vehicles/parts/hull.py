@@ -10,8 +10,8 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force
 from coadjoint.vehicles.parts.measured import measured, not_negative
 from coadjoint.vehicles.parts.part import AHEAD, Flow, Part
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from coadjoint.mechanics.state import Force
+from coadjoint.mechanics import Force
 from coadjoint.vehicles.parts.measured import measured, numbers
 from coadjoint.vehicles.parts.part import Flow, Part
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import traced
 from coadjoint.models.quantities import direction, not_negative, number, vector
 from coadjoint.sections import checked, key, keys
 from coadjoint.units import LENGTH, NUMBER, Dimension

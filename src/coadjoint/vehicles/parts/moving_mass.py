@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.internal_state import Course
+from coadjoint.extending import Array
+from coadjoint.mechanics import Course
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint.vehicles.parts.measured import lag_or_none, measured, place, way

@@ -11,9 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.internal_state import Course
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array
+from coadjoint.mechanics import Course, Force
 from coadjoint.vehicles.parts.measured import check_fields
 from coadjoint.vehicles.parts.numbers import Numbers
 

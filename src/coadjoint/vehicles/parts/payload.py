@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.internal_state import jumped
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array
+from coadjoint.mechanics import Force, jumped
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import measured, not_negative, place
 from coadjoint.vehicles.parts.part import Command, Flow, Part, Passing

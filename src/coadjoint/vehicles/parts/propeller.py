@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.mechanics.state import Force
+from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import measured, not_negative, numbers, place, share, way
 from coadjoint.vehicles.parts.part import Command, Flow, Part

@@ -12,11 +12,10 @@ from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.state import Force
+from coadjoint.extending import Array, evaluate, named, traced
+from coadjoint.mechanics import Force
 from coadjoint.models.quantities import direction, positive, vector
-from coadjoint.spaces.named import Named, named
+from coadjoint.spaces import Named
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.parts.force_curves import Polynomial
 from coadjoint.vehicles.parts.measured import lag_or_none, measured

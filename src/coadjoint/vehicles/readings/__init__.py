@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from coadjoint.lazy import lazy
+from coadjoint.extending import lazy
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.readings.craft_kinematics import kinematics as kinematics

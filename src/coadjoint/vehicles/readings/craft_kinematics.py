@@ -7,11 +7,8 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
-from coadjoint.mechanics import continuous
-from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
+from coadjoint.extending import Array, replace_parameters
+from coadjoint.mechanics import State, System, continuous
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.model.energies import Surroundings
 from coadjoint.vehicles.sensors.kinematics import Kinematics, rotation_of

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from coadjoint.models.quantities import not_negative
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.readings.craft_kinematics import kinematics
 from coadjoint.vehicles.readings.of_run import chosen_sensors

@@ -11,14 +11,12 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown, warn
-from coadjoint.kernels.run import backend as kernels
-from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.state import Origin, State
-from coadjoint.mechanics.work_balance import with_ledger
+from coadjoint.extending import Origin, StreamedRun, tabulate, with_ledger
+from coadjoint.extending import kernel_backend as kernels
+from coadjoint.mechanics import State
 from coadjoint.models.quantities import not_negative
-from coadjoint.simulation.resume import StreamedRun
-from coadjoint.simulation.run import Run
-from coadjoint.spaces.named import Named
+from coadjoint.simulation import Run
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.craft import Craft, craft_of
 from coadjoint.vehicles.readings.craft_kinematics import between, kinematics
 from coadjoint.vehicles.readings.taken import Readings, SensorReading

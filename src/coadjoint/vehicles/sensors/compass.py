@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics, turned

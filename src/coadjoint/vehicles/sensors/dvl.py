@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.compass import upright

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from coadjoint import units as u
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import number
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.errors import Channel, Errors

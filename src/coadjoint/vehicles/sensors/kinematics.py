@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import NodeMotion
+from coadjoint.extending import Array
+from coadjoint.mechanics import NodeMotion
 
 
 class Kinematics(NamedTuple):

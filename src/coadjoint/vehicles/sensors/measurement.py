@@ -9,8 +9,8 @@ import jax.numpy as jnp
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.measurements import Measurement
-from coadjoint.spaces.named import Named
+from coadjoint.estimation import Measurement
+from coadjoint.spaces import Named
 from coadjoint.vehicles.sensors.kinematics import Kinematics, at_node
 from coadjoint.vehicles.sensors.sensor import Sensor
 

@@ -14,10 +14,9 @@ import numpy as np
 from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.extending import Array, evaluate, traced
 from coadjoint.models.quantities import angles, not_negative, number, positive, vector
-from coadjoint.spaces.named import Named
+from coadjoint.spaces import Named
 from coadjoint.vehicles.axes import body_axes
 from coadjoint.vehicles.parts.measured import check_fields, measured, place, share
 from coadjoint.vehicles.parts.numbers import Numbers

@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from coadjoint.errors import ArgumentError, CoadjointError, StepError
+from coadjoint.extending import logger
 from coadjoint.groups.attitude import to_quaternion
-from coadjoint.log import logger
 from coadjoint.vehicles.parts.thrusters import Thrusters
 from coadjoint.vehicles.serving.frames import Motor, commands
 from coadjoint.vehicles.serving.served import Reading, Served

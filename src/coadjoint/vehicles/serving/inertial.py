@@ -6,11 +6,8 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
-from coadjoint.mechanics import continuous
-from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
+from coadjoint.extending import Array, replace_parameters
+from coadjoint.mechanics import State, System, continuous
 
 
 class Inertial(NamedTuple):

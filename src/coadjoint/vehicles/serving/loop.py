@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, error_line
-from coadjoint.log import logger
+from coadjoint.extending import logger
 
 _log = logger(__name__)
 

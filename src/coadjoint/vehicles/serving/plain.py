@@ -14,7 +14,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.groups.attitude import to_quaternion
-from coadjoint.mechanics.state import State
+from coadjoint.mechanics import State
 from coadjoint.vehicles.serving.served import Reading, Served
 
 PORT = 9010

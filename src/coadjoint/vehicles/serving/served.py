@@ -11,10 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.state import State
+from coadjoint.mechanics import State
 from coadjoint.models.quantities import vector
-from coadjoint.simulation.steppers.stepper import Stepper
-from coadjoint.spaces.named import Named
+from coadjoint.simulation import Stepper
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.serving.inertial import inertial
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.state import State
+from coadjoint.extending import evaluate
+from coadjoint.mechanics import State
 from coadjoint.models.quantities import number
-from coadjoint.stability.steady import Search, SteadyMotion
+from coadjoint.stability import Search, SteadyMotion
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle

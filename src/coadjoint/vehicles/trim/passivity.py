@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.extending import Array, tabulate
 from coadjoint.vehicles.trim.under_way import Level
 
 STATES = 4096

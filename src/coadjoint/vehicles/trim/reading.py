@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.spaces.named import named
-from coadjoint.stability.steady import SteadyMotion
+from coadjoint.extending import named
+from coadjoint.stability import SteadyMotion
 from coadjoint.vehicles.model.vehicle import Vehicle
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.state import State
-from coadjoint.stability.steady import Search, SteadyMotion
+from coadjoint.mechanics import State
+from coadjoint.stability import Search, SteadyMotion
 
 STARTS = ((0.1, 1.0), (0.3, 0.7))
 """Of starts to either side: |ω| length/speed, and the part of the speed at which the turn is looked for first."""

@@ -10,13 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.extending import Array, brent, evaluate, legendre, named, tabulate
 from coadjoint.groups import SE3
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.start import legendre
-from coadjoint.mechanics.state import State
-from coadjoint.roots import brent
-from coadjoint.spaces.named import Named, named
+from coadjoint.mechanics import State
+from coadjoint.spaces import Named
 from coadjoint.vehicles.model.craft import Craft
 
 UNSTABLE = 0.7

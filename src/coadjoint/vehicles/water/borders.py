@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.state import State
+from coadjoint.extending import Array, evaluate
+from coadjoint.mechanics import State
 from coadjoint.models.quantities import number
 from coadjoint.vehicles.water.functions import returned
 

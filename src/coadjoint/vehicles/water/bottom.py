@@ -11,8 +11,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.groups.group import Array
-from coadjoint.sealed import engine_of
+from coadjoint.extending import Array, engine_of
 from coadjoint.vehicles.water.columns import read
 
 MOST = 4_000_000

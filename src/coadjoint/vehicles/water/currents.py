@@ -13,9 +13,8 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.signals import Held
+from coadjoint.extending import Array, evaluate, traced
+from coadjoint.mechanics import Held
 from coadjoint.models.quantities import vector
 from coadjoint.vehicles.water.functions import returned
 from coadjoint.vehicles.water.water import Water

@@ -12,8 +12,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import Array, traced
 from coadjoint.models.quantities import number, positive
 from coadjoint.vehicles.parts.numbers import Numbers
 from coadjoint.vehicles.water.columns import DOWN, read

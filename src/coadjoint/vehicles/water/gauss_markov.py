@@ -11,9 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.internal_state import jumped
+from coadjoint.extending import Array, evaluate
+from coadjoint.mechanics import jumped
 from coadjoint.mechanics.members import Each
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.water.random_numbers import normal, stream

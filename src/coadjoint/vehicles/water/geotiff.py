@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError, error_line
-from coadjoint.log import logger
+from coadjoint.extending import logger
 
 _SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113
 _MODEL, _RASTER, _LINEAR_UNITS = 1024, 1025, 3076

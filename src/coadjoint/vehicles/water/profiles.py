@@ -10,8 +10,7 @@ import jax.numpy as jnp
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.extending import Array, traced
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.parts.numbers import Numbers
 from coadjoint.vehicles.water.water import UniformWater, Water

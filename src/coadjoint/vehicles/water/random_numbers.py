@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 
 M1, M2 = 4294967087, 4294944443
 FIRST, SECOND = (-810728, 1403580, 0), (-1370589, 0, 527612)

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.mechanics.members import Each
 from coadjoint.vehicles.water.density import Density
 from coadjoint.vehicles.water.water import Water

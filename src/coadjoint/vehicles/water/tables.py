@@ -10,9 +10,8 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.signals import Linear
+from coadjoint.extending import Array, traced
+from coadjoint.mechanics import Linear
 from coadjoint.vehicles.water.columns import DOWN, Columns, read
 from coadjoint.vehicles.water.water import Water
 

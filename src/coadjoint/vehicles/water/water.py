@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
+from coadjoint.extending import Array
 from coadjoint.models.quantities import vector
 from coadjoint.vehicles.parts.numbers import Numbers
 

@@ -11,8 +11,8 @@ import numpy as np
 from coadjoint.clocks import HOUR, Jumps
 from coadjoint.clocks import clock as counted
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
-from coadjoint.identification.log import Log
 
 PAUSE, LEAST_PAUSE = 10.0, 1e9
 """How many usual intervals, and how many ns, a command is silent before a note tells."""

@@ -13,8 +13,8 @@ from typing import Any, cast
 
 from coadjoint.clocks import Choices, Jumps, Unsorted, require_choices
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
-from coadjoint.identification.log import Log
 from coadjoint.units import unit_of
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.bags.bag import Bag

@@ -11,8 +11,8 @@ import numpy as np
 from coadjoint.disk import atomic_file
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
+from coadjoint.identification import Log
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VELOCITY
-from coadjoint.identification.log import Log
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.axes import Axes, space_axes
