@@ -185,7 +185,8 @@ def _without_package(trees: Mapping[str, ast.Module], root: Path) -> list[str]:
 def _packages_in(trees: Mapping[str, ast.Module], test: Path) -> set[str]:
     """The packages of what a test names, as `methods` of `co.Midpoint`."""
     face = (node for node in ast.walk(trees["coadjoint"]) if isinstance(node, ast.ImportFrom))
-    homes = {f"coadjoint.{alias.asname or alias.name}": node.module for node in face for alias in node.names}
+    homes = {f"coadjoint.{alias.asname or alias.name}": node.module or "" for node in face for alias in node.names}
+    homes |= {name: name for name in homes if name in trees}  # packages, as in co.groups.SLn
     tree = ast.parse(test.read_text("utf-8"))
     found = {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     names = {homes.get(name.replace("co.", "coadjoint.", 1), "") for name in found if name.startswith("co.")}

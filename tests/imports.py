@@ -29,8 +29,17 @@ def named(trees: Mapping[str, ast.Module], module: str) -> set[str]:
 
     Texts for readers, which are docstrings, do not count.
     """
-    written = (_of_library(trees, name) for name in _names(trees[module]))
+    api = _extension_api(trees.get("coadjoint.extending"))
+    written = (_of_library(trees, api.get(name, name)) for name in _names(trees[module]))
     return {name for name in written if name not in ("", module)}
+
+
+@cache
+def _extension_api(tree: ast.Module | None) -> dict[str, str]:
+    """Where the names are defined that `coadjoint.extending` gives to packages above."""
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)] if tree else []
+    pairs = [(node, alias) for node in imports for alias in node.names]
+    return {f"coadjoint.extending.{a.asname}": f"{node.module}.{a.name}" for node, a in pairs if a.asname}
 
 
 @cache

@@ -50,6 +50,7 @@ STOREYS = (
         "audit",
         "runs",
         "sweeps",
+        "extending",
     ),
     *("vehicles", "cli", "__main__"),
 )

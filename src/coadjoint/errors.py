@@ -54,9 +54,9 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
 
 
-def warn(sentence: str, stacklevel: int = 1) -> None:
+def warn(sentence: str, stacklevel: int = 1, category: type[Warning] = UserWarning) -> None:
     """Warn of what the user did and can change, as `warnings.warn` does; control characters become escapes."""
-    warnings.warn(printable(sentence), stacklevel=stacklevel + 1)
+    warnings.warn(printable(sentence), category, stacklevel=stacklevel + 1)
 
 
 class CoadjointError(Exception):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ast
-import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, NamedTuple
+
+from coadjoint.errors import warn
 
 
 class Lazy(NamedTuple):
@@ -34,8 +35,7 @@ def lazy(package: str, moved: Mapping[str, str] | None = None) -> Lazy:
     def load(name: str) -> Any:
         if name in rooms:
             there = f"{package}.{rooms[name]}"
-            written = f"`{package}.{name}` is deprecated and goes in 0.3; write `{there}.{name}`."
-            warnings.warn(written, DeprecationWarning, stacklevel=2)
+            warn(f"`{package}.{name}` is deprecated and goes in 0.3; write `{there}.{name}`.", 2, DeprecationWarning)
             return getattr(import_module(there), name)
         if name not in places:
             raise AttributeError(_absent(package, name, [*names, *rooms]))

@@ -16,7 +16,9 @@ import changes  # noqa: E402
 HOUR = 3600
 NOW = 1_800_000_000
 FILES = {
-    "src/coadjoint/__init__.py": "if TYPE_CHECKING:\n    from coadjoint.low import Body as Body\n",
+    "src/coadjoint/__init__.py": (
+        "if TYPE_CHECKING:\n    from coadjoint import low as low\n    from coadjoint.low import Body as Body\n"
+    ),
     "src/coadjoint/units.py": "",
     "src/coadjoint/low/__init__.py": "from coadjoint.low.body import Body\n",
     "src/coadjoint/low/body.py": "import coadjoint.units\nclass Body: ...\n",
@@ -35,11 +37,12 @@ FILES = {
     "tests/high/cases.json": "",
     "tests/high/test_high.py": "",
     "tests/truth/test_body_in_space.py": "import coadjoint as co\nco.Body()\n",
+    "tests/truth/test_body_of_package.py": "import coadjoint as co\nco.low.Body()\n",
     "tests/truth/test_nothing.py": "import coadjoint as co\nco.Mind()\n",
     "tests/docs/test_pages.py": "",
     "tests/ci/test_parts.py": "",
 }
-ABOVE = ["middle/test_motion", "truth/test_body_in_space"]
+ABOVE = ["middle/test_motion", "truth/test_body_in_space", "truth/test_body_of_package"]
 """The tests of what imports the package `low`."""
 
 
@@ -158,7 +161,8 @@ def test_what_all_tests_depend_on_changes_all(root, file):
 def test_tests_of_what_changed_are_not_repeated_as_those_of_what_imports_it(root):
     found = changes.chosen(["src/coadjoint/low/body.py", "src/coadjoint/middle/motion.py"], root)
     assert found.own == ["tests/low/test_body.py", "tests/middle/test_motion.py"]
-    assert found.importing == ["tests/high/test_high.py", "tests/truth/test_body_in_space.py"]
+    truth = [f"tests/truth/test_body_{name}.py" for name in ("in_space", "of_package")]
+    assert found.importing == ["tests/high/test_high.py", *truth]
 
 
 def test_every_package_of_the_library_has_tests():

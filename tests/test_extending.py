@@ -1,0 +1,82 @@
+"""The extension API: vehicles take from the core what is public, what `extending` names, and nothing else."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+
+import pytest
+
+import coadjoint as co
+from coadjoint import extending
+from imports import modules
+
+NAMES = 40
+"""Names of the core that packages above may need and users do not."""
+
+
+def outside(tree: ast.Module, own: str) -> list[str]:
+    """What a module of the package `own` imports from the core that is neither public nor in the extension API."""
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom | ast.Import)]
+    plain = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    found = [name for name in plain if name.startswith("coadjoint.") and not name.startswith(own)]
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("coadjoint."):
+            taken = [(str(node.module), alias.name) for alias in node.names]
+            found += [f"{module}.{name}" for module, name in taken if not _allowed(module, name, own)]
+    return found
+
+
+def _allowed(module: str, name: str, own: str) -> bool:
+    if f"{module}.{name}.".startswith(f"{own}.") or f"{module}.{name}" in extending.MODULES:
+        return True
+    if module in extending.MODULES:
+        return not name.startswith("_")
+    return module in PUBLIC and name in PUBLIC[module]
+
+
+PUBLIC: dict[str, list[str]] = {"coadjoint": co.__all__, "coadjoint.extending": extending.__all__} | {
+    f"coadjoint.{name}": import_module(f"coadjoint.{name}").__all__
+    for name in co.__all__
+    if name != "vehicles" and hasattr(getattr(co, name), "__path__")
+}
+PUBLIC |= {f"coadjoint.models.{name}": vars(getattr(co.models, name)) for name in ("paper_form", "general_form")}
+
+
+def test_vehicles_import_the_public_names_and_the_extension_api_and_nothing_else() -> None:
+    found = {
+        module: taken
+        for module, tree in modules().items()
+        if module.startswith("coadjoint.vehicles") and (taken := outside(tree, "coadjoint.vehicles"))
+    }
+    assert not found, "Take what is public, or what `coadjoint.extending` gives; it may grow to 40 names."
+
+
+def test_the_extension_api_is_small_and_used() -> None:
+    text = "\n".join(ast.unparse(tree) for name, tree in modules().items() if name.startswith("coadjoint.vehicles"))
+    used = {
+        alias.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom) and node.module == "coadjoint.extending"
+        for alias in node.names
+    }
+    assert used == set(extending.__all__) and len(used) <= NAMES
+    for name in extending.__all__:
+        assert getattr(extending, name) is not None
+    for name in extending.MODULES:
+        assert import_module(name).__doc__
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("from coadjoint.simulation.plan import Plan", ["coadjoint.simulation.plan.Plan"]),
+        ("from coadjoint.mechanics import Force\nfrom coadjoint import units as u", []),
+        ("from coadjoint.checks import number, _whole", ["coadjoint.checks._whole"]),
+        ("from coadjoint.extending import Array, Plan", ["coadjoint.extending.Plan"]),
+        ("import coadjoint.kernels.emit", ["coadjoint.kernels.emit"]),
+        ("import coadjoint as co\nfrom coadjoint.vehicles.parts.part import Part", []),
+    ],
+)
+def test_an_import_past_the_extension_api_is_found(line: str, found: list[str]) -> None:
+    assert outside(ast.parse(line), "coadjoint.vehicles") == found
