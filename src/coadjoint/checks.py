@@ -18,7 +18,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, CoadjointError, shown
 
 if TYPE_CHECKING:
-    from jax.core import Tracer
+    from coadjoint.kernels.trace.jaxprs import Tracer
 
 T = TypeVar("T")
 Error = type[CoadjointError]

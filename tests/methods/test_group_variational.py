@@ -214,7 +214,7 @@ def test_a_function_of_other_arguments_is_refused(make, says):
 def test_a_lagrangian_in_one_form_only_says_which_method_it_needs():
     system = moser_veselov(J)
     start = system.state(xi=[0.1, 0.2, 0.3])
-    with pytest.raises(co.errors.LagrangianError, match=r"co\.GroupVariational"):
+    with pytest.raises(co.errors.LagrangianError, match=r"co\.methods\.GroupVariational"):
         co.simulate(system, start, dt=1.0, steps=3, method=co.Midpoint(start="velocity"))
     with pytest.raises(co.errors.LagrangianError, match="discrete_lagrangian"):
         co.simulate(system, start, dt=1.0, steps=3, method=co.Variational(start="velocity"))

@@ -48,7 +48,7 @@ def test_a_symmetric_rule_of_ones_own_has_order_two_and_composed_four(method, or
 
 def test_a_rule_that_only_says_that_it_is_symmetric_is_refused():
     with pytest.raises(
-        co.errors.ArgumentError, match=r"not symmetric: Λ.* leave out `symmetric`, or use co\.Symmetrised"
+        co.errors.ArgumentError, match=r"not symmetric: Λ.* leave out `symmetric`, or use co\.methods\.Symmetrised"
     ):
         run(body(potential_at_the_left_node), co.Suzuki4(co.Variational(symmetric=True)), 10)
     pushed = body(potential_at_both_nodes, forces=lambda motion: co.Force(torque=-0.1 * motion.xi))

@@ -136,7 +136,7 @@ def test_steps_back_in_time_undo_those_forward_as_far_as_round_off_allows():
 
 
 def test_numbers_of_numpy_are_numbers():
-    viscosity: Any = np.float32(0.5)
+    viscosity: Any = np.float64(0.5)
     drag: Any = np.int64(1)
     assert fluids.DampedMidpoint(viscosity=viscosity, drag=drag) == fluids.DampedMidpoint(viscosity=0.5, drag=1.0)
 
