@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import csv_tables, manifest, sealed, texts, vehicles
-from coadjoint.cli.main import Command
+from coadjoint.cli.main import every_command
 from coadjoint.errors import CoadjointError
 from coadjoint.kernels.run import store
 from coadjoint.plotting import bodies, meshes
@@ -86,7 +86,7 @@ def test_the_limits_on_the_page_are_those_of_the_code():
 def test_the_page_names_each_command_and_each_function_that_opens_files():
     text = PAGE.read_text(encoding="utf-8")
     page = text[text.index("## What each command") : text.index("## What is data")]
-    commands = [word for kind in get_args(Command) for word in (get_args(kind)[1].name,)]
+    commands = [word for kind in get_args(every_command()) for word in (get_args(kind)[1].name,)]
     assert len(commands) == 17 and all(f"`{name}`" in page for name in commands)
     for room in FILES:
         for name in getattr(room, "__all__", vars(room)):

@@ -13,6 +13,7 @@ from coadjoint.lazy import lazy as _lazy
 
 MODULES = (
     "coadjoint.checks",
+    "coadjoint.cli.terminal",
     "coadjoint.clocks",
     "coadjoint.csv_tables",
     "coadjoint.disk",
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from coadjoint.report.folder import kept_inputs as kept_inputs
     from coadjoint.report.numbers import Sourced as Sourced
     from coadjoint.report.numbers import shown as shown_number
+    from coadjoint.report.summary import to_json as to_json
     from coadjoint.roots import brent as brent
     from coadjoint.runs.initial import initial_values as initial_values
     from coadjoint.runs.run_file import read as read_run_file
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.steppers.fields import Fields as Fields
     from coadjoint.simulation.steppers.interface import Prepared as Prepared
     from coadjoint.spaces.named import named as named
+    from coadjoint.stability.figure import stability_figure as stability_figure
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = _lazy(__name__)

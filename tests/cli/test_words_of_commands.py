@@ -11,11 +11,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from coadjoint.cli import comparing, identify, importing, results_folder, stability, terminal, viewing
-from coadjoint.cli.commands import Vehicles
+from coadjoint.cli import comparing, results_folder, terminal, viewing
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.report.comparison import Comparison
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED
+from coadjoint.vehicles.commands import identify, importing, stability
+from coadjoint.vehicles.commands.vehicles import Vehicles
 from coadjoint.vehicles.trim.reading import Trim
 
 LEVEL: dict[str, Any] = {

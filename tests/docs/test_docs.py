@@ -15,7 +15,7 @@ import matplotlib.pyplot
 import pytest
 from markdown_it import MarkdownIt
 
-from coadjoint.cli.main import Command
+from coadjoint.cli.main import every_command
 from coadjoint.runs import run_file
 
 matplotlib.use("Agg")
@@ -153,7 +153,7 @@ def test_every_dependency_has_its_reason() -> None:
 
 def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() -> None:
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    commands = [metadata.name for kind in get_args(Command) for metadata in kind.__metadata__]
+    commands = [metadata.name for kind in get_args(every_command()) for metadata in kind.__metadata__]
     keys = [key.name for kind in run_file.RunFile.SECTIONS.values() for key in fields(kind)]
     missing = [name for name in commands if f"    coadjoint {name} " not in page]
     missing += [key for key in keys if f"`{key}`" not in page]

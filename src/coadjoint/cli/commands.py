@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from coadjoint.cli import terminal
-from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     from coadjoint.report.reproduction import Reproduction
@@ -180,52 +179,6 @@ class Models:
             terminal.json(catalogue.defaults(self.name))
         else:
             terminal.text(catalogue.example(self.name))
-        return OK
-
-
-@dataclass(frozen=True)
-class Vehicles:
-    """List the vehicles that are shipped, show one, or print a mission of it to start from.
-
-    `coadjoint vehicles show remus_100`, `coadjoint vehicles mission remus_100 > dive.toml`.
-    """
-
-    action: tyro.conf.Positional[Literal["list", "show", "mission"]] = "list"
-    """What to do."""
-    name: tyro.conf.Positional[str] = ""
-    """A vehicle: the name of a shipped one, or the path of a TOML file."""
-    toml: bool = False
-    """Print its file, as a start for your own, and nothing else."""
-    json: bool = False
-    """Print JSON, and nothing else."""
-
-    def __call__(self) -> int:
-        from coadjoint.cli import vehicles
-
-        if self.action == "list":
-            if self.name or self.toml:
-                raise ArgumentError(f"To show one vehicle write: coadjoint vehicles show {self.name or 'NAME'}.")
-            rows = vehicles.registry()
-            if self.json:
-                terminal.json(rows)
-            else:
-                vehicles.show_shelf(rows)
-        elif not self.name:
-            raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; the path of your own file works too.")
-        elif self.toml and self.json:
-            raise ArgumentError("The file is TOML, not JSON: leave --toml or --json out.")
-        elif self.action == "mission":
-            if self.json:
-                raise ArgumentError("A mission is TOML, not JSON: leave --json out.")
-            from coadjoint.vehicles.missions.example import example
-
-            terminal.text(example(self.name))
-        elif self.toml:
-            terminal.text(vehicles.text_of(self.name))
-        elif self.json:
-            terminal.json(vehicles.described(vehicles.loaded(self.name)))
-        else:
-            vehicles.show(vehicles.loaded(self.name))
         return OK
 
 

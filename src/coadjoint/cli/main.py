@@ -1,4 +1,4 @@
-"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, `vehicles`, `audit`, …"""
+"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, …, and those of extensions."""
 
 from __future__ import annotations
 
@@ -8,23 +8,20 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
 import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
-from coadjoint.cli.identify import Identify
-from coadjoint.cli.importing import Import
 from coadjoint.cli.reporting import Report
-from coadjoint.cli.serving import Serve
-from coadjoint.cli.stability import Stability
 from coadjoint.cli.sweeping import Sweep
 from coadjoint.cli.termination import status, stoppable, word
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.viewing import View
 from coadjoint.errors import CoadjointError, StepError, printable
+from coadjoint.extensions import Registry, import_string
 from coadjoint.interrupts import deferred_interrupts
 
 USAGE = 2
@@ -40,14 +37,22 @@ Command = (
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
-    | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]
-    | Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
-    | Annotated[Stability, tyro.conf.subcommand("stability")]
-    | Annotated[Identify, tyro.conf.subcommand("identify")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
-    | Annotated[Serve, tyro.conf.subcommand("serve")]
 )
+
+"""The commands of the core."""
+
+COMMANDS: Registry[str] = Registry("COMMANDS")
+"""Those of packages above: the dataclass of each, as "module:name", by the word for it."""
+
+
+def every_command() -> Any:
+    """The commands of the core and those of packages above, as a union for tyro."""
+    found: Any = Command
+    for name, place in COMMANDS.items():
+        found = found | Annotated[import_string(place), tyro.conf.subcommand(name)]
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -103,7 +108,7 @@ def _parsed(given: Sequence[str]) -> Callable[[], int]:
     """
     parse = partial(
         tyro.cli,
-        Command,  # pyright: ignore[reportArgumentType]
+        every_command(),
         prog="coadjoint",
         description="Variational integrators on Lie groups from a reduced Lagrangian.",
         config=(tyro.conf.FlagCreatePairsOff,),

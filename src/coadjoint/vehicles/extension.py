@@ -93,3 +93,12 @@ FORMATS = {
 
 RUN_FILES = {"vehicle": "coadjoint.vehicles.missions.file:from_table"}
 """To `coadjoint.runs`: what a run file with this section is read by."""
+
+COMMANDS = {
+    "vehicles": "coadjoint.vehicles.commands.vehicles:Vehicles",
+    "import": "coadjoint.vehicles.commands.importing:Import",
+    "stability": "coadjoint.vehicles.commands.stability:Stability",
+    "identify": "coadjoint.vehicles.commands.identify:Identify",
+    "serve": "coadjoint.vehicles.commands.serving:Serve",
+}
+"""To the command line."""

@@ -81,8 +81,8 @@ class Stability:
         return 0
 
     def _draw(self, vehicle: Vehicle, found: dict[float, tuple[Trim, Report]]) -> Path:
+        from coadjoint.extending import stability_figure
         from coadjoint.plotting.style import save
-        from coadjoint.stability.figure import stability_figure
 
         name = "".join(letter if letter.isalnum() else "_" for letter in vehicle.name.lower())
         path = self.out or Path(f"{name}_stability.png")

@@ -1,16 +1,62 @@
-"""Vehicles as text: the list of shipped vehicles, and the data sheet of one."""
+"""The command `coadjoint vehicles`: the list of shipped vehicles, and the data sheet of one."""
 
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
+import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
+
+
+@dataclass(frozen=True)
+class Vehicles:
+    """List the vehicles that are shipped, show one, or print a mission of it to start from.
+
+    `coadjoint vehicles show remus_100`, `coadjoint vehicles mission remus_100 > dive.toml`.
+    """
+
+    action: tyro.conf.Positional[Literal["list", "show", "mission"]] = "list"
+    """What to do."""
+    name: tyro.conf.Positional[str] = ""
+    """A vehicle: the name of a shipped one, or the path of a TOML file."""
+    toml: bool = False
+    """Print its file, as a start for your own, and nothing else."""
+    json: bool = False
+    """Print JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        if self.action == "list":
+            if self.name or self.toml:
+                raise ArgumentError(f"To show one vehicle write: coadjoint vehicles show {self.name or 'NAME'}.")
+            rows = registry()
+            if self.json:
+                terminal.json(rows)
+            else:
+                show_shelf(rows)
+        elif not self.name:
+            raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; the path of your own file works too.")
+        elif self.toml and self.json:
+            raise ArgumentError("The file is TOML, not JSON: leave --toml or --json out.")
+        elif self.action == "mission":
+            if self.json:
+                raise ArgumentError("A mission is TOML, not JSON: leave --json out.")
+            from coadjoint.vehicles.missions.example import example
+
+            terminal.text(example(self.name))
+        elif self.toml:
+            terminal.text(text_of(self.name))
+        elif self.json:
+            terminal.json(described(loaded(self.name)))
+        else:
+            show(loaded(self.name))
+        return 0
 
 
 def registry() -> list[dict[str, Any]]:
@@ -190,12 +236,16 @@ def _driven(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _listed(found: Any) -> dict[str, Any] | None:
+    import numpy as np
+
     if found is None:
         return None
     return {key: np.asarray(value).tolist() for key, value in found._asdict().items()}
 
 
 def _passivity(vehicle: Vehicle) -> str:
+    import numpy as np
+
     found = _driven(vehicle)
     worst = found["anywhere"]
     if worst is None:
@@ -209,6 +259,8 @@ def _passivity(vehicle: Vehicle) -> str:
 
 
 def _value(number: Quantity) -> str:
+    import numpy as np
+
     if isinstance(number.value, str):
         return number.value
     found = np.asarray(number.value, dtype=float)

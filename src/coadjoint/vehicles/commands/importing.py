@@ -36,7 +36,7 @@ class Import:
 
     def __call__(self) -> int:
         from coadjoint.disk import write_text
-        from coadjoint.report.summary import to_json
+        from coadjoint.extending import to_json
         from coadjoint.vehicles.importing import import_vehicle
 
         if self.out is not None and (self.out.suffix != ".toml" or self.out.exists()):

@@ -1,0 +1,1 @@
+"""Commands about vehicles: `coadjoint vehicles`, `import`, `stability`, `identify`, `serve`."""
