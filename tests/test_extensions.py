@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import coadjoint
+from coadjoint.cli import main as command_line
 from coadjoint.errors import ArgumentError
-from coadjoint.extensions import Registry, import_string
+from coadjoint.extensions import Registry, _installed, extensions, import_string
 
 
 def extension(monkeypatch: pytest.MonkeyPatch, **tables: object) -> None:
@@ -32,6 +35,50 @@ def test_a_name_that_is_taken_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
     extension(monkeypatch, BELLS={"large": "math:cos"})
     with pytest.raises(ArgumentError, match="a_package_above adds `large` to BELLS"):
         list(Registry("BELLS", {"large": "math:sin"}))
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of packages with one that names the module `package_of_somebody` in the group `coadjoint`."""
+    about = tmp_path / "somebody-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: somebody\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[coadjoint]\nbells = package_of_somebody\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "package_of_somebody", raising=False)
+    monkeypatch.setattr("coadjoint.extensions._installed", _installed.__wrapped__)
+    return tmp_path
+
+
+def test_an_installed_package_is_found_by_its_entry_point(installed: Path) -> None:
+    (installed / "package_of_somebody.py").write_text('BELLS = {"small": "math:cos"}\n')
+    assert extensions() == [*coadjoint.EXTENSIONS, "package_of_somebody"]
+    assert dict(Registry("BELLS")) == {"small": "math:cos"}
+
+
+def test_an_installed_package_that_cannot_be_imported_is_one_sentence(installed: Path) -> None:
+    (installed / "package_of_somebody.py").write_text("import no_such_module\n")
+    with pytest.raises(
+        ArgumentError, match=r"The extension package_of_somebody cannot be imported \(ModuleNotFoundErr"
+    ):
+        list(Registry("BELLS"))
+
+
+def test_a_command_of_a_package_above_is_one_of_the_command_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    @dataclass(frozen=True)
+    class Ring:
+        """Rings."""
+
+        def __call__(self) -> int:
+            print("ding")
+            return 0
+
+    extension(monkeypatch, COMMANDS={"ring": "a_package_above:Ring"}, Ring=Ring)
+    monkeypatch.setattr(command_line, "COMMANDS", Registry("COMMANDS"))
+    assert command_line.main(["ring"]) == 0
+    assert capsys.readouterr().out == "ding\n"
 
 
 @pytest.mark.long

@@ -1,19 +1,24 @@
 """Additions of packages above to one below: models of the catalogue, figures, formats of files, kinds of run files.
 
-A package declares a `Registry` of one kind. A module named in `coadjoint.EXTENSIONS` adds to it by a table of that
-kind, such as `MODELS = {"remus_100": CatalogueEntry(…)}`; the package does not know the modules that add to it.
+A package declares a `Registry` of one kind. A module that is named in `coadjoint.EXTENSIONS`, or by an installed
+package as an entry point of the group `coadjoint`, adds to it by a table of that kind, such as
+`MODELS = {"remus_100": CatalogueEntry(…)}`; the package does not know the modules that add to it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
+from types import ModuleType
 from typing import Any, TypeVar
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, error_line
 
 T = TypeVar("T")
+
+GROUP = "coadjoint"
+"""The group of entry points of packages that add to the library."""
 
 
 class Registry(Mapping[str, T]):
@@ -27,11 +32,9 @@ class Registry(Mapping[str, T]):
 
     @cached_property
     def _entries(self) -> dict[str, T]:
-        import coadjoint
-
         found = dict(self._own)
-        for module in coadjoint.EXTENSIONS:
-            for name, entry in getattr(import_module(module), self.kind, {}).items():
+        for module in extensions():
+            for name, entry in getattr(_loaded(module), self.kind, {}).items():
                 if name in found:
                     raise ArgumentError(f"{module} adds `{name}` to {self.kind}, which exists already.")
                 found[name] = entry
@@ -45,6 +48,29 @@ class Registry(Mapping[str, T]):
 
     def __len__(self) -> int:
         return len(self._entries)
+
+
+def extensions() -> list[str]:
+    """The modules in `coadjoint.EXTENSIONS`, and those that installed packages name, each once."""
+    import coadjoint
+
+    return list(dict.fromkeys([*coadjoint.EXTENSIONS, *_installed()]))
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    from importlib.metadata import entry_points
+
+    return tuple(sorted(point.value for point in entry_points(group=GROUP)))
+
+
+def _loaded(module: str) -> ModuleType:
+    try:
+        return import_module(module)
+    except Exception as error:
+        raise ArgumentError(
+            f"The extension {module} cannot be imported ({error_line(error)}): install its package again, or remove it."
+        ) from error
 
 
 def import_string(place: str) -> Any:

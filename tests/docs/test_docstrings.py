@@ -14,6 +14,7 @@ from imports import modules
 
 PACKAGES = (co, co.difference_maps, co.errors, co.groups, co.mechanics, co.methods, co.simulation, co.spaces, co.sweeps)
 PUBLIC = list(dict.fromkeys(getattr(package, name) for package in PACKAGES for name in package.__all__))
+PUBLIC = [one for one in PUBLIC if one not in (co.simulation.Ensemble, co.simulation.Run)]  # which runs return
 PUBLIC.append(co.System.state)
 PUBLIC = [one for one in PUBLIC if callable(one) and not (inspect.isclass(one) and issubclass(one, Exception))]
 PUBLIC += [co.stability.steady_motion, co.stability.stability, co.stability.energy_casimir]
