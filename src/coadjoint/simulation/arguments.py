@@ -22,7 +22,7 @@ from coadjoint.methods.method import Method
 
 
 def read_of(read: Callable[[State], Any], what: str, state: State) -> Any:
-    """read(state); raises what it raises, or ArgumentError where `what` can be read of the state with a g alone."""
+    """read(state); passes its errors on, or raises ArgumentError if `what` can be read only from a state with g."""
     try:
         return read(state)
     except (LagrangianError, AttributeError) as error:
@@ -32,7 +32,7 @@ def read_of(read: Callable[[State], Any], what: str, state: State) -> Any:
 
 
 def needs_g(what: str, verb: str = "needs") -> ArgumentError:
-    """What is told of something that cannot be read without g."""
+    """The error for something that cannot be read without g."""
     return ArgumentError(f"{what} {verb} g, which this method does not compute: see its carry_g.")
 
 
@@ -84,10 +84,10 @@ def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
 
 
 def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool = False) -> tuple[System, State]:
-    """The system driven by `inputs`, and the start with what is held over its first step.
+    """The system driven by `inputs`, and the start with the inputs held over its first step.
 
-    Its momenta stay those that it shows, with its own inputs, whatever drives the run; `by_velocities` ξ₀, ν₀ stay.
-    Of an ensemble what is held is that of its first member: every member takes its own when it starts.
+    The start keeps the momenta that it has with its own inputs, whatever drives the run; with `by_velocities` it keeps
+    ξ₀, ν₀. In an ensemble the held inputs are those of the first member: each member takes its own when it starts.
     Raises ArgumentError and LagrangianError for what cannot be an input.
     """
     if isinstance(inputs, Each):
@@ -113,7 +113,7 @@ def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool =
 
 
 def held_at(system: System, state: State) -> Any:
-    """What is held over the step that starts at a state."""
+    """The inputs held over the step that starts at a state."""
 
     def first(state):
         return inputs_held(system, state)

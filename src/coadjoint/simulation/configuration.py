@@ -152,10 +152,10 @@ TRACING = "2"
 def fingerprint(
     plan: Plan, state: State, one: tuple[Constants, State] | None = None, known: Traced | None = None
 ) -> dict[str, str]:
-    """Digests of the equations as they are traced, of the numbers in them, and of the grid.
+    """Digests of the traced equations, of their numbers, and of the grid.
 
-    Equal in every process with the same versions of Python's packages; names of functions do not count. `one` member
-    of an ensemble is what its equations are traced for; known: what was traced of them for the kernel.
+    They are equal in every process with the same versions of Python's packages; names of functions do not count.
+    one: the member of an ensemble for which its equations are traced. known: the traces made for the kernel.
     """
     constants, start = (plan.constants, state) if one is None else one
     name = plans.name(plan.program, constants, start, "fingerprint", plan.watches, plan.constants.monitors)

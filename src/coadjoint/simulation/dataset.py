@@ -100,9 +100,9 @@ def dataset(run: Result) -> xarray.Dataset:
 
 
 def outline(run: Result) -> xarray.Dataset:
-    """The variables that a run will have, of its first record, with monitors of 0; of an ensemble those of a member.
+    """The variables that a run will have, from its first record with monitors of 0; of an ensemble those of one member.
 
-    They are of the parameters of all members, as its dataset is: what is reported of one of them may be unknown of all.
+    They use the parameters of all members, like its dataset: a variable known for one member may be unknown for all.
     """
     _, state = run.one
     monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
@@ -164,10 +164,10 @@ def variables(
     monitors: Mapping[str, np.ndarray],
     derive: Callable[[State], dict[str, Any]],
 ) -> Variables:
-    """Dimensions and values of every variable, one row a record; `derive` gives what a `Derivation` does.
+    """Dimensions and values of every variable, one row per record; `derive` returns the values of a `Derivation`.
 
-    ξ and ν are those of the nodes, and of the steps as `xi_step` and `nu_step`; where those of the nodes are not known,
-    those of the steps. What has no components, as ξ on the group {e}, is no variable.
+    ξ and ν belong to the nodes, `xi_step` and `nu_step` to the steps; where the velocities of the nodes are unknown, ξ
+    and ν belong to the steps. Quantities without components, such as ξ on the group {e}, are left out.
     """
     group, Q, V = system.places
     found: Variables = {}

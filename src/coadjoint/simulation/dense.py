@@ -20,7 +20,7 @@ from coadjoint.simulation.plan import Plan
 
 
 def not_finite(plan: Plan, state: State) -> str | None:
-    """Which event has no value at a state, in a sentence; None where all have one."""
+    """The message that names an event without a finite value at a state; None if all values are finite."""
     for name, event in plan.events:
         if not np.isfinite(evaluate(event.function, state)):
             return f"the function `{name}` is not finite there: give one that is, wherever the motion goes."
@@ -30,7 +30,7 @@ def not_finite(plan: Plan, state: State) -> str | None:
 def part_of_step(plan: Plan, state: State, fraction: float, monitors: bool = False) -> Chunk:
     """A step of fraction·h from a state, by the method itself.
 
-    The internal state goes on along the course that it has over the whole step.
+    The internal state follows its course over the full step.
     """
     watches = monitors and plan.watches
     if fraction != 1.0 and state.internal_due is not None:
@@ -69,11 +69,11 @@ def taking_course(state: State, of: State) -> State:
 
 
 class DenseStep:
-    """The records within a step from a record: Φ_{θh}, with the unknowns of the whole step that starts there.
+    """The records within a step from a record: Φ_{θh}, with the unknowns of the full step that starts there.
 
-    The method's own step of part θ leads there: momenta are as exact as at the nodes, the state is on the group, and
-    all is continuous with both nodes. Inputs are held over the step; an internal state goes on along its course.
-    Raises StepError where such a step cannot be solved.
+    They come from the method's own step of length θh: momenta are as exact as at the nodes, the state is on the group,
+    and all values are continuous with both nodes. Inputs are held over the step; an internal state follows its course.
+    Raises StepError if such a step cannot be solved.
     """
 
     def __init__(self, plan: Plan, record: State):
@@ -134,6 +134,6 @@ def _record(plan: Plan, record: State, time: float) -> State:
     if (rest := (time - float(state.t)) / plan.h) > SLACK:
         state = sound(part_of_step(plan, state, rest)).final
     between = abs(steps - round(steps)) > SLACK
-    # Between nodes an internal state goes on along the course of the step: its rule is not applied there.
+    # Between nodes an internal state follows the course of the step: its rule is not applied there.
     opening = holding(plan) if between and plan.program.skeleton.internal is not None else plan
     return _row(sound(part_of_step(opening, state, 1.0)).records, 0)

@@ -1,4 +1,4 @@
-"""What follows from records: the velocities at the nodes, q and q̇, and what is seen in the other frame."""
+"""Quantities derived from records: the velocities at the nodes, q and q̇, and vectors in the other frame."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Derivation:
 
 
 def derivation(program: StepProgram) -> Derivation:
-    """That of a program's system; what was traced is kept for further runs of the same functions."""
+    """The derivation for a program's system; its traces are kept for further runs of the same functions."""
     return _kept(program.skeleton, program.version)
 
 
@@ -91,7 +91,8 @@ def _kept(skeleton: System, version: str) -> Derivation:
 def at_nodes(derive: Derivation, system: System, records: State, members: np.ndarray | None = None) -> State:
     """The records with the velocities (ξ, ν) at the nodes in place of those of the steps that start there.
 
-    Their origin keeps the latter, Newton's next guess of a run that goes on from one of them. members: as for `derive`.
+    Their origin keeps the latter as Newton's first guess for a run that continues from one of them. members: as for
+    `derive`.
     """
     found = derive(system.parameters, records, members)
     origin = Origin(records.origin.system, (records.xi, records.nu))

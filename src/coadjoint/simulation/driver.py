@@ -89,7 +89,7 @@ class Driver:
 
     @property
     def _patience(self) -> float:
-        """Seconds for a part of a block: what it costs to take up many members counts less in longer ones.
+        """Seconds for a part of a block: the cost of loading many members weighs less in longer parts.
 
         Machine code is interrupted between groups of lanes, so that one group alone has to be short.
         """
@@ -118,7 +118,7 @@ class Driver:
         position.watch(chunk)
 
     def undo(self, position: AnyPosition) -> None:
-        """Forget what was found beyond the position."""
+        """Discard the results beyond the position."""
 
     def _last(self, position: AnyPosition) -> Any:
         return self.run(position.state, 1, 1)

@@ -67,14 +67,14 @@ def gap(run: Result) -> list[str]:
 
 
 TOO_MUCH = 0.1
-"""The relative change of a conserved energy from which on the card warns."""
+"""The relative change of a conserved energy above which the certificate warns."""
 GAINED = 1e-3
-"""What passive forces put in, relative to the largest energy that they have changed, from which on the card warns."""
+"""The energy put in by passive forces, relative to the largest that they changed, above which the certificate warns."""
 
 LISTED = 10
 """How many members a warning lists."""
 BLOCK = 1 << 20
-"""Values of a monitor that are read at once, of as many members as have them."""
+"""How many values of a monitor are read together: it limits the members of one read."""
 
 
 def energy_known(run: Result) -> bool:
@@ -122,7 +122,7 @@ class _Gain(NamedTuple):
 
 
 class _Watched(NamedTuple):
-    """What is known of one run: monitors at the saved nodes, (minimum, maximum) over every step, times of the nodes."""
+    """The observations of a run: monitors at the saved nodes, (minimum, maximum) over all steps, times of the nodes."""
 
     rows: Mapping[str, np.ndarray]
     extrema: Mapping[str, tuple[float, float]]
@@ -164,7 +164,7 @@ def members_driven(ensemble: Result) -> list[str]:
 
 
 def _asked(run: Result) -> list[str]:
-    """The monitors that tell of passive forces; none where there are none, or where their work is not observed."""
+    """The monitors that show passive forces; empty if there are no such forces or their work is not observed."""
     names = [f"work_{name}" for name, force in run.system.forces or () if hasattr(force, "passive")]
     if not names or any(name not in run.ends for name in names):
         return []

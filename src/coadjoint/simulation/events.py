@@ -53,7 +53,7 @@ def as_event(given: Event | Callable[[State], Any] | None, what: str = "Argument
 
 
 def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
-    """Events by their names; raises ArgumentError for what is no dictionary of them."""
+    """Events by their names; raises ArgumentError if `given` is not a dictionary of events."""
     if given is None:
         return {}
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):

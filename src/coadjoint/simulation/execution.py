@@ -34,7 +34,7 @@ HALVINGS = 20
 
 
 def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) -> R:
-    """Drive a run from where it stands to its end; raises StepError at a step that fails, save in an ensemble."""
+    """Drive a run from its position to its end; raises StepError at a step that fails, except in an ensemble."""
     ended = run.position.ended
     complete = run.memory.complete
     judging = accuracy and run.accuracy is None and not complete
@@ -82,8 +82,8 @@ def driver(run: Result, sink: Sink, progress: bool | None) -> Driver:
 
 
 def _solved(run: Result) -> str:
-    """The longest of dt/2, dt/4, … that is solved where dt failed, as words; none where none is, Newton solves, or the
-    internal state has no course without the whole step."""
+    """The longest of dt/2, dt/4, … that is solved where dt failed, as text; empty if none is, if Newton solves, or if
+    the internal state has no course without the full step."""
     fixed = all(isinstance(stage.structure, FixedPoint) for stage in run.plan.program.stages)
     state = run.position.state
     if not fixed or state.internal_due is not None:
@@ -119,10 +119,10 @@ def _sentence(run: Result) -> str:
 
 
 def interrupted(run: Any, loop: Driver, sink: Sink) -> Interrupted:
-    """What to raise for a run whose loop was interrupted; its records end where it stands.
+    """The exception for a run whose loop was interrupted; its records end at the current position.
 
-    Records in memory are cut there, and the node where it stands is added. On the disk a checkpoint is written, unless
-    the interrupt came while records were written: then the run goes on from the last one.
+    Records in memory are cut there, and the current node is added. On disk a checkpoint is written, unless the
+    interrupt came while records were written: then the run continues from the last checkpoint.
     """
     position, plan = run.position, run.plan
     if isinstance(run.memory, Memory):
@@ -140,7 +140,7 @@ def interrupted(run: Any, loop: Driver, sink: Sink) -> Interrupted:
 
 
 def _in_memory(run: Any, loop: Driver, sink: Sink) -> str:
-    """Cut a run where it stands, and say how one goes on."""
+    """Cut a run at its position and say how to continue it."""
     position, plan = run.position, run.plan
     kept = "what was computed is in `.run` of this exception"
     if position.ended:

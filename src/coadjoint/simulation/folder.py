@@ -58,7 +58,7 @@ def _reserved(made: Path, path: Path) -> Lock:
 
 
 def sweep_beside(path: Path) -> None:
-    """Remove what a process left beside a run that was killed when it began the same one at the same time."""
+    """Remove the files next to a run left by a process that was killed while it began the same run concurrently."""
     made = disk.partial(path)
     with contextlib.suppress(OSError):
         if made.is_dir():
@@ -72,7 +72,7 @@ def _clear(made: Path) -> None:
 
 
 def _give_up(made: Path, lock: Lock) -> None:
-    """Remove the folder that was to become a run; the lock goes last, so that nobody begins in what is removed."""
+    """Remove the folder of a run that did not begin; the lock goes last, so that no process begins a run in it."""
     with contextlib.suppress(OSError):
         _clear(made)
     lock.release()
@@ -81,7 +81,7 @@ def _give_up(made: Path, lock: Lock) -> None:
 
 
 def tidy(folder: Path) -> None:
-    """Remove what is left in the folder of a finished run whose process was killed then; raises OSError."""
+    """Remove temporary files from the folder of a finished run whose process was then killed; raises OSError."""
     if (folder / LOCK).exists() or len(list(folder.glob(CHECKPOINTS))) > 1:
         lock, manifest = Lock(folder), Manifest.read(folder)
         for path in folder.glob(CHECKPOINTS):

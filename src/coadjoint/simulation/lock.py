@@ -74,19 +74,19 @@ def _opened(path: Path) -> int:
 
 
 def _sign(handle: int) -> None:
-    """Write who holds a lock into its file, for others to tell."""
+    """Write the holder of a lock into its file, so that others can name it."""
     with contextlib.suppress(OSError):  # of a disk that is full
         os.ftruncate(handle, 0)
         os.write(handle, f"{os.getpid()} {socket.gethostname()}".encode())
 
 
 def _holder(handle: int) -> str:
-    """Who holds a lock, in words, as far as its file tells."""
+    """The holder of a lock as text, as far as its file names it."""
     with contextlib.suppress(OSError, ValueError):
         number, _, computer = os.read(handle, 300).decode("ascii").partition(" ")
         here = computer == socket.gethostname()
         if here and hasattr(os, "sched_yield"):  # not Windows, where signal 0 ends a process
-            os.kill(int(number), 0)  # raises where nobody has this number: who had the folder before was killed
+            os.kill(int(number), 0)  # raises if no process has this number: the previous holder was killed
         return f"process {int(number)}" if here else f"process {int(number)} on {computer}"
     return "another process"
 

@@ -23,11 +23,11 @@ Numbers = tuple[int, ...]
 
 
 class Ruler(NamedTuple):
-    """Where the parts of a state are in a row of numbers, and what is measured of them.
+    """The positions of the parts of a state in a row of numbers, and the quantities measured from them.
 
-    time: that of t. configuration: the arrays of g by name. points: the parts of q by name, first and last number.
-    momenta: those of π likewise. q: rows (k, size) → g·n (k, ambient), None where it is not known. turning: ξ (k, dim)
-    → the largest frequency of ad_ξ (k,), rad/s.
+    time: the position of t. configuration: the arrays of g by name. points: the parts of q by name, with their first
+    and last positions. momenta: the parts of π likewise. q: rows (k, size) → g·n (k, ambient), None if unknown.
+    turning: ξ (k, dim) → the largest frequency of ad_ξ (k,), rad/s.
     """
 
     time: int
@@ -76,7 +76,7 @@ def differences(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndar
 
 
 def _momenta(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
-    """Those of μ and π; one beside whose energy another's is round-off is none."""
+    """The differences of μ and π; a momentum whose energy is round-off relative to the other's counts as zero."""
     mu, pi, xi, nu = (list(numbers) for numbers in (ruler.mu, ruler.pi, ruler.xi, ruler.nu))
     energies = [_largest(begun[:, p]) * _largest(begun[:, v]) for p, v in ((mu, xi), (pi, nu))]
     kinds = [(f"{KEPT}μ", mu, _largest(begun[:, xi]))]

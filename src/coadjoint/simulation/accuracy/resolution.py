@@ -63,7 +63,7 @@ def judged_run(run: Result, sampler: Sampler) -> Accuracy | None:
 
 
 def unresolved_records(plan: Plan, records: State) -> str | None:
-    """What is to be warned of the steps of a plan from some of its records, evenly chosen; None where nothing is."""
+    """The warning about the steps of a plan, judged from evenly spaced records; None if dt resolves them."""
     count = len(records.t)
     most = STEPS if plan.backend == "native" else STEPS_BY_XLA
     chosen = np.unique(np.concatenate([np.arange(min(FIRST, count)), np.linspace(0, count - 1, most).astype(int)]))

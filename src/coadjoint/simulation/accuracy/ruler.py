@@ -1,4 +1,4 @@
-"""What is measured of the states of a system, from their layout, and the local error of single steps of a run."""
+"""The quantities measured from a system's states, given their layout, and the local error of single steps of a run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def numbered(layout: Layout) -> Any:
 
 @lru_cache(maxsize=64)
 def ruler_of(layout: Layout, places: Places) -> Ruler:
-    """What is measured of states of a layout."""
+    """The ruler for states of a layout."""
     group, Q, _ = places
     at = numbered(layout)
     names = () if at.g is None else group.leaf_names

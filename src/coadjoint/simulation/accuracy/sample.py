@@ -13,12 +13,12 @@ from coadjoint.mechanics.state import State
 from coadjoint.simulation.plan import Plan, RecordSink
 
 FIRST, SPREAD = 3, 16
-"""How many records of the start are kept, and how many are spread evenly over the whole run; those after 4, 8, 16, …
-saved nodes are kept too, for a run may end early."""
+"""The number of records kept from the start, and the number spread evenly over the run. The records after 4, 8, 16, …
+saved nodes are also kept, because a run may end early."""
 
 
 CHANGING = ("xi", "nu", "mu", "pi")
-"""Of these the record is kept from which to the next one the change is largest."""
+"""For each of these, the sample keeps the record from which the change to the next one is largest."""
 
 
 BLOCK = 4096
@@ -160,11 +160,11 @@ class Sampler:
 
     @property
     def largest(self) -> list[int]:
-        """The steps of the records from which to the next one momenta, then velocities, change most, each once."""
+        """The distinct steps of the records after which the momenta, then the velocities, change most."""
         fields = [field for field in reversed(CHANGING) if field in self._largest]
         return list(dict.fromkeys(self._largest[field].step for field in fields))
 
-    # A run that was interrupted goes on with the sample that its checkpoint has.
+    # An interrupted run continues with the sample in its checkpoint.
 
     def numbers(self) -> dict[str, np.ndarray]:
         """The sample so far, for a checkpoint."""

@@ -23,13 +23,13 @@ BENT = 0.2
 
 
 LARGE = 0.1
-"""The same, relative to the largest value: a ripple beside which all else is constant is none."""
+"""The same, relative to the largest value: a small ripple on a constant signal does not count."""
 
 
 def unresolved_inputs(run: Result, records: Any, h: np.ndarray) -> list[tuple[str, float]]:
-    """The inputs that are no straight line over more than half of the steps, each with a dt that would resolve it.
+    """The inputs that deviate from a straight line over more than half of the steps, each with a dt that resolves it.
 
-    A function of the motion is looked at as a function of time, everything else in the motion held.
+    A function of the motion is treated as a function of time, with everything else in the motion held constant.
     """
     system = run.plan.program.skeleton
     if system.inputs is None:

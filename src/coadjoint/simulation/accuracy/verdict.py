@@ -69,7 +69,7 @@ def whose(members: Any, good: np.ndarray, worst: int) -> Any:
 
 
 def sentence(dt: float, reasons: Any, resolving: float | None) -> str:
-    """What is warned of."""
+    """The text of the warning."""
     return (
         f"dt = {dt:g} does not resolve this motion: {'; '.join(reasons)}. Take dt = {resolving:.2g} or less. What is "
         "conserved does not tell."
@@ -89,26 +89,26 @@ def _resolving(parts: PartsOfSteps, row, h, member, limit: float, sizes: dict[st
 
 
 def _local_sizes(sizes: dict[str, float], halving: int) -> dict[str, float]:
-    """What is moved over a step shrinks with it, momenta do not."""
+    """The sizes for halved steps: displacements over a step shrink with it, momenta do not."""
     return {name: size if name.startswith(KEPT) else size / 2**halving for name, size in sizes.items()}
 
 
 FIRST, LAST = 3, 4096
-"""How many steps are judged as they come, and after how many none is any more."""
+"""The number of first steps that are all judged, and the number of steps after which none is judged."""
 
 
 AHEAD = (4, 32)
-"""How many steps ahead it is looked for how far a step moves."""
+"""How many steps ahead the judgement looks to find how far a step moves."""
 
 
 MEMBERS = 8
-"""How many members are judged, evenly among all."""
+"""How many members are judged, spread evenly over all."""
 
 
 class SampledSteps:
-    """What is known of steps that are judged one by one; `count` of them have been taken.
+    """The knowledge from steps that are judged one by one; `count` steps have been taken.
 
-    ahead: by how many steps it is looked ahead, by default `AHEAD`.
+    ahead: by how many steps the judgement looks ahead, by default `AHEAD`.
     """
 
     def __init__(self, parts: PartsOfSteps, ahead: tuple[int, ...] = AHEAD):
@@ -135,7 +135,7 @@ class SampledSteps:
         return True
 
     def judge(self, rows: np.ndarray, h: float, members: Any = None) -> str | None:
-        """What is to be warned of the steps of h from rows (k, size); None where nothing is."""
+        """The warning about steps of size h from rows (k, size); None if h resolves them."""
         length = np.full(len(rows), float(h))
         with np.errstate(all="ignore"):
             self._look_ahead(rows, length, members)
