@@ -43,7 +43,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Monitor:
-    """A function (system, step, record, h, constants) → {name: value} of every step, and what it gives.
+    """A function (system, step, record, h, constants) → {name: value} of every step, and the variables that it gives.
 
     when: (system, method, state) → whether runs of this system by this method observe it.
     """
@@ -56,7 +56,7 @@ class Monitor:
         return self.observe(system, step, record, h, constants)
 
     def __reduce__(self) -> Any:
-        """By its name in the module of its function, which it stands for there; otherwise by what it holds."""
+        """By name if the monitor replaces its function in the module of that function; otherwise by its fields."""
         module, name = self.observe.__module__, getattr(self.observe, "__name__", "")
         if getattr(sys.modules.get(module), name, None) is self:
             return import_string, (f"{module}:{name}",)
@@ -194,11 +194,11 @@ def group_defect(system: System, step: Step, record: State, h: Array, constants:
 
 
 BEFORE = (legendre_energy, discrete_energy)
-"""What is observed of a step before its Kelvin–Noether quantities, in the order of datasets."""
+"""Monitors of a step that precede its Kelvin–Noether quantities in datasets, in their order there."""
 
 
 AFTER = (energy_budget, step_size, group_defect, quantities)
-"""And what after them."""
+"""Monitors that follow the Kelvin–Noether quantities."""
 
 
 SOLVED = (
@@ -218,7 +218,7 @@ SOLVED = (
         largest="largest residual, relative",
     ),
 )
-"""What every step reports of its own solution; only the largest of it is kept."""
+"""Values that every step reports of its own solution; only the largest is kept."""
 
 
 def watched() -> list[Watched]:

@@ -68,8 +68,8 @@ def native_trajectory(program: StepProgram, arguments: Any, blocks: Blocks, by_x
 def on_host(function: Callable[[Any], Any], argument: Any, like: Any) -> Any:
     """function(argument) by NumPy on the host: float64 PyTrees in and out, the result shaped as `like`.
 
-    Numbers travel as pairs of 32-bit words: JAX calls back on threads of its own, where the float64 scope of the
-    caller does not hold and float64 numbers would be rounded to float32.
+    Numbers are passed as pairs of 32-bit words: JAX calls back on its own threads, where the float64 scope of the
+    caller does not apply and float64 numbers would be rounded to float32.
     """
     words, structure = _words(argument)
     leaves, result = jax.tree.flatten(like)

@@ -1,4 +1,4 @@
-"""A run as it is planned: a program over a grid, where it stands, and the sinks that its records go to."""
+"""The plan of a run: a program over a grid, the position of the run, and the sinks that take its records."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Sink(Protocol):
 
     @property
     def length(self) -> int:
-        """How many nodes of an ensemble it takes at once."""
+        """The most nodes of an ensemble that it takes in one call."""
         ...
 
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
@@ -122,9 +122,9 @@ class Sink(Protocol):
 
 
 class RecordSink(Sink, Protocol):
-    """A sink that keeps the records, in memory or on the disk, and with them a sample of them for a run that goes on.
+    """A sink that keeps the records, in memory or on disk, and a sample of them from which the run can be continued.
 
-    `sample` gives the sample so far, `sampled` is the one that was read, and `last` the last record.
+    `sample` gives the sample so far, `sampled` is the sample that was read, and `last` is the last record.
     """
 
     sample: Callable[[], Mapping[str, np.ndarray]]
@@ -181,7 +181,7 @@ class Plan:
 
     @property
     def watches(self) -> bool:
-        """Whether a kernel is to compute what is observed: monitors, or the values of events."""
+        """Whether a kernel computes observations: monitors, or the values of events."""
         return self.monitors or bool(self.events)
 
 

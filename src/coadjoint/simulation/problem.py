@@ -65,9 +65,9 @@ class SimulationProblem:
     events: Any = None
 
     def set_up(self, traces: Traced | None = None) -> Any:
-        """A Run, or an Ensemble where co.each is used, that is checked and has not begun; raises what is wrong.
+        """A checked Run that has not begun, or an Ensemble where co.each is used; raises the errors of the checks.
 
-        traces: takes up what is traced for the kernel, for the run's fingerprint.
+        traces: collects the traces made for the kernel, for the run's fingerprint.
         """
         count = count_of(self.system, self.start)
         return self._run(traces) if count is None else self._ensemble(count)

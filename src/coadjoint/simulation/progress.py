@@ -44,7 +44,7 @@ def compiling(title: str, what: str, wanted: bool | None) -> Iterator[None]:
 class Progress:
     """Steps done, remaining time and speed; shown when the run has taken a second, and gone when it ends.
 
-    steps: how many there are in all; None where nobody knows.
+    steps: the total number of steps; None if unknown.
     """
 
     def __init__(self, steps: int | None, wanted: bool | None, title: str, unit: str = "steps"):

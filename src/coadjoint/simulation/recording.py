@@ -83,7 +83,7 @@ class Recording:
         return target
 
     def _last_record(self) -> dict[str, Any]:
-        """Variables of a netCDF file from which a run goes on."""
+        """Variables of a netCDF file from which a run can be continued."""
         return {}
 
     def _text(self, ending: str, options: dict[str, Any]) -> str | bytes | None:
@@ -106,7 +106,7 @@ class Recording:
 
 
 def _require_equal(file: Path, whole: xarray.Dataset) -> None:
-    """Raise OSError unless a file holds the values of a dataset, to the bit."""
+    """Raise OSError unless the values in a file are bitwise equal to those of a dataset."""
     import xarray
 
     with xarray.open_dataset(file.absolute(), engine="h5netcdf", decode_cf=False) as opened:
@@ -123,7 +123,7 @@ def run_path(given: Any) -> Path:
 
 
 def beside(target: Path) -> Path:
-    """A hidden, unique name next to `target`; the system gives what is made there its permissions."""
+    """A hidden, unique name next to `target`; the system sets the permissions of a file made there."""
     return target.parent / f".{target.name}.{secrets.token_hex(4)}"
 
 
@@ -132,7 +132,7 @@ FORMATS: Registry[str] = Registry("FORMATS")
 
 
 LAST_RECORD = ("last_record", "run_parameters")
-"""Variables of a netCDF file that hold what a run goes on from; a dataset in memory is without them."""
+"""Variables of a netCDF file from which a run can be continued; a dataset in memory lacks them."""
 
 
 def csv_table(dataset: xarray.Dataset) -> str:

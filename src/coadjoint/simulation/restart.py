@@ -1,4 +1,4 @@
-"""The last record of a run in its file, to the bit, with the parameters, so that a run may go on from the file."""
+"""The exact last record of a run in its file, with the parameters, so that a run can be continued from the file."""
 
 from __future__ import annotations
 

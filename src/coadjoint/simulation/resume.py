@@ -171,13 +171,13 @@ def resume(
     until: Callable[[State], Any] | None = None,
     progress: bool | None = None,
 ) -> Run:
-    """Go on with a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
+    """Continue a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
 
         run = co.resume("spin", top)
 
-    The result is the same to the bit as that of a run that was never interrupted, on the same kind of processor. A
-    finished run is returned as it is, also from a folder that may not be written. The step size, the grid, the start
-    and the method are read from the folder; functions are not stored there.
+    On the same kind of processor the result is bitwise identical to that of a run that was never interrupted. A
+    finished run is returned unchanged, even from a read-only folder. The step size, the grid, the start and the method
+    are read from the folder; functions are not stored there.
 
     Arguments:
         folder: the folder that was given as `store`.

@@ -159,6 +159,6 @@ def _root(f: Function, left: tuple[float, float], right: tuple[float, float], gu
             if not abs(change) < 0.5 * last or not a < theta + change < b:
                 break
             theta, last = theta + change, abs(change)
-    if np.sign(f(b)) == np.sign(fa):  # f jumps across zero at the node, where what is held over a step changes
+    if np.sign(f(b)) == np.sign(fa):  # f jumps across zero at the node, where values held over a step change
         return b
     return brent(f, a, b, rtol=1e-14)

@@ -1,4 +1,4 @@
-"""A finished run, and many runs at once: records, certificate, dataset and plots."""
+"""A finished run, and an ensemble of runs: records, certificate, dataset and plots."""
 
 from __future__ import annotations
 
@@ -210,10 +210,10 @@ def statistics(
     """The variables of an ensemble's dataset with a dimension `statistic` in place of `member`.
 
     Its labels are "mean", "std" (with N − 1), "min", "max" and "5%", "50%", "95%" for quantiles 0.05, 0.5, 0.95.
-    Members that have failed do not count from there on; `members` is how many are left at each node, and where
-    there are none the statistics are NaN. Euler angles are counted from the mean direction, so that headings about
-    south are not torn apart at ±π. Raises ArgumentError for a variable that the dataset does not have, and for numbers
-    that are no quantiles.
+    A member that fails does not count from there on; `members` is the number left at each node, and the statistics
+    are NaN where no member is left. Euler angles are measured from the mean direction, so that headings near south
+    are not split at ±π. Raises ArgumentError for a variable that the dataset does not have, and for numbers that are
+    not quantiles.
     """
     import xarray
 
@@ -253,7 +253,7 @@ def _quantiles(given: Sequence[float]) -> list[float]:
 
 
 def _rows(values: np.ndarray, quantiles: list[float]) -> np.ndarray:
-    """Statistics over the first axis, (statistic, …), of what is no NaN."""
+    """Statistics over the first axis, (statistic, …), without NaN values."""
     good = np.isfinite(values)
     count = good.sum(axis=0)
     if good.all() and len(values) > 1:

@@ -28,7 +28,7 @@ READERS = {
     ".toml": "`coadjoint run` runs a run file or a mission, and writes a netCDF file",
     ".zip": "co.load_stepper loads what stepper.save wrote",
 }
-"""What reads files that are no runs, by their endings."""
+"""The readers of files that do not hold runs, by their endings."""
 
 
 class SavedRun(Recording):
@@ -44,9 +44,9 @@ class SavedRun(Recording):
 
     @cached_property
     def final(self) -> State:
-        """The last record, a State from which a run goes on to the bit. Needs the system: co.load(path, system).
+        """The exact last record, a State from which a run can be continued. Needs the system: co.load(path, system).
 
-        Raises ArgumentError without a system and for another one, FileError where the file lacks the record.
+        Raises ArgumentError without a system or with a different one, FileError if the file lacks the record.
         """
         from coadjoint.simulation.restart import read
 
@@ -84,8 +84,8 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     path: the file, or the folder that was given as `store`. system: that of the run, by default None; needed for
     `final` alone. Returns a `SavedRun` with `dataset`, `final`, `plot` and `save`.
 
-    Raises FileError where there is none, or where it was not written by this library; ArgumentError for what is no
-    system.
+    Raises FileError if there is no such file, or if this library did not write it; ArgumentError if `system` is not a
+    co.System.
     """
     import xarray
 
@@ -110,7 +110,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
             found = opened.load()
     except FileError:
         raise
-    except Exception as error:  # h5py and what is above it have errors of all kinds for what is damaged
+    except Exception as error:  # h5py and the libraries above it raise errors of all kinds for damaged files
         raise _unreadable(source) from error
     if "time" not in found or "card" not in found.attrs:
         raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
@@ -118,7 +118,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
 
 
 def _require_listed(source: Path) -> None:
-    """Raise FileError where a manifest beside a file says that other bytes were written."""
+    """Raise FileError if the file differs from the bytes that a manifest in its folder lists."""
     listing = source.parent / MANIFEST
     if not listing.is_file() or not _begins(listing, BEGINNING):  # of another program
         return
@@ -128,7 +128,7 @@ def _require_listed(source: Path) -> None:
 
 
 def _unreadable(source: Path) -> FileError:
-    """What to raise for a file that is not opened as netCDF: what it is instead, and what reads it."""
+    """The error for a file that cannot be opened as netCDF: it names the kind of file and its reader."""
     try:
         hdf5, zipped = _begins(source, HDF5), _begins(source, b"PK")
     except OSError as refusal:

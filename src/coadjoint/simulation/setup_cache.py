@@ -1,14 +1,14 @@
-"""Starts of runs that have been checked, by what their functions do and by the numbers in them.
+"""A cache of checked starts of runs, keyed by the behaviour of their functions and by their numbers.
 
-Every run reads all functions once and takes the digest of what it read (`mechanics.identity`). What was checked for the
-same digest, the same numbers, method and step size is not checked again in this process: whatever changes what a
-function of the system, its inputs, events or quantities does, be it a closure, a global, an array, an attribute or a
-function of a library, changes its digest. Groups, spaces, difference maps and methods count by their classes and
-fields.
+Every run reads all functions once and computes their digest (`mechanics.identity`). A start that was checked with the
+same digest, numbers, method and step size is not checked again in this process. Any change in the behaviour of a
+function of the system, its inputs, events or quantities changes the digest, whether through a closure, a global, an
+array, an attribute or a function of a library. Groups, spaces, difference maps and methods are identified by their
+classes and fields.
 
-A system of which all functions are the library's own, such as a shipped vehicle, is not read: it is known by the files
-of the library and by what the functions hold (`kernels.trace.identity`). What checks found is kept on disk for other
-processes (`kernels.run.disk_cache`), where groups, spaces, maps and methods are the library's.
+A system whose functions all belong to the library, such as a shipped vehicle, is not read: the files of the library and
+the values that the functions hold identify it (`kernels.trace.identity`). The results of checks are kept on
+disk for other processes (`kernels.run.disk_cache`) if groups, spaces, maps and methods are the library's.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ KEPT = 64
 
 
 class Known(NamedTuple):
-    """What set-up found: the state as the method begins it, warnings, the program, and what monitors observe with."""
+    """The results of set-up: the state as the method begins it, warnings, the program, and values for the monitors."""
 
     state: State
     warnings: list[str]
@@ -46,9 +46,9 @@ class Known(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """The digest of all functions as they were read, the key of what was found for it, and its name on disk, if any.
+    """The digest of all functions when they were read, the key of the results for it, and their name on disk, if any.
 
-    own: whether all functions are the library's own, and none was read.
+    own: whether all functions belong to the library, so that none was read.
     """
 
     version: str
@@ -94,7 +94,7 @@ def read(
 
 
 def found(reading: Reading | None) -> Known | None:
-    """What was found for this reading before, as a copy of its own."""
+    """A copy of the earlier results for this reading; None if there are none."""
     if reading is None:
         return None
     with _lock:
@@ -138,7 +138,7 @@ def _named(reading: Reading, purpose: str) -> str | None:
 
 
 def remember(reading: Reading | None, known: Known) -> None:
-    """Keep what was found for a reading."""
+    """Keep the results for a reading."""
     if reading is None:
         return
     with _lock:

@@ -66,8 +66,8 @@ def simulate(
         system: the mechanical system, a `co.System`.
         start: the state at t = t₀, from `system.state(…)`, or a record of another run, whose momenta stay.
         dt: h, the length of a step, s; positive, without a default. A method with variable steps scales its steps by
-            it, takes duration/dt of them, and the card gives the t that they led to.
-        duration: t_end − t₀, s, a whole number of steps; by default steps·dt. Give either this or `steps`.
+            it and takes duration/dt of them; the certificate gives the time that they reach.
+        duration: t_end − t₀, s, an integer multiple of dt; by default steps·dt. Give either this or `steps`.
         steps: the number of steps, at least 1; by default duration/dt.
         method: the integrator, by default `co.Midpoint(co.Cayley())`: order 2, symmetric, symplectic.
         save_every: every how many steps a record is kept, by default 1, and the last node always. Monitors and extrema
@@ -88,21 +88,23 @@ def simulate(
         progress: None, a progress bar on a terminal for runs over a second (the default); False, never.
         backend: "native", machine code, for small systems; "xla", JAX's compiler, for what cannot be traced to machine
             code; "auto", native where it can be (the default).
-        store: a folder to which records are written as they come, in constant memory; by default they stay in
-            memory. The same call again goes on with a run that was interrupted, and returns one that has finished; so
-            does `co.resume(store, system)`.
-        keep: what stays where `start` is a record of a run with other parameters, "momentum" (μ, π; velocities
-            change) or "velocity" (ξ, ν); by default such a start is refused. The card repeats it.
-        accuracy: whether a sample of the steps is judged, each against steps of parts of it; by default True: the card
-            gives the local error, or says that dt does not resolve the motion, and which would. "full": the run is
-            done again with dt/2, and the card gives the error of the trajectory, or the time up to which it holds.
+        store: a folder to which records are written during the run, in constant memory; by default they stay in
+            memory. Repeating the call continues an interrupted run, and returns a finished one; so does
+            `co.resume(store, system)`.
+        keep: the quantity that stays if `start` is a record of a run with other parameters, "momentum" (μ, π;
+            velocities change) or "velocity" (ξ, ν); by default such a start raises ArgumentError. The certificate
+            repeats the choice.
+        accuracy: whether a sample of the steps is judged, each by comparison with shorter steps over the same time; by
+            default True: the certificate gives the local error, or states that dt does not resolve the motion and
+            which dt would. "full": the run is repeated with dt/2, and the certificate gives the error of the
+            trajectory, or the time up to which it is accurate.
 
     Returns a `Run`: `records`, `final`, `dataset` (an xarray.Dataset with the dimension `time`), `plot`, `save(path)`,
-    `at(times)`. With `co.each` in the parameters or the start, all members run at once, and what is returned is an
-    `Ensemble`, with a dimension `member`; a member whose step fails is reported and masked, and the others go on.
+    `at(times)`. With `co.each` in the parameters or the start, all members run together in an `Ensemble`, with a
+    dimension `member`; a member whose step fails is reported and masked, and the others continue.
 
-    Raises ArgumentError, GroupError or LagrangianError before the first step, ArgumentError where `store` holds another
-    run, FileError where it holds something else or cannot be written, and StepError at a step that fails, with what was
+    Raises ArgumentError, GroupError or LagrangianError before the first step, ArgumentError if `store` holds another
+    run, FileError if it holds something else or cannot be written, and StepError at a step that fails, with the records
     computed until then in `.run`.
 
     Source: the discrete Euler–Poincaré equations with additional dynamics (P43), (P44) and the Kelvin–Noether theorem
