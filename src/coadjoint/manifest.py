@@ -99,7 +99,7 @@ class Manifest:
 
     def require(self, name: str, data: bytes | None = None) -> None:
         """Raise FileError unless a file, or the data read from it, is unchanged."""
-        entry = self.files[name]
+        entry = self._listed(name)
         self.require_size(name, None if data is None else len(data))
         if data is None and len(entry) == 2:
             try:
@@ -113,9 +113,15 @@ class Manifest:
         if found != entry[1]:
             raise FileError(f"The file {self.folder / name} of the run is damaged: {DAMAGED}.")
 
+    def _listed(self, name: str) -> list[Any]:
+        """The entry of a file; raises FileError where there is none."""
+        if name not in self.files:
+            raise FileError(f"The file {self.folder / name} is not among those of the manifest: {DAMAGED}.")
+        return self.files[name]
+
     def require_size(self, name: str, found: int | None = None) -> None:
         """Raise FileError unless a file exists in full length."""
-        size, path = self.files[name][0], self.path(name)
+        size, path = self._listed(name)[0], self.path(name)
         if found is None:
             found = path.stat().st_size if path.is_file() else None
         if found != size:

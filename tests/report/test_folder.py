@@ -11,7 +11,7 @@ import pytest
 from coadjoint.errors import FileError
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.report.companion_files import keep_beside
-from coadjoint.report.folder import INPUTS, RUN_FILE, SUMMARY, UNFINISHED, claimed, kept_inputs, require_free
+from coadjoint.report.folder import INPUTS, RUN_FILE, SUMMARY, UNFINISHED, claimed, held, kept_inputs, require_free
 
 RUN = "[run]\ndt = 0.01\n"
 OTHER = "[run]\ndt = 0.02\n"
@@ -186,3 +186,13 @@ def test_what_a_kill_left_among_the_inputs_is_removed(tmp_path):
     left.write_text("half of it")
     with claimed(tmp_path / "out", RUN, False, {"data.csv": source}):
         assert not left.exists()
+
+
+def test_a_folder_whose_manifest_lists_no_run_file_is_refused(tmp_path):
+    finish(tmp_path)
+    manifest = Manifest.read(tmp_path)
+    del manifest.files[RUN_FILE]
+    manifest.write()
+    for begin in (lambda: finish(tmp_path), lambda: require_free(tmp_path, RUN), lambda: held(tmp_path).__enter__()):
+        with pytest.raises(FileError, match=r"run.toml is not among those of the manifest: put back a copy"):
+            begin()

@@ -346,16 +346,28 @@ def test_a_mesh_whose_buffers_are_one_file_again_and_again_is_refused(tmp_path, 
             read_mesh(file)
 
 
-def test_files_that_are_too_large_for_their_kind_are_refused(tmp_path):
+def test_files_that_are_too_large_for_their_kind_are_refused(tmp_path, monkeypatch):
     mesh, folder = tmp_path / "x.stl", tmp_path / "run"
     folder.mkdir()
     for file, size in ((mesh, 33_000_000), (folder / "manifest.json", 1 << 27), (folder / "summary.json", 1 << 27)):
         with file.open("wb") as opened:
             opened.truncate(size)  # of holes, which take no room on the disk
+    from coadjoint.cli.commands import Reproduce
     from coadjoint.cli.results_folder import summary
     from coadjoint.manifest import Manifest
+    from coadjoint.report.folder import held
+    from coadjoint.sweeps.task import read
 
-    for reading in (lambda: read_mesh(mesh), lambda: Manifest.read(folder), lambda: summary(folder)):
+    monkeypatch.setattr("coadjoint.report.reproduce.reproduce", lambda *_, **__: None)  # the folder holds it
+    other = tmp_path / "other"
+    other.mkdir()
+    Manifest(other, {"kind": "results", "inputs": {}}).write()
+    with (other / "run.toml").open("wb") as opened:
+        opened.truncate(1 << 27)
+    for reading in (
+        lambda: read_mesh(mesh), lambda: Manifest.read(folder), lambda: summary(folder), lambda: read(str(other), ""),
+        lambda: held(other).__enter__(), Reproduce(folder, json=True),
+    ):  # fmt: skip
         with pytest.raises(CoadjointError, match=r"larger than|too large"):
             reading()
 

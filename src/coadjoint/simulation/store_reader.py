@@ -143,8 +143,7 @@ def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
 def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> dict[str, Any]:
     """What zarr.json of a folder says; raises FileError where it is not what was written, or of another kind."""
     name = f"{place}/zarr.json"
-    if name not in manifest.files:
-        raise FileError(f"The file {manifest.folder / name} is not among those of the manifest: {DAMAGED}.")
+    manifest.require_size(name)
     if manifest.files[name][0] > LARGEST:
         raise _strange(manifest, name, "is too large")
     manifest.require(name)

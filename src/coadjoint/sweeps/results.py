@@ -66,7 +66,7 @@ class SweepResults:
     def statistics(self) -> xarray.Dataset:
         """Mean, standard deviation, extremes and quantiles over the members that did not fail; raises FileError."""
         path = self.folder / STATISTICS
-        _require(self.manifest, STATISTICS)
+        self.manifest.require(STATISTICS)
         try:
             if readable(path):
                 found = xarray.load_dataset(path.absolute(), engine="h5netcdf")
@@ -106,7 +106,7 @@ def load_sweep(folder: Path | str) -> SweepResults:
 
 def _summary(manifest: Manifest) -> dict[str, Any]:
     """The contents of summary.json; raises FileError if it is damaged, or not that of a sweep."""
-    _require(manifest, SUMMARY)
+    manifest.require(SUMMARY)
     path = manifest.folder / SUMMARY
     try:
         found = json.loads(text_of(path, LARGEST_SUMMARY))
@@ -127,13 +127,6 @@ def _summary(manifest: Manifest) -> dict[str, Any]:
 
 _WORDS = ("system", "method", "sampling", "card")
 _NUMBERS = ("members", "tasks", "members_of_a_task", "finished", "events", "dt", "steps", "seconds", "task_seconds")
-
-
-def _require(manifest: Manifest, name: str) -> None:
-    """Raise FileError unless a file is unchanged."""
-    if name not in manifest.files:
-        raise FileError(f"The file {manifest.folder / name} is not among those of the manifest: {DAMAGED}.")
-    manifest.require(name)
 
 
 def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[str, Any]) -> tuple[xarray.Dataset, dict]:
