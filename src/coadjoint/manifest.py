@@ -18,12 +18,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from coadjoint import disk
-from coadjoint.errors import FileError, shown
+from coadjoint.errors import CoadjointError, FileError, error_line, shown
 
 MANIFEST = "manifest.json"
 FORMAT = 2
@@ -116,7 +117,7 @@ class Manifest:
     def _listed(self, name: str) -> list[Any]:
         """The entry of a file; raises FileError where there is none."""
         if name not in self.files:
-            raise FileError(f"The file {self.folder / name} is not among those of the manifest: {DAMAGED}.")
+            raise FileError(f"The file {self.folder}/{name} is not among those of the manifest: {DAMAGED}.")
         return self.files[name]
 
     def require_size(self, name: str, found: int | None = None) -> None:
@@ -137,6 +138,18 @@ class Manifest:
                 self.require(name)
             except FileError as error:
                 yield str(error)
+
+
+@contextmanager
+def as_written(folder: Path) -> Iterator[None]:
+    """Raise FileError for what a folder holds in place of what the library writes; no function of a user runs here."""
+    try:
+        yield
+    except CoadjointError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        what = f"holds what coadjoint does not write ({error_line(error)})"
+        raise FileError(f"The folder {folder} {what}: {DAMAGED}.") from error
 
 
 def _is_entry(found: Any) -> bool:

@@ -416,3 +416,49 @@ for attempt in (
     assert "cannot be written: Permission denied" in second
     assert rest == ["2000", "2000"]
     assert contents(open_place) == before
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory, vehicle):
+    """The folder of a run of few steps."""
+    place = tmp_path_factory.mktemp("short") / "run"
+    co.simulate(vehicle, interrupted.start(vehicle), dt=0.01, steps=4, progress=False, accuracy=False, store=place)
+    return place
+
+
+def forged(folder: Path, key: str, value: object) -> Path:
+    """A folder as somebody changes it who can compute checksums, too."""
+    manifest = Manifest.read(folder)
+    if key in ("checkpoint", "fingerprint"):
+        manifest.facts[key] = value
+    else:
+        name = "configuration.npz" if key not in ("records", "attributes") else manifest.facts["checkpoint"]
+        header, arrays = configuration.unpacked(manifest.path(name))
+        header[key] = value
+        manifest.path(name).write_bytes(configuration.packed(header, arrays))
+        manifest.enter(name)
+    manifest.write()
+    return folder
+
+
+@pytest.mark.cases(1)
+@pytest.mark.parametrize(("key", "value"), [("checkpoint", 7), ("records", [1]), ("attributes", None)])
+def test_a_folder_that_was_forged_is_not_read(short, tmp_path, key, value):
+    folder = forged(Path(shutil.copytree(short, tmp_path / "run")), key, value)
+    with pytest.raises(co.FileError, match=r"does not write|not among those"):
+        co.load(folder)
+
+
+@pytest.mark.cases(2)
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("again", 7), ("again", ["x"]), ("method", "x"), ("method", {"class": "Nothing"}), ("start", 7), ("dt", {}),
+        ("method", {"class": "Midpoint"}), ("method", {"class": "Midpoint", "7": 1}), ("start", {"t": "..", "g": []}),
+        ("fingerprint", 1.5), ("attributes", None), ("checkpoint", 7),
+    ],
+)  # fmt: skip
+def test_a_run_whose_folder_was_forged_is_not_taken_up(short, tmp_path, vehicle, key, value):
+    folder = forged(Path(shutil.copytree(short, tmp_path / "run")), key, value)
+    with pytest.raises(co.FileError, match=r"does not write|not among those"):
+        co.resume(folder, vehicle)

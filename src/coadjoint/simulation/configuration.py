@@ -39,7 +39,7 @@ _FIXED = [f.name for f in dataclasses.fields(State) if f.metadata.get("static") 
 _NUMBERS = [f.name for f in dataclasses.fields(State) if not f.metadata.get("static")]
 
 
-class Unwritable(Exception):
+class Unwritable(ValueError):
     """Something that has no form as JSON: the user gives it again."""
 
 
@@ -74,7 +74,7 @@ def _class(name: str) -> Any:
 
 
 def method_from(form: Any) -> Any:
-    """What `method_form` described."""
+    """What `method_form` described; raises ValueError, AttributeError or TypeError for what it does not write."""
     if isinstance(form, list):
         return tuple(method_from(item) for item in form)
     if not isinstance(form, Mapping):
@@ -83,6 +83,8 @@ def method_from(form: Any) -> Any:
     for name, value in form.items():
         if name != "class":
             object.__setattr__(made, name, method_from(value))
+    if _form(made) != dict(form):
+        raise ValueError(f"no {form['class']}")
     return made
 
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, shown
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import logger
-from coadjoint.manifest import MANIFEST
+from coadjoint.manifest import MANIFEST, as_written
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
@@ -194,20 +194,28 @@ def resume(
     """
     began = time.perf_counter()
     place = Path(folder).absolute()
-    header, numbers = read_configuration(run_manifest(place))
     given = {"inputs": inputs, "kelvin_noether": kelvin_noether, "until": until}
-    for name in header["again"]:
-        if given[name] is None:
-            raise ArgumentError(f"This run was begun with `{name}`, which its folder does not keep: give it again.")
-    method = method_from(header["method"]) if method is None else method
-    if method is None:
-        raise ArgumentError("The folder of this run does not keep its method: give `method` again.")
-    start = start_from(header["start"], numbers, system) if start is None else start
-    grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
-    problem = SimulationProblem(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until)
+    with as_written(place):
+        header, numbers = read_configuration(run_manifest(place))
+        for name in header["again"]:
+            if given[name] is None:
+                raise ArgumentError(f"This run was begun with `{name}`, which its folder does not keep: give it again.")
+        kept = method_from(header["method"])
+        if not isinstance(kept, Method | None):
+            raise TypeError(f"no method, but {shown(kept)}")
+        method = kept if method is None else method
+        if method is None:
+            raise ArgumentError("The folder of this run does not keep its method: give `method` again.")
+        start = start_from(header["start"], numbers, system) if start is None else start
+        grid = float(header["dt"]), int(header["steps"]), int(header["save_every"]), bool(header["monitors"])
+        backend, accuracy = header["backend"], header["accuracy"]
+    problem = SimulationProblem(system, start, method, *grid, kelvin_noether, inputs, backend, until)
     run = problem.set_up(traces := Traced())
-    _require_same(place, header, fingerprint(run.plan, run.position.state, run.one, traces))
-    return execute(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
+    marks = fingerprint(run.plan, run.position.state, run.one, traces)
+    with as_written(place):
+        _require_same(place, header, marks)
+        taken = _taken_up(run, place)
+    return execute(taken, progress, began, accuracy)  # type: ignore[return-value]
 
 
 def _taken_up(run: Result, folder: Path) -> StreamedRun | StreamedEnsemble:

@@ -20,7 +20,7 @@ import zarr
 from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError, error_line
-from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, sums_up
+from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, as_written, sums_up
 from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import coordinates_of, labelled
 
@@ -252,10 +252,13 @@ def stored_dataset(
 
 def saved_dataset(folder: Path) -> xarray.Dataset:
     """The dataset of the run in a folder, as far as its checkpoint; raises FileError where it is incomplete."""
-    manifest, header, arrays = standing(folder)
-    members = [arrays[name] for name in ("position/steps_done", "position/codes") if name in arrays]
-    coordinates = coordinates_of(*members) if members else {}
-    return stored_dataset(manifest, header["records"], header["attributes"], coordinates)
+    with as_written(folder):
+        manifest, header, arrays = standing(folder)
+        if type(header["records"]) is not int:
+            raise TypeError("no number of records")
+        members = [arrays[name] for name in ("position/steps_done", "position/codes") if name in arrays]
+        coordinates = coordinates_of(*members) if members else {}
+        return stored_dataset(manifest, header["records"], header["attributes"], coordinates)
 
 
 def require_run(folder: Path) -> None:
