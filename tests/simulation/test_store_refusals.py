@@ -445,7 +445,7 @@ def forged(folder: Path, key: str, value: object) -> Path:
 @pytest.mark.parametrize(("key", "value"), [("checkpoint", 7), ("records", [1]), ("attributes", None)])
 def test_a_folder_that_was_forged_is_not_read(short, tmp_path, key, value):
     folder = forged(Path(shutil.copytree(short, tmp_path / "run")), key, value)
-    with pytest.raises(co.FileError, match=r"does not write|not among those"):
+    with pytest.raises(co.errors.FileError, match=r"does not write|not among those"):
         co.load(folder)
 
 
@@ -460,5 +460,5 @@ def test_a_folder_that_was_forged_is_not_read(short, tmp_path, key, value):
 )  # fmt: skip
 def test_a_run_whose_folder_was_forged_is_not_taken_up(short, tmp_path, vehicle, key, value):
     folder = forged(Path(shutil.copytree(short, tmp_path / "run")), key, value)
-    with pytest.raises(co.FileError, match=r"does not write|not among those"):
+    with pytest.raises(co.errors.FileError, match=r"does not write|not among those"):
         co.resume(folder, vehicle)
