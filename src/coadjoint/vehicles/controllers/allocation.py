@@ -23,9 +23,9 @@ class Allocation(NamedTuple):
 
 
 def allocation(motion: UnderWay) -> Allocation:
-    """The fins' angles of least squares that turn about one axis and about no other, at the speed of `motion`.
+    """The least-squares fin angles that turn about one axis and about no other, at the speed of `motion`.
 
-    A command whose push ahead at this speed is more than what it turns by is propulsion, and not mixed into turns.
+    A command whose push ahead at this speed exceeds its turning effect is propulsion; turns do not use it.
     Raises ArgumentError without propulsion, or where no fin pitches or yaws.
     """
     screws = propulsion(motion)

@@ -55,8 +55,8 @@ def attitude_distance(R: Array, wanted: Array) -> Array:
 def angular_acceleration(gains: Any, R: Array, wanted: Array, omega: Array) -> Array:
     """α = −k_R e_R − k_ω ω, rad/s², towards an attitude R_d at rest. gains: (k_R in 1/s², k_ω in 1/s).
 
-    With ω̇ = α, V = ½|ω|² + k_R Ψ has V̇ = −k_ω|ω|²: from everywhere but a set without volume, attitudes that are half a
-    turn away, R goes to R_d. Nothing here has Euler angles, so that pitch ±90° is no special place.
+    With ω̇ = α, V = ½|ω|² + k_R Ψ has V̇ = −k_ω|ω|²: R converges to R_d from everywhere except a set of measure zero,
+    attitudes half a turn away. No Euler angles occur, so pitch ±90° is not a special case.
     Source: Lee, Leok, McClamroch (2010), Propositions 1 and 2, per unit of inertia.
     """
     return -gains[0] * attitude_error(R, wanted) - gains[1] * omega
@@ -64,7 +64,7 @@ def angular_acceleration(gains: Any, R: Array, wanted: Array, omega: Array) -> A
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Attitude(Controller):
-    """Any attitude, by fins under way: a vertical dive, or a loop, is no special place.
+    """Any attitude, by fins under way: a vertical dive or a loop is not a special case.
 
         α = −k_R e_R − k_I ∫e_R − k_ω ω,    δ = (U/u)² G⁺ (α − (u/U) A (v, w, ω) − b)
 
@@ -75,7 +75,7 @@ class Attitude(Controller):
     Set points: `attitude`, R_d, (3, 3), body to space, and `speed` (m/s through the water).
     Fields, the keys of [controller] with kind = "attitude", all optional: speed (1.5 m/s); period, delay (s);
     attitude_gains: k_R (1/s²), k_I (1/s³), k_ω (1/s); speed_gains, feed_forward, fin_limit, thrust_limit as of
-    `Cruise`. What is left out is proposed. Raises ArgumentError.
+    `Cruise`. Missing values are proposed. Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "attitude"

@@ -36,7 +36,7 @@ class Cruise(Controller):
     (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
     m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
     errors count as these, so that turns stay within what fins can hold; pitch_limit, fin_limit (rad); thrust_limit
-    (command); vertical: "depth", "altitude" or "pitch"; bottom (m). What is left out is proposed from the vehicle's
+    (command); vertical: "depth", "altitude" or "pitch"; bottom (m). Missing values are proposed from the vehicle's
     mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
     """
 
@@ -83,7 +83,7 @@ class Cruise(Controller):
         T, omega = own.period, feedback.omega
         faster = own.speed / jnp.maximum(feedback.velocity[0], own.speed / 3)
         climb, of_depth = self._climb(feedback, memory, own)
-        # Depth that pitch has yet to follow is no error to be remembered.
+        # The integral ignores a depth error that pitch has yet to follow.
         of_depth = jnp.where(jnp.abs(climb - feedback.pitch) > own.pitch_reach, memory.depth, of_depth)
         up, of_pitch = self._turn("pitch", climb - feedback.pitch, omega[1], memory.pitch, faster, own)
         turned = nearest_turn(feedback.inputs.heading - feedback.heading)

@@ -39,7 +39,7 @@ def propose(controller: Any, vehicle: Any) -> Any:
 
 
 def _with(controller: Any, found: dict[str, Any], **more: Any) -> Any:
-    """The controller with what was found for it: its allocation, and the fields that were left out."""
+    """The controller with its allocation and the proposed values of missing fields."""
     mixed = Allocation(found["matrix"], tuple(found["names"]))
     return replace(controller, allocation=mixed, **found["chosen"], **more)
 

@@ -95,7 +95,7 @@ class Manoeuvre(Thrusting):
     Set points: `depth` (m), `heading` (rad), `speed` (m/s through the water), so that missions for torpedoes fit.
     Fields, the keys of [controller] with kind = "manoeuvre", all optional: thrusters; period, delay (s); depth_gains
     (1/s², 1/s³, 1/s), attitude_gains (the same), speed_gains (1/s, 1/s², 1): k_p, k_i, k_d of each; surge_limit,
-    heave_limit (m/s²), reach (1 m), weigh (0 to 1), drag (N s/m, N s²/m²). What is left out is proposed. Raises
+    heave_limit (m/s²), reach (1 m), weigh (0 to 1), drag (N s/m, N s²/m²). Missing values are proposed. Raises
     ArgumentError.
     """
 

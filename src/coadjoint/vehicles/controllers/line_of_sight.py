@@ -21,7 +21,7 @@ from coadjoint.vehicles.parts.measured import measured, not_negative
 
 
 class Leg(NamedTuple):
-    """Where a point stands beside a straight leg: `course` and `climb` of the leg (rad), distances in m.
+    """The place of a point relative to a straight leg: `course` and `climb` of the leg (rad), distances in m.
 
     climb: positive upwards. length: of the leg over ground. along: over ground, from its start; beside: to starboard of
     it; beneath: under it, across it in the vertical plane.
@@ -75,7 +75,7 @@ class LineOfSight(Controller):
         way point ahead where it takes `depth`
 
     with the course χ and the climb γ of the leg, y to starboard of it and z beneath it (`leg`, `line_of_sight`). The
-    next leg begins within `acceptance` of a way point, or beside it; the last one is followed on.
+    next leg begins within `acceptance` of a way point, or abreast of it; the last leg is followed without end.
 
     way_points: (n, 3) m, north, east, depth; n ≥ 2. look_ahead: Δ, m, by default four lengths of the vehicle. gain: σ,
     m/s, 0.2 by default; 0 follows without integral. acceptance: m over ground, by default two lengths. helm: a

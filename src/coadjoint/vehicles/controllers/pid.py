@@ -14,8 +14,8 @@ def pid(
 ) -> tuple[Array, Array]:
     """(u, I) with u = clip(u₀ + k_p e + k_i I − k_d ė_m, low, limit) and I ← I + T e unless that winds up.
 
-    gains: (k_p, k_i, k_d). rate: that of what is measured, so that a step of the set point does not kick. period: T, s.
-    base: u₀, what is known beforehand. low: −limit by default.
+    gains: (k_p, k_i, k_d). rate: of the measured value, so that a step of the set point does not kick. period: T, s.
+    base: u₀, the feed-forward part. low: −limit by default.
     The integral stops where u is beyond its limits and e drives it further out (conditional integration; Åström and
     Hägglund 2006, 3.5).
     """

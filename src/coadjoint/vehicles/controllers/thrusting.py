@@ -27,7 +27,7 @@ SHARE = 0.5
 MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LARGEST_TURN = 1.0
-"""rad: a level vehicle is never asked for more than this at once, so that half a turn is no special case."""
+"""rad: the largest heading change commanded of a level vehicle, so that half a turn is not a special case."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,4 +1,4 @@
-"""Vehicles to learn from: Gymnasium environments, alone or thousands at once, with tasks, rewards and ends."""
+"""Vehicles to learn from: Gymnasium environments, alone or thousands in parallel, with tasks, rewards and ends."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Actions:
     def commands(self, actions: Any, lead: tuple[int, ...]) -> np.ndarray:
         """The commands (*lead, size) of actions (*lead, size), which are cut off at ±1.
 
-        Raises ArgumentError for another shape and for what is not finite.
+        Raises ArgumentError for another shape and for values that are not finite.
         """
         try:
             given = np.asarray(actions, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Cross a current that nobody tells of."""
+"""Cross a current that is not observed."""
 
 from __future__ import annotations
 

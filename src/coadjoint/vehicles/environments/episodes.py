@@ -26,7 +26,7 @@ KEYS = ("position", "euler_zyx", "velocity", "speed", "angular_velocity")
 
 
 class Episodes:
-    """The episodes of `count` members: every one has its own random numbers, so that what it meets is its own alone."""
+    """The episodes of `count` members; every member has independent random numbers."""
 
     def __init__(self, simulated: Simulated):
         self.simulated = simulated
@@ -40,7 +40,7 @@ class Episodes:
         self._started: Callable[..., State] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is traced anew."""
+        """The state without the function that is traced again."""
         return {**self.__dict__, "_started": None}
 
     def seed(self, member: int, random: np.random.Generator, varying: np.random.Generator) -> None:

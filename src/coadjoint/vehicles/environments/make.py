@@ -63,13 +63,13 @@ def environment(
 
     vehicle: the name of one that is shipped, the path of a file, or a Vehicle. task: its name or a `Task`.
     actions: "actuators", their commands between the ends of their travel, or "set_points", those of a controller
-    between `bounds`; both are scaled to −1 … 1, and `env.actions` tells the units.
+    between `bounds`; both are scaled to −1 … 1, and `env.actions` gives the units.
     observe: names, or name → name or function of the `Feedback`, or of it and the parameters; by default those of the
     task. reward: such a function to one number, in place of the task's. ends: name → such a function to a truth value,
     or `End`, in place of the task's. bounds: name → (lowest, highest), of set points. controller: whose set points
     actions are, by default that of the task. water: in place of the task's, which is still by default.
-    dt: h, s. period: how long an action is held, a whole number of dt, s. seconds: after which an episode is truncated,
-    by default those of the task.
+    dt: h, s. period: how long an action is held, an integer multiple of dt, s. seconds: after which an episode is
+    truncated, by default those of the task.
     randomise: True, and every episode has parameters with the uncertainties that the vehicle file states; or path →
     standard deviation, in the parameter's unit (SI) or a share such as "5 %" (`Uncertain`). randomise_seed: a seed of
     their own; by default they begin anew with that of `reset`. render_mode: "rgb_array" or None.
@@ -107,10 +107,10 @@ def vector_environment(
         envs = co.vehicles.vector_environment("bluerov2_heavy_von_benzon", task="hold_station", num_envs=2048)
 
     num_envs: how many. autoreset: when a member whose episode has ended begins anew, "next_step" (its next step does
-    only that), "same_step" (at once; the last observation is in `infos["final_obs"]`), or "disabled" (by `reset` with
-    `options={"reset_mask": …}`). threads: how many share the members. wanted: the other arguments of `environment`,
-    without render_mode. vehicle, task, randomise, randomise_seed: as there; member i has randomise_seed + i.
-    Raises ArgumentError.
+    only that), "same_step" (immediately; the last observation is in `infos["final_obs"]`), or "disabled" (by `reset`
+    with `options={"reset_mask": …}`). threads: how many share the members. wanted: the other arguments of
+    `environment`, without render_mode. vehicle, task, randomise, randomise_seed: as there; member i has randomise_seed
+    + i. Raises ArgumentError.
     """
     _require_gymnasium()
     from coadjoint.vehicles.environments.many import MODES, VehicleVectorEnv

@@ -19,7 +19,7 @@ MODES = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_S
 
 
 class VehicleVectorEnv(Simulating, VectorEnv):
-    """`num_envs` vehicles with a task, each with episodes of its own, all of them one period a step.
+    """`num_envs` vehicles with a task, each with separate episodes; a step advances all of them by one period.
 
     `metadata["autoreset_mode"]` says when a member whose episode has ended begins anew. Arrays have a first axis of
     members; otherwise as `VehicleEnv`. Infos are arrays by name, each with the mask `_name` of the members it is of.
@@ -41,7 +41,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         self._begun = False
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
-        """New episodes. seed: a whole number, member i has seed + i as a single environment would; or one for each.
+        """New episodes. seed: an integer, member i has seed + i as a single environment would; or one for each.
 
         options: {"start": …} begins there; {"reset_mask": (num_envs,) truth values}: these members alone. Raises
         ArgumentError.
@@ -91,7 +91,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         """One period: observations (num_envs, size), rewards, terminations, truncations (num_envs,), and infos.
 
         A member whose step failed is terminated, `failure` says why, and it shows its last good node. Raises
-        ArgumentError for what are no actions, and where members have ended that nobody has reset.
+        ArgumentError for invalid actions, and if an ended member has not been reset.
         """
         if not self._begun:
             raise ArgumentError("No episode is under way: call reset() first.")

@@ -24,12 +24,12 @@ from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.water.water import Water
 
 ROW = "row"
-"""What the stepper beneath calls the whole row."""
+"""The stepper's name for the complete row."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What a person asks for, beside the vehicle and the task; see `environment`."""
+    """The options of an environment other than vehicle and task; see `environment`."""
 
     actions: str = "actuators"
     observe: Any = None
@@ -91,7 +91,7 @@ class Simulated:
         return self.stepper.observed
 
     def __reduce__(self) -> Any:
-        """By what it was made from, whose functions are named, and where its stepper stands."""
+        """By its arguments, whose functions are named, and the state of its stepper."""
         require_portable(self._given, "The environment")
         return _standing_as, (type(self), self._given, self.stepper)
 
@@ -106,7 +106,7 @@ class Simulated:
         return made
 
     def _row(self, state: State, p: Any) -> Any:
-        """All that is observed, one number after the other: by one function, so that what is common is traced once."""
+        """All observations, one number after the other, by one function, so that shared terms are traced once."""
         seen = {name: jnp.asarray(function(state, p), dtype=float) for name, function in self._shown.items()}
         self._shapes = {name: np.shape(value) for name, value in seen.items()}
         parts = [*seen.values(), self._reward(state, p), self._ended(state, p)]
@@ -135,7 +135,7 @@ class Simulated:
         return jnp.array([jnp.where(jnp.reshape(one, ()), 1.0, 0.0) for one in found]) if found else jnp.zeros(0)
 
     def step(self) -> None:
-        """One period; raises StepError where the step of a single one fails, or what is observed is not finite."""
+        """One period; raises StepError if the step of a single craft fails, or if an observation is not finite."""
         try:
             self.stepper.step(None, self.steps)
         except StepError:
@@ -156,14 +156,14 @@ class Simulated:
 
 
 def _standing_as(kind: type[Simulated], given: tuple[Any, ...], stepper: StepperBase) -> Simulated:
-    """What was pickled, with its stepper where it stood."""
+    """The pickled object, with the state of its stepper."""
     made = kind(*given)
     made.stepper.stand_as(stepper)
     return made
 
 
 def _periods(long: Any, short: Any, name: str, unit: str) -> int:
-    """long/short, a whole number; raises ArgumentError."""
+    """long/short, an integer; raises ArgumentError."""
     for value, what in ((short, unit), (long, name)):
         if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < np.inf:
             raise ArgumentError(f"Argument `{what}` must be a positive number of seconds, but is {shown(value)}.")

@@ -18,7 +18,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
     """A vehicle with a task, one period a step.
 
     Observations are those of `fields`, name → place in the row, float64 and in SI units; actions lie between −1 and 1,
-    and `actions` tells of each what it commands. `stepper` is the `co.Stepper` beneath.
+    and `actions` describes the command of each. `stepper` is the underlying `co.Stepper`.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
@@ -59,7 +59,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         """One period under an action: observation, reward, terminated, truncated and info.
 
         info: at the end of an episode `end`, its name, "time" or "failure", and `is_success`; of a step that failed
-        `failure`, a sentence, too. Raises ArgumentError for what is no action, and where no episode is under way.
+        `failure`, a sentence, too. Raises ArgumentError for an invalid action, and if no episode is under way.
         """
         if self._periods is None:
             raise ArgumentError("No episode is under way: call reset() first, and after an episode has ended.")

@@ -29,6 +29,6 @@ def varying_from(seed: Any) -> np.random.Generator:
 
 
 def whole_or_none(seed: Any, name: str) -> None:
-    """Raise ArgumentError for what is no seed."""
+    """Raise ArgumentError for an invalid seed."""
     if seed is not None:
         checks.whole(seed, name, 0)

@@ -1,4 +1,4 @@
-"""What a task of an environment is: where episodes begin, what is rewarded, and what ends them."""
+"""A task of an environment: the start, the reward and the ends of episodes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Task(ABC):
     """A task for a vehicle; all functions of the `Feedback` are traced into the machine code.
 
     seconds: an episode is truncated after so long, s. effort: c, the reward of a period is `reward` − c mean(a²), a the
-    actuators' places between −1 and 1. penalty: what is taken off where an episode ends badly, or a step fails.
+    actuators' places between −1 and 1. penalty: subtracted if an episode ends badly or a step fails.
     Raises ArgumentError.
     """
 

@@ -1,4 +1,4 @@
-"""What the actuators do: where they are, what they were told, and their limits."""
+"""The actuators: their positions, their commands and their limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEAR = 0.4
 
 
 def actuators(runs: Sequence[Entry]) -> Figure:
-    """A panel for each actuator: what it does, what it was told (dashed), its limits (dotted)."""
+    """A panel for each actuator: its position, its command (dashed), its limits (dotted)."""
     names = names_of(runs)
     if not names:
         raise ArgumentError(f"There are no actuators to draw: the run of {runs[0].label} has none.")
@@ -50,7 +50,7 @@ def by_unit(runs: Sequence[Entry]) -> list[list[str]]:
 
 
 def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> None:
-    """Actuators of one unit on these axes; what they were told only where there is one."""
+    """Actuators of one unit on these axes; commands only for a single actuator."""
     labels: list[str] = []
     unit = ""
     for run in runs:

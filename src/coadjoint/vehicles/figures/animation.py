@@ -79,7 +79,7 @@ def _stage(runs: Sequence[Entry]) -> tuple[Figure, list[_Vehicle]]:
     for axes in (above, side):
         for line in axes.get_lines():
             line.set_alpha(0.35)
-    figure.suptitle(" ", fontsize=9)  # room for what is read out
+    figure.suptitle(" ", fontsize=9)  # space for the text of each frame
     figure.draw_without_rendering()
     figure.canvas.draw()
     return figure, [_Vehicle(figure, run, number) for number, run in enumerate(runs)]

@@ -20,7 +20,7 @@ Draw = Callable[[Axes, Sequence[Entry]], None]
 
 
 def mission(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figure:
-    """The whole run on a page."""
+    """The complete run on a page."""
     left: list[Draw] = [motions.draw_speeds, motions.draw_rates]
     right: list[Draw] = [navigation.draw_depth, motions.draw_angles]
     left += [motions.draw_current] if any(VehicleRecords(run.dataset).current is not None for run in runs) else []

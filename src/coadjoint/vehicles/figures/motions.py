@@ -18,7 +18,7 @@ from coadjoint.vehicles.figures.navigation import draw_wanted
 from coadjoint.vehicles.logs.records import VehicleRecords
 
 _LETTERS, _HANDLE, _ROOM = 7.5, 22.5, 208.0
-"""Of a key, in points: the size of its letters, what a line and the gaps beside it take, the width of a panel."""
+"""Of a key, in points: the size of its letters, the space for a line and its gaps, the width of a panel."""
 
 
 def speeds(runs: Sequence[Entry]) -> Figure:
@@ -102,7 +102,7 @@ def key(axes: Axes, labels: Sequence[str]) -> None:
     """Which colour is which component, and which curve a set point, in as few lines above the axes as have room."""
     handles = [Line2D([], [], label=text, **_look(i)) for i, text in enumerate(labels)]
     others = {str(line.get_label()): line for line in axes.get_lines() if not str(line.get_label()).startswith("_")}
-    axes.yaxis.get_offset_text().set_horizontalalignment("right")  # a power of ten stands beside the key, not in it
+    axes.yaxis.get_offset_text().set_horizontalalignment("right")  # a power of ten is next to the key, not in it
     axes.legend(
         handles=[*handles, *others.values()],
         loc="lower left",

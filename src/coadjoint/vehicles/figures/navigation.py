@@ -88,7 +88,7 @@ def draw_wanted(
 
 
 def _turns(wanted: np.ndarray, reached: np.ndarray) -> np.ndarray:
-    """The full turns (°) from a set point to what was reached when it ended, the same as long as it stays."""
+    """The full turns (°) from a set point to the heading reached when it ended, constant while it stays."""
     starts = np.flatnonzero(np.diff(wanted, prepend=np.nan))
     lengths = np.diff(starts, append=len(wanted))
     ends = starts + lengths - 1

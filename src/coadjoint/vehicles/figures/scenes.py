@@ -95,7 +95,7 @@ def _readings(log: VehicleRecords, kept: np.ndarray) -> list[Readout]:
 
 
 def _words(run: Entry, member: Member) -> str:
-    """What a reader who does not see the scene is told of a run."""
+    """The text alternative of a scene: a run in words."""
     log = VehicleRecords(run.dataset)
     north, east, depth = log.position[-1] - log.position[0]
     return (

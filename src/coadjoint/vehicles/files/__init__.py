@@ -1,4 +1,4 @@
-"""Vehicles as TOML: every number with its unit and its source, those that are shipped, and what is checked."""
+"""Vehicles as TOML: every number with its unit and its source; the shipped vehicles; the checks."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from coadjoint.vehicles.hydrodynamics.added_mass import added_mass_about
 FORMS = ("matrix", "semi_axes", "stations", "wamit", "capytaine")
 PANEL_AXES = ("z_up", "z_down")
 NOTICED, REFUSED = 1e-9, 0.05
-"""|M_ij − M_ji|/√(M_ii M_jj) from which an asymmetry is told, and from which it is no rounding any more."""
+"""|M_ij − M_ji|/√(M_ii M_jj) from which an asymmetry is reported, and from which it is too large for rounding."""
 POWER = 3 + np.add.outer([0, 0, 0, 1, 1, 1], [0, 0, 0, 1, 1, 1])
 
 

@@ -1,4 +1,4 @@
-"""What is doubtful about the parts of a vehicle: damping that drives, fins in front, thrusters that push nowhere."""
+"""Doubtful parts of a vehicle: damping that drives, fins in front, thrusters that push nowhere."""
 
 from __future__ import annotations
 

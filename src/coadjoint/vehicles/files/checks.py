@@ -1,4 +1,4 @@
-"""What is doubtful about a vehicle: every sentence names what it found, and what it may mean."""
+"""Doubtful values of a vehicle: every sentence names a finding and a possible meaning."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ UNBALANCED = 0.03
 
 
 def check(vehicle: Vehicle) -> tuple[str, ...]:
-    """Sentences on what is doubtful about a vehicle, none for a sound one: balance, righting, axes, units, signs.
+    """Sentences on doubtful values of a vehicle, none for a sound one: balance, righting, axes, units, signs.
 
-    Nothing here stops a run: mechanics allows it all. What it does not allow, `Vehicle` and its parts refuse.
+    These findings never stop a run: mechanics allows them. `Vehicle` and its parts raise for impossible values.
     """
     rules: tuple[Callable[[Vehicle], Iterator[str]], ...] = (
         _balance, _righting, _trim, _inertia, _added_mass, _axes, _surroundings, _sizes, _sensors, part_warnings,
@@ -32,7 +32,7 @@ def check(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def doubts_of_changes(craft: Any) -> list[str]:
-    """Sentences on what is doubtful about a craft's vehicle by its parameters, and not by its own numbers."""
+    """Sentences on a craft's vehicle that is doubtful because of its parameters, not its own numbers."""
     vehicle, found = craft.vehicle, craft.parameters.asdict()
     body = {name: getattr(vehicle, name) for name in BODY}
     changed = rebuilt(vehicle, body, {name: found[name] for name in body})

@@ -28,8 +28,8 @@ SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "sensors", "cont
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
     """The vehicle of a TOML file, in SI units and forward, starboard, down, with the provenance of every number.
 
-    Raises FileError for a file that cannot be read or is no TOML, and ArgumentError, in one sentence with file, key and
-    remedy, for what no vehicle can have. What is only doubtful stands in `vehicle.warnings` and is warned of.
+    Raises FileError for a file that cannot be read or is not TOML, and ArgumentError, with file, key and remedy, for
+    values that a vehicle cannot have. Warns of doubtful values; `vehicle.warnings` lists them.
     """
     source = Path(path)
     vehicle = vehicle_from_text(_text(source), str(source), source.parent)

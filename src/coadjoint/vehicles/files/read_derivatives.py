@@ -84,7 +84,7 @@ def _power(key: str) -> int:
 
 
 def _without_added_mass(found: dict[str, float], scale: dict[str, float], M: np.ndarray) -> dict[str, float]:
-    """What is left of the coefficients of two plain velocities after the terms that the added mass makes itself."""
+    """The coefficients of two plain velocities minus the terms that follow from the added mass."""
     known = added_mass_derivatives(M)
     left: dict[str, float] = {}
     for key, value in found.items():
@@ -98,7 +98,7 @@ def _without_added_mass(found: dict[str, float], scale: dict[str, float], M: np.
 
 
 def _unnamed(found: dict[str, float], M: np.ndarray) -> dict[str, float]:
-    """Terms of the added mass, SI, that no coefficient names, largest first; without what is 1 % of the others."""
+    """Terms of the added mass, SI, that no coefficient names, largest first; only those above 1 % of their kind's largest."""
     named = {_canonical(key) for key in found if PLAIN.match(key)}
     known = added_mass_derivatives(M)
     alike: dict[tuple[bool, int], float] = {}

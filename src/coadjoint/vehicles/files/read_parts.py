@@ -48,7 +48,7 @@ def read_fields(
 ) -> dict[str, Any]:
     """The measured fields of a class of parts that are given, in SI units and FRD.
 
-    commands: the unit of its commands, its size and what it measures. Raises ArgumentError for one that is missing.
+    commands: the unit of its commands, its size and its dimension. Raises ArgumentError for one that is missing.
     """
     values: dict[str, Any] = {}
     needed = {field.name for field in fields(cls) if field.default is MISSING}
@@ -85,7 +85,7 @@ def read_controller(section: Section, parts: set[str]) -> Any:
         known = keys(cls).get(field.name)
         if field.name not in section:
             if field.default is MISSING:
-                section.quantity(field.name, known and known.dimension)  # says what is missing
+                section.quantity(field.name, known and known.dimension)  # raises for the missing key
             continue
         given = section.given[field.name]
         if known is not None and known.words:
@@ -121,7 +121,7 @@ def _thrusters(section: Section, name: str, axes: border.Axes) -> Part:
 
 
 def _command_unit(section: Section, unit: str) -> tuple[float, u.Dimension]:
-    """A command's unit in SI, and what it measures."""
+    """A command's unit in SI, and its dimension."""
     try:
         size, powers = u.unit_of(unit, f"{section.title} command_unit")
     except ArgumentError as error:

@@ -13,7 +13,7 @@ from coadjoint.vehicles.sensors.sensor import Sensor
 
 
 def read_sensors(book: Notebook, given: Any, axes: border.Axes) -> tuple[Sensor, ...]:
-    """The sensors of [sensors], each a section of its own, in the order of the file; raises ArgumentError."""
+    """The sensors of [sensors], each a separate section, in the order of the file; raises ArgumentError."""
     if not isinstance(given, dict):
         raise book.fail("sensors are sections with names of their own, as in [sensors.imu], and no list.")
     return tuple(

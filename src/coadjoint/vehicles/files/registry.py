@@ -38,7 +38,7 @@ def vehicle_text(name: str) -> str:
 def load_vehicle(name: str | os.PathLike[str]) -> Vehicle:
     """A vehicle that is shipped, by name, or one of one's own, by the path of its TOML file.
 
-    What is doubtful about it stands in `vehicle.warnings`; of a file of one's own it is warned of too.
+    `vehicle.warnings` lists doubtful values; for a user's own file they are also warnings.
     Raises ArgumentError, and FileError for a file that cannot be read.
     """
     text = os.fspath(name) if isinstance(name, (str, os.PathLike)) else None

@@ -1,4 +1,4 @@
-"""A section of a vehicle file while it is read: every key is asked for once, and what nobody asks for is a mistake."""
+"""A section of a vehicle file while it is read: every key is read once, and an unread key is a mistake."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Section:
     def quantity(
         self, name: str, dimension: Dimension | None, special: tuple[str, ...] = (), named: bool = False
     ) -> tuple[Any, str]:
-        """(numbers in SI units, unit as given): `value`, `unit`, `source`, `note`; what it measures is `dimension`.
+        """(numbers in SI units, unit as given): `value`, `unit`, `source`, `note`; its dimension is `dimension`.
 
         Where the numbers measure several things, `dimension` is None and the unit is "SI", or one of `special`. named:
         the numbers are a table, each with its name.
@@ -151,7 +151,7 @@ class Section:
         return value
 
     def done(self) -> None:
-        """Raise ArgumentError for keys that nobody asked for, with the nearest that is known."""
+        """Raise ArgumentError for unread keys, with the nearest known key."""
         for name in self.given:
             if name not in self.asked:
                 known = sorted(self.asked)
