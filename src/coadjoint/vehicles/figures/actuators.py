@@ -1,4 +1,4 @@
-"""The actuators: their positions, their commands and their limits."""
+"""The actuators: their actual values, their commands and their limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEAR = 0.4
 
 
 def actuators(runs: Sequence[Entry]) -> Figure:
-    """A panel for each actuator: its position, its command (dashed), its limits (dotted)."""
+    """A panel for each actuator: its actual value, its command (dashed), its limits (dotted)."""
     names = names_of(runs)
     if not names:
         raise ArgumentError(f"There are no actuators to draw: the run of {runs[0].label} has none.")

@@ -12,7 +12,7 @@ from coadjoint.models.quantities import matrix, vector
 ASYMMETRIC = 0.1
 """Up to here |A_ij − A_ji|/√(A_ii A_jj) is an error of discretisation, beyond it a wrong file."""
 SUSPICIOUS = 0.01
-"""From here on an asymmetry is told."""
+"""Larger asymmetries are reported."""
 NEGATIVE = 1e-3
 """Up to this fraction of the largest eigenvalue, a negative one is an error of discretisation."""
 

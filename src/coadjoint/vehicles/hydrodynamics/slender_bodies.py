@@ -35,7 +35,7 @@ def slender_body_added_mass(
 
     stations: x forward, rising, (n,) m; two sections at one x are a jump. half_breadth, half_height: semi-axes b, c of
     the sections, (n,) or one number, m; a body of revolution needs no half_height. Between stations they are linear.
-    horizontal_fins, vertical_fins: half span from the axis to the tips, (n,) or one number, m; zero where there are no
+    horizontal_fins, vertical_fins: half span from the axis to the tips, (n,) or one number, m; zero at stations without
     fins. fluid_density: ρ, kg/m³. Axes forward, starboard, down; every section is symmetric about its axis.
     Raises ArgumentError for stations that do not rise and for negative sizes. Source: Newman (1977), chapter 7.
     """
@@ -78,7 +78,7 @@ def _axial(length: float, B: np.ndarray, C: np.ndarray, weight: np.ndarray, dens
 
 
 def _tips(span: np.ndarray, hull: np.ndarray) -> np.ndarray:
-    """Half spans, where a fin inside the hull is no fin."""
+    """Half spans; a fin inside the hull does not count."""
     return np.maximum(span, hull)
 
 

@@ -25,9 +25,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 def value_of(text: str, held: Callable[[str], str | None]) -> float | str:
-    """What an expression is worth: a number, or a text.
+    """The value of an expression: a number, or a text.
 
-    held: the text that a name stands for, None for a name of nothing. Raises ArgumentError for what is no arithmetic.
+    held: the text of a name, None for an unknown name. Raises ArgumentError for text that is not arithmetic.
     """
     if len(text) > LONGEST:
         raise ArgumentError(f"the expression is longer than {LONGEST} characters")

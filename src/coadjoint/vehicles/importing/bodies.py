@@ -18,7 +18,7 @@ ROUNDED = 1e-3
 
 @dataclass(eq=False)
 class Link:
-    """A link: its mass, kg, centre of mass and inertia about it, in its own axes; None of what it has not."""
+    """A link: its mass, kg, centre of mass and inertia about it, in the link's axes; None for missing values."""
 
     name: str
     element: Element

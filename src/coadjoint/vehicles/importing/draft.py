@@ -16,7 +16,7 @@ from coadjoint.vehicles.parts.part import Part
 
 FILE, GIVEN = "FILE", "IMPORT"
 NOTICED, REFUSED = 1e-9, 0.1
-"""|M_ij − M_ji|/√(M_ii M_jj) from which an asymmetry is told, and from which it is no rounding any more."""
+"""|M_ij − M_ji|/√(M_ii M_jj) from which an asymmetry is reported, and from which it is too large for rounding."""
 LOOKS = ("visual", "material", "mesh", "camera", "light", "self_collide", "enable_wind", "static")
 
 
@@ -51,7 +51,7 @@ class Draft:
         return value
 
     def differs(self, sentence: str) -> None:
-        """Tell, once, where the vehicle moves otherwise than in the simulator."""
+        """Report, once, a difference between the motions of the vehicle and of the simulator."""
         if sentence not in self.report.differs:
             self.report.differs.append(sentence)
 
@@ -59,7 +59,7 @@ class Draft:
         self.report.left.append(Left(where if isinstance(where, str) else where.place, what, why))
 
     def symmetric(self, matrix: np.ndarray, where: Element) -> np.ndarray:
-        """½(M + Mᵀ), told where M is not symmetric; raises FileError where one of two entries is wrong."""
+        """½(M + Mᵀ); reports an asymmetric M; raises FileError if one of two entries is wrong."""
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-3 * np.max(np.diag(matrix), initial=0.0)))
         skew = np.abs(matrix - matrix.T) / np.maximum(np.outer(size, size), 1e-300)
         i, j = sorted(int(index) for index in np.unravel_index(np.argmax(skew), skew.shape))
@@ -71,7 +71,7 @@ class Draft:
         return 0.5 * (matrix + matrix.T)
 
     def vehicle(self) -> Vehicle:
-        """The vehicle of all that was taken; raises FileError for what no vehicle can have."""
+        """The vehicle of all imported values; raises FileError for values that a vehicle cannot have."""
         sources = {FILE: self.source, GIVEN: "chosen at the import, where the files say nothing"}
         used = {told.source for told in self.provenance.values()}
         try:

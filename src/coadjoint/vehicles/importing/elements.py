@@ -1,6 +1,6 @@
 """XML as a tree of elements that know their file and line and whether they were read.
 
-A document type is refused, and with it entities and what they may point to; sizes and depths are bounded.
+A document type raises FileError, which excludes entities and their targets; sizes and depths are bounded.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Element:
 
     @property
     def place(self) -> str:
-        """Where it stands: "rexrov.gazebo.xacro:43"."""
+        """Its file and line: "rexrov.gazebo.xacro:43"."""
         return f"{self.file}:{self.line}"
 
     @property
@@ -74,9 +74,9 @@ class Element:
 
 
 def read_elements(path: Path, name: str) -> Element:
-    """The root element of a file; `name` stands in sentences.
+    """The root element of a file; messages show `name`.
 
-    Raises FileError for what is no XML, has a document type, or is too large or too deep.
+    Raises FileError for a file that is not XML, has a document type, or is too large or too deep.
     """
     return parse(file_text(path, most=LARGEST), name)
 

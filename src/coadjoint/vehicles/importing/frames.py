@@ -96,7 +96,7 @@ def flag_in(element: Element, tag: str, default: bool) -> bool:
 
 
 def origin(element: Element) -> Placement:
-    """The pose of <origin xyz rpy> of URDF; none is no offset."""
+    """The pose of <origin xyz rpy> of URDF; zero offset without one."""
     child = element.first("origin")
     if child is None:
         return HERE

@@ -139,7 +139,7 @@ def _volume(draft: Draft, floats: list[Element], links: dict[str, Link], poses: 
 
 
 def _shape_volume(draft: Draft, collision: Element) -> float:
-    """m³ of a box, sphere, cylinder, capsule or ellipsoid; 0 of another, which is told."""
+    """m³ of a box, sphere, cylinder, capsule or ellipsoid; reports any other shape and returns 0."""
     geometry = collision.first("geometry")
     shape = geometry.children[0] if geometry is not None and geometry.children else None
     if geometry is None or shape is None:
@@ -197,7 +197,7 @@ def _added_mass(draft: Draft, base: Link, plugin: Element | None) -> None:
 
 
 def _told_added_mass(draft: Draft, plugin: Element | None, fluid: Element | None, by_plugin: np.ndarray) -> None:
-    """Tell what of the Coriolis terms and of two added masses differs."""
+    """Report differences in the Coriolis terms and a twofold added mass."""
     if plugin is None:
         return
     disabled = flag_in(plugin, "disable_coriolis", False) or not flag_in(plugin, "enable_coriolis", True)

@@ -65,7 +65,7 @@ def _derivative(i: int, j: int, k: int, size: bool, signs: np.ndarray) -> tuple[
 
 
 def _told(draft: Draft, plugin: Element, linear: np.ndarray, quadratic: np.ndarray) -> None:
-    """Tell of damping that drives."""
+    """Report damping that drives."""
     for word, matrix in (("linear", linear), ("quadratic", np.diag(np.diag(quadratic)))):
         if np.linalg.eigvalsh(matrix + matrix.T)[0] < -1e-9:
             draft.differs(

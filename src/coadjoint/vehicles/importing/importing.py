@@ -1,4 +1,4 @@
-"""From a file of another simulator to a vehicle file, and what was lost on the way."""
+"""From a file of another simulator to a vehicle file, with a report of the losses."""
 
 from __future__ import annotations
 
@@ -32,8 +32,7 @@ GRAVITY = 9.8
 
 @dataclass(frozen=True)
 class Imported:
-    """vehicle: as the library reads it. text: its vehicle file. report: what was taken over, what differs, what was
-    left."""
+    """vehicle: as the library reads it. text: its vehicle file. report: imported values, differences, omissions."""
 
     vehicle: Vehicle
     text: str

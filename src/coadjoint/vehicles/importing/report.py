@@ -29,9 +29,9 @@ class Left(NamedTuple):
 
 @dataclass
 class Report:
-    """taken: the numbers, each with file and line. impossible: numbers among them that no body has. left: what of the
-    files is not taken over. differs: where the vehicle moves otherwise than in the simulator. unsaid: what the format
-    does not say and the library would know. files: what was read."""
+    """taken: the numbers, each with file and line. impossible: numbers among them that no body has. left: parts of the
+    files that are not imported. differs: where the vehicle moves otherwise than in the simulator. unsaid: values that
+    the library needs and the format does not state. files: the files read."""
 
     format: str = ""
     taken: list[Taken] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Report:
         }
 
     def _alike(self) -> list[tuple[Left, int]]:
-        """What was left, once for each place and reason, with how often it came."""
+        """The omissions, once for each place and reason, with their counts."""
         counts: dict[tuple[str, str], tuple[Left, int]] = {}
         for row in self.left:
             first, times = counts.get((row.place, row.why), (row, 0))

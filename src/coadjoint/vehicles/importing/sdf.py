@@ -26,7 +26,7 @@ DEEPEST, MOST_FILES = 8, 64
 
 
 def model_of(root: Element, folder: Path, draft: Draft) -> Element:
-    """The model of a file, with what it includes merged into it; raises FileError."""
+    """The model of a file, merged with its includes; raises FileError."""
     world = root.first("world")
     if world is not None:
         gravity = world.first("gravity")
@@ -116,7 +116,7 @@ def _included(element: Element, folder: Path, draft: Draft, depth: int) -> Eleme
 
 
 def pose_of(element: Element) -> tuple[Placement, str]:
-    """(the pose in an element, what it is relative to, "" where it says nothing)."""
+    """(the pose in an element, the name of its reference frame, "" if it names none)."""
     child = element.first("pose")
     if child is None:
         return HERE, ""
@@ -154,7 +154,7 @@ def links_of(model: Element, draft: Draft) -> dict[str, Link]:
 
 
 def _resolved(element: Element, named: dict[str, Element], depth: int) -> Placement:
-    """The pose of an element in the model, along what it is relative to."""
+    """The pose of an element in the model, along its chain of reference frames."""
     pose, relative = pose_of(element)
     if element.tag == "frame" and not relative:
         relative = element.get("attached_to") or ""

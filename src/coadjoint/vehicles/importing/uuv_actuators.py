@@ -98,7 +98,7 @@ def _thruster(
 
 
 def _share(plugin: Element, tag: str) -> float:
-    """An efficiency from 0 to 1; the plugin takes 1 for what is none."""
+    """An efficiency from 0 to 1; the plugin replaces any other number by 1."""
     found = number_in(plugin, tag, 1.0)
     return found if 0 <= found <= 1 else 1.0
 

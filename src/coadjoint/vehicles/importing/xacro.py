@@ -1,7 +1,7 @@
 """Xacro: properties, arguments, includes, macros and conditions, as far as descriptions of vehicles use them.
 
 Expressions are arithmetic; no Python is run, no YAML is loaded and no address is opened. Files are included from below
-one folder only. What was made keeps the file and line that it was written at.
+one folder only. Expanded elements keep the file and line of their source.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _DOLLAR = re.compile(r"\$\$|\$\{([^{}]*)\}|\$\(([^()]*)\)")
 
 @dataclass(eq=False)
 class Scope:
-    """Names of a macro's call, and of what it is called in."""
+    """Names of a macro's call, and of the enclosing scopes."""
 
     outer: Scope | None = None
     names: dict[str, str] = field(default_factory=dict)
@@ -95,7 +95,7 @@ class Xacro:
             yield from self._element(child, scope, depth, beside)
 
     def _element(self, element: Element, scope: Scope, depth: int, beside: Path) -> Iterator[Element]:
-        """What an element becomes: itself with values in place, what it stands for, or nothing."""
+        """The expansion of an element: itself with values substituted, its replacement, or nothing."""
         self._count(element)
         if depth > DEEPEST:
             raise element.fail(f"is within more than {DEEPEST} elements, macros and includes.")

@@ -27,8 +27,8 @@ class CsvFile:
 def read_csv(path: str | os.PathLike[str], unsorted: Unsorted = "refuse") -> CsvFile:
     """The table in a CSV file: a line of column names that end in their units, `time_s` among them, then numbers.
 
-    unsorted: whether rows that are out of order are sorted. Raises FileError with file, line and column for what is no
-    number, is missing, or comes twice, and for times that do not increase or are no seconds.
+    unsorted: whether rows that are out of order are sorted. Raises FileError with file, line and column for a value
+    that is not a number, is missing, or is duplicated, and for times that do not increase or are not in seconds.
     """
     sheet = read_sheet(path)
     known = [loose(name) for name in sheet.names]

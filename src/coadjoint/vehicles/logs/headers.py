@@ -18,7 +18,7 @@ NAMES: dict[str, Dimension] = {
 """What columns of these names measure; all others are inputs."""
 
 PULSES = "us"
-"""The unit of a command by the width of a pulse, which stays as it is."""
+"""The unit of a command by the width of a pulse, which is not converted."""
 _TIMES = ("t", "timestamp", "stamp")
 
 

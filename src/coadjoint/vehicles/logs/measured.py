@@ -60,7 +60,7 @@ def read_log(
     `current_north`, `current_east` and `current_down` become `log.current`; `set_…` and `u_water`, … are left out.
     `[deg]` or `(deg)` at the end of a header count as `_deg`. Lines that begin with # and columns named in `ignore`,
     with their unit or without, are skipped. Attitude, velocity and rates are of body axes, turned from `axes`.
-    Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
+    Empty cells and nan are missing; a missing input keeps its last value. `log.notes` lists unusual findings.
     Warns of columns that cannot be what they are named, `log.doubts`. Raises FileError naming file, line and column.
     """
     require_choices(jumps, unsorted)
@@ -101,7 +101,7 @@ def read_table(
     jumps: Jumps = "refuse",
     unsorted: Unsorted = "refuse",
 ) -> Log:
-    """The log of a CSV file, as `read_log` tells; raises FileError naming file, line and column."""
+    """The log of a CSV file, as described in `read_log`; raises FileError naming file, line and column."""
     space_axes(axes)
     file = str(path)
     sheet = read_sheet(path)
@@ -181,7 +181,7 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
 
 
 def _step(path: Any, comments: list[str]) -> float | None:
-    """The step that a log tells, None where it tells none; raises FileError."""
+    """The step stated in a log, None if there is none; raises FileError."""
     told = [line.removeprefix(_STEP) for line in comments if line.startswith(_STEP)]
     if not told:
         return None
@@ -219,15 +219,15 @@ def _require_whole(file: str, found: _Found, prefix: str) -> None:
 
 
 def _current(found: _Found) -> dict[str, np.ndarray]:
-    """The velocity of the water, m/s, by north, east and down, as far as it is given."""
+    """The given components of the water's velocity, m/s, by north, east and down."""
     names = {f"{_CURRENT}{name}": name for name in ("north", "east", "down")}
     return {names[key]: values for key, (made, values) in found.items() if key in names and made.unit == "m/s"}
 
 
 def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:
-    """Inputs, which are the commands where there are any and else what was given, and what actuators did.
+    """Inputs, which are the commands if there are any, otherwise the given columns; actual values of actuators.
 
-    What an actuator did in another unit than that of its command, newtons for microseconds, is left out.
+    The actual value of an actuator in another unit than that of its command, newtons for microseconds, is left out.
     """
     rest = {name: pair for name, pair in found.items() if name not in NAMES and not name.startswith(_LEFT_OUT)}
     commands = {name.removeprefix("command_"): pair for name, pair in rest.items() if name.startswith("command_")}

@@ -19,7 +19,7 @@ NEEDED = ("n", "nu", "xi", "a_down", "a_north")
 
 @dataclass(frozen=True)
 class Actuator:
-    """What an actuator did, (nodes,) or (nodes, k), what it was told, where that is known, and its limits."""
+    """The actual values of an actuator, (nodes,) or (nodes, k), its commands, if they are known, and its limits."""
 
     actual: np.ndarray
     unit: str
@@ -105,7 +105,7 @@ class VehicleRecords:
 
     @cached_property
     def set_points(self) -> dict[str, tuple[np.ndarray, str]]:
-        """What the controller was told, by name, with its unit."""
+        """The set points of the controller, by name, with their units."""
         found = {name: self._with_unit(f"inputs_{name}") for name in self._named("inputs_")}
         return {name: value for name, value in found.items() if name not in self.actuators}
 
@@ -117,7 +117,7 @@ class VehicleRecords:
 
     @cached_property
     def way_points(self) -> np.ndarray:
-        """North, east and depth of the way points, (k, 3), m; none where the run was not told of any."""
+        """North, east and depth of the way points, (k, 3), m; empty for a run without way points."""
         return np.asarray(self.dataset.attrs.get("way_points", ()), dtype=float).reshape(-1, 3)
 
     @property

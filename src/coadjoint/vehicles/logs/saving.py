@@ -15,6 +15,6 @@ if TYPE_CHECKING:
 def log_text(dataset: xarray.Dataset, axes: str = "NED/FRD") -> str:
     """Columns `time_s`, `north_m`, `east_m`, `depth_m`, …; with axes "ENU/FLU" of east, north, up.
 
-    Raises ArgumentError for a run of what is no vehicle.
+    Raises ArgumentError for a run without a vehicle.
     """
     return csv_text(columns(VehicleRecords(dataset), axes))

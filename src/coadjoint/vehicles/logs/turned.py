@@ -18,7 +18,7 @@ def turned(file: str, given: Mapping[str, np.ndarray], axes: Axes) -> dict[str, 
     """Columns of the vehicle in north, east, down and forward, starboard, down.
 
     given: numbers in SI units and rad by the names of `NAMES`, in `axes`. Raises FileError, which begins with `file`,
-    for what is said twice and for quaternions that are none.
+    for duplicate columns and for invalid quaternions.
     """
     columns: dict[str, np.ndarray] = {}
     turn = np.diag(body_axes(axes))

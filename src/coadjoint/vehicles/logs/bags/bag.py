@@ -36,7 +36,7 @@ class Bag:
     size: int = 0
     """Bytes of the file."""
     kept: int = 0
-    """Bytes of what was unpacked and is kept: messages with their places, schemas, names and metadata."""
+    """Bytes unpacked and kept: messages with their places, schemas, names and metadata."""
 
     def topics(self) -> dict[str, tuple[str, int]]:
         """Type and number of messages of every topic."""
@@ -77,7 +77,7 @@ class Bag:
         require_kept(self.path, self.kept, self.size)
 
     def add(self, number: int, content: memoryview, rows: Sequence[tuple[int, int, int]], alone: bool) -> None:
-        """Messages of a channel: begin, size and time of each in `content`; `alone`: without what is between them."""
+        """Messages of a channel: begin, size and time of each in `content`; `alone`: without the bytes between them."""
         table = np.array(rows, np.int64).reshape(-1, 3)
         block = Block(content, table[:, 0], table[:, 1], table[:, 2])
         if alone:

@@ -13,7 +13,7 @@ from coadjoint.identification.channels import ATTITUDE, VELOCITY
 
 SPEEDS = ("north_speed", "east_speed", "down_speed")
 OTHERS = ("pressure", "latitude", "longitude", *SPEEDS)
-"""What sensors may measure beside the columns of a vehicle: Pa, degrees, degrees, and m/s along axes of space."""
+"""Measurements of sensors that are not columns of a vehicle: Pa, degrees, degrees, and m/s along axes of space."""
 
 
 class WaterAbove(NamedTuple):
@@ -36,7 +36,7 @@ def converted(
 
     depth = (p − p_0)/(ρg) with g = 9.80665 m/s²; north = M(φ_0)(φ − φ_0), east = N(φ_0) cos φ_0 (λ − λ_0) with the
     radii of curvature of WGS 84, at most 50 km away. origin: φ_0 and λ_0, °; by default the first fix.
-    Raises FileError for a fix without one of both, for places beyond that, and for what is said twice.
+    Raises FileError for a fix without one of both, for places beyond that, and for duplicate columns.
     """
     found = {name: values for name, values in given.items() if name not in OTHERS}
     notes: list[str] = []

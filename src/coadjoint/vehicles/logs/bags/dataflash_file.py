@@ -1,7 +1,7 @@
 """Logs of ArduPilot's flight software, `.BIN`: messages that the file itself defines.
 
 A message is the bytes A3 95, a byte for its kind, and its numbers without gaps. Messages of the kind 80, `FMT`, give
-name, length and columns of the others; `FMTU` tells which column says of which of several sensors a message is.
+name, length and columns of the others; `FMTU` names the column with the instance of the sensor.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ class Dataflash:
 def read_dataflash(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
     """A log of ArduPilot with the messages of those topics for which `wanted(topic, type)` is true.
 
-    Raises FileError for files that are none or larger than `LARGEST`, and for those of which more than a hundredth is
-    no message.
+    Raises FileError for files that are not such logs or are larger than `LARGEST`, and for those of which more than a
+    hundredth are not messages.
     """
     require_short(path, LARGEST)
     with path.open("rb") as opened:
@@ -165,7 +165,7 @@ class _Scan:
         return number, made
 
     def units(self, content: bytes) -> None:
-        """`FMTU`, a time, a kind, units and factors: the unit `#` marks the column that tells the instance."""
+        """`FMTU`, a time, a kind, units and factors: the unit `#` marks the column with the instance."""
         if len(content) < 25:
             raise FileError(f"The log {self.path} is damaged: its units, FMTU, have {len(content)} bytes of 25.")
         kind, units = content[8], _text(content[9:25])

@@ -154,7 +154,7 @@ class CommandSection:
 
 
 class Declared(NamedTuple):
-    """What was declared; the columns of a sensor are None where they are those of its type."""
+    """The declared topics; the columns of a sensor are None if they are those of its type."""
 
     sensors: tuple[tuple[SensorTopic, bool], ...] = ()
     commands: tuple[CommandTopic, ...] = ()
@@ -167,7 +167,7 @@ class Declared(NamedTuple):
 def declared(given: str | os.PathLike[str] | Mapping[str, Any] | None, axes: Axes | None, usual: Axes) -> Declared:
     """The declaration in a TOML file or a table; `axes` are those of sensors that name none.
 
-    Raises FileError for what is no such table, with the section and the key.
+    Raises FileError, with the section and the key, for an invalid table.
     """
     if given is None:
         return Declared()

@@ -8,9 +8,9 @@ from coadjoint.errors import FileError
 from coadjoint.vehicles.logs.bags.optional import library
 
 LARGEST_CHUNK, MOST_TIMES = 256_000_000, 1000
-"""The most bytes of a chunk, and how many times as large as the file what it holds may be."""
+"""The most bytes of a chunk, and the largest ratio of its unpacked size to the size of the file."""
 MOST_KEPT = 50
-"""How many times as large as the file may be what is kept of it; any file may have a chunk of it."""
+"""The largest ratio of kept bytes to the size of the file; `LARGEST_CHUNK` bytes are always allowed."""
 
 
 def require_kept(path: str, kept: int, size: int) -> None:

@@ -28,8 +28,8 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE_KIND, _CHUNK, _METADATA, _DATA_END = 2, 3, 
 def read_mcap(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Bag:
     """An MCAP file with the messages of those topics for which `wanted(topic, type)` is true.
 
-    partial: of a file that ends too early take what is whole. Raises FileError for files that are no MCAP, are damaged
-    or are not closed, and for chunks that are larger than any that is written.
+    partial: read the complete part of a truncated file. Raises FileError for files that are not MCAP, are damaged or
+    are not closed, and for chunks that are larger than any writer makes.
     """
     library("mcap", "Reading MCAP")
     with path.open("rb") as opened:

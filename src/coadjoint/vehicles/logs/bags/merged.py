@@ -15,7 +15,7 @@ from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
 
 PAUSE, LEAST_PAUSE = 10.0, 1e9
-"""How many usual intervals, and how many ns, a command is silent before a note tells."""
+"""How many usual intervals, and how many ns, a command is silent before a note reports it."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Samples:
 
 @dataclass(frozen=True)
 class Actuation:
-    """What an actuator was told, or did: times, ns, and values, (samples,) or (samples, k); `lag`, `pieces` as of
-    `Samples`."""
+    """The commands, or actual values, of an actuator: times, ns, and values, (samples,) or (samples, k); `lag`,
+    `pieces` as of `Samples`."""
 
     topic: str
     name: str
@@ -63,8 +63,8 @@ def merged(
     """One log at all times of all sensors and commands, NaN where a sensor was silent, from the first one on.
 
     Of the sensors that measure a column the one of the lowest rank is taken. Commands are held until the next one.
-    telling: whether notes tell which sensor was taken where several measure a column. jumps: as of `coadjoint.clocks`.
-    Raises FileError where two of one rank measure a column, and where nothing is left.
+    telling: whether notes name the sensor taken if several measure a column. jumps: as of `coadjoint.clocks`.
+    Raises FileError if two sensors of one rank measure a column, and if nothing is left.
     """
     sensors, driven, again, said = _pieced(file, sensors, driven)
     chosen = _chosen(file, sensors)
@@ -166,7 +166,7 @@ def _clock(times: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _heard(one: Samples, chosen: Mapping[str, Samples]) -> np.ndarray:
-    """The times of a sensor at which it tells any column that is taken from it."""
+    """The times of a sensor with a value in any column that is taken from it."""
     there = np.zeros(len(one.times), bool)
     for name, values in one.columns.items():
         if chosen.get(name) is one:

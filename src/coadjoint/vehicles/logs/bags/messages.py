@@ -3,7 +3,7 @@
 A message is the fields of its type one behind the other. In CDR (ROS 2) a number of 2, 4 or 8 bytes begins at a
 multiple of its size behind the four bytes of the head; in ROS 1 nothing is aligned. Strings and sequences say their
 length before them, so that where a number stands follows from the lengths before it: messages with the same lengths
-have one layout, which is found of the first of them, and NumPy reads their numbers at once.
+have one layout, which is found of the first of them, and NumPy reads all their numbers together.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Block:
         return len(self.starts)
 
     def alone(self) -> Block:
-        """The messages without what is between them, where that is more than they are."""
+        """The messages without the bytes between them, if those are more than the messages."""
         if 2 * int(self.sizes.sum()) > len(self.buffer):
             return self
         whole = memoryview(self.buffer)
@@ -100,7 +100,7 @@ class Layout(NamedTuple):
     """Where numbers stand in messages whose strings and sequences have given lengths, from the message's first byte.
 
     places: of each path, None where a sequence is too short for it. lengths: pairs of a place and the length there.
-    end: of what is read. order: of bytes, "<" or ">". headed: whether a head tells that order.
+    end: of the bytes read. order: of bytes, "<" or ">". headed: whether a head gives that order.
     """
 
     places: Mapping[str, int | None]

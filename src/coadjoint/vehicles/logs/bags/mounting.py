@@ -1,4 +1,4 @@
-"""Where a sensor of a log sits in the body, and what it measured along the axes of the body."""
+"""The mounting of a log's sensor in the body, and its measurements along the axes of the body."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Mounting(NamedTuple):
         return np.asarray(attitude.zyx(*(self.euler_zyx or (0.0, 0.0, 0.0))))
 
     def completed(self, by: Mounting) -> Mounting:
-        """What is not known here as it is there."""
+        """This mounting, with unknown values taken from the other."""
         return Mounting(*(there if here is None else here for here, there in zip(self, by, strict=True)))
 
     def said(self) -> str:
@@ -50,7 +50,7 @@ def require_place(position: np.ndarray, where: str) -> None:
 def along_the_body(columns: Mapping[str, np.ndarray], mounting: Mounting, where: str) -> dict[str, np.ndarray]:
     """Columns whose velocity and rates are M y, and whose attitude is R Mᵀ, of a sensor that measured y and R.
 
-    Raises FileError where it measured some of three components, which do not tell the others.
+    Raises FileError if it measured only some of three components, which do not determine the others.
     """
     found = dict(columns)
     if not any(mounting.euler_zyx or ()):
@@ -85,7 +85,7 @@ def positions(columns: Mapping[str, np.ndarray], mounting: Mounting) -> dict[str
 
 
 def mounting_of(own: Mapping[str, str], name: str, where: str) -> Mounting:
-    """The mounting that the metadata of a bag tell of a sensor; raises FileError for what is none."""
+    """The mounting of a sensor in the metadata of a bag; raises FileError for an invalid one."""
     found = {}
     for key in ("position", "euler_zyx"):
         try:

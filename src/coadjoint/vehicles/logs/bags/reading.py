@@ -68,13 +68,13 @@ def read_bag(
     plain numbers are inputs; of ArduPilot the Kalman filter, the attitude and the gyroscopes.
 
     axes: of the messages, by default "ENU/FLU" as in ROS (REP 103), and "NED/FRD" of ArduPilot;
-    bags that this library wrote say their own.
+    bags that this library wrote state theirs.
     topics: take these alone. sensors: a declaration of which field of which topic is what, a TOML file or its table
-    (docs/logs.md); what it declares takes the place of what is known by types. ignore: columns to leave out.
-    partial: of a file that was not closed take what is whole.
+    (docs/logs.md); a declaration replaces the defaults of the types. ignore: columns to leave out.
+    partial: read the complete part of a file that was not closed.
     jumps: where the clock goes back, or nothing was measured for more than an hour and 100 usual intervals, "refuse"
-    raises, "split" begins a new stretch of the log. unsorted: messages that go back are refused, or sorted, "sort".
-    `log.notes` tells what was unusual, and what was taken where several topics measure it.
+    raises, "split" begins a new stretch of the log. unsorted: messages that go back raise FileError, or "sort" sorts
+    them. `log.notes` lists unusual findings, and the topic taken if several measure the same.
     Raises FileError for damaged files, topics that are not there, and two that measure the same.
     """
     file = Path(path)
@@ -159,7 +159,7 @@ def _taken(
     ignore: Collection[str],
     choices: Choices,
 ) -> tuple[list[Samples], list[Actuation], list[str]]:
-    """What sensors measured, what actuators were told, and notes."""
+    """The measurements of sensors, the commands of actuators, and notes."""
     sensors: list[Samples] = []
     commands: list[Actuation] = []
     notes: list[str] = []
@@ -198,7 +198,7 @@ def _taken(
 
 
 def _ours(topic: Topic, sensor: SensorTopic | None, own: Mapping[str, str]) -> SensorTopic | None:
-    """A sensor of a bag of this library: after the motion itself, in the water and at the place that the bag tells."""
+    """A sensor of a bag of this library: after the motion itself, in the water and at the place given by the bag."""
     if sensor is None or not own:
         return sensor
     try:
@@ -233,7 +233,7 @@ def _require_frame(topic: Topic, sensor: SensorTopic) -> None:
 
 
 def _bare(command: CommandTopic | None, own: Mapping[str, str]) -> list[str]:
-    """A note on commands of which nothing tells the unit."""
+    """A note on commands without a known unit."""
     if command is None or command.did or f"unit.{command.name}" in own:
         return []
     return [
@@ -257,7 +257,7 @@ def _topics(bags: list[Bag | Dataflash]) -> list[Topic]:
 
 
 def _filled(given: SensorTopic, whole: bool, usual: SensorTopic | None, topic: Topic) -> SensorTopic:
-    """A sensor that was declared, with the columns of its type where it tells none."""
+    """A declared sensor, with the columns of its type if it declares none."""
     if usual is not None:
         given = replace(given, mounting=given.mounting.completed(usual.mounting))
     if whole:
@@ -271,7 +271,7 @@ def _filled(given: SensorTopic, whole: bool, usual: SensorTopic | None, topic: T
 
 
 def _step(file: Path, own: Mapping[str, str]) -> float | None:
-    """The step of the simulation that wrote a bag; raises FileError for what is no positive number."""
+    """The step of the simulation that wrote a bag; raises FileError unless it is a positive number."""
     if "dt_s" not in own:
         return None
     with suppress(ValueError):
@@ -281,7 +281,7 @@ def _step(file: Path, own: Mapping[str, str]) -> float | None:
 
 
 def _unit(topic: Topic, own: Mapping[str, str], name: str) -> str:
-    """The unit of a command, as the metadata tell; raises FileError for one that is not known."""
+    """The unit of a command, from the metadata; raises FileError for an unknown one."""
     unit = own.get(f"unit.{name}", "1") or "1"
     try:
         unit_of(unit, f"The unit of {topic.name}")

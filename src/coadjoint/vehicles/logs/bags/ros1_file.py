@@ -25,8 +25,8 @@ _LENGTH = struct.Struct("<I")
 def read_ros1(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Bag:
     """A bag of ROS 1 with the messages of those topics for which `wanted(topic, type)` is true.
 
-    partial: of a file that ends too early take what is whole. Raises FileError for files that are none, are damaged or
-    were not closed, and for chunks that are larger than any that is written.
+    partial: read the complete part of a truncated file. Raises FileError for files that are not ROS 1 bags, are damaged
+    or were not closed, and for chunks that are larger than any writer makes.
     """
     with path.open("rb") as opened:
         head = opened.read(len(MAGIC))
@@ -63,7 +63,7 @@ class _Reading:
         return self.found
 
     def rows(self, content: memoryview, at: int, base: int, inside: bool = False) -> bool:
-        """The records of a file or of a chunk; whether the last of them was whole."""
+        """The records of a file or of a chunk; whether the last of them is complete."""
         rows: dict[int, list[tuple[int, int, int]]] = {}
         end = len(content)
         try:

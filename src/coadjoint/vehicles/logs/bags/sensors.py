@@ -26,7 +26,7 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorTopic:
-    """A topic and what it measures, names of `headers.NAMES` → number.
+    """A topic and its measurements, names of `headers.NAMES` → number.
 
     mounting: where it sits in the body. water, origin: by which pressures become depths, and fixes north and east.
     stamp: None is that of the head, where messages have one. offset: s, which is added to its times. every: s, of
@@ -48,7 +48,7 @@ class SensorTopic:
 
 @dataclass(frozen=True)
 class CommandTopic:
-    """A topic that drives an actuator, or tells what it did: the numbers of the input `name`, and their unit."""
+    """A topic with the commands, or actual values, of an actuator: the numbers of the input `name`, and their unit."""
 
     topic: str
     name: str
@@ -146,7 +146,7 @@ _OF_SPACE = re.compile(r"^(map|odom|world|earth|local_origin|utm|enu|ned)(_(ned|
 
 
 def strange_frame(kind: str, frame: str, axes: Axes) -> str:
-    """What is wrong with the frame of a message whose type alone says what it measures; "" where nothing is."""
+    """The fault in the frame of a message whose meaning follows from its type alone; "" if there is none."""
     name = frame.strip().rpartition("/")[2].lower()
     if kind in IN_BODY and _OF_SPACE.match(name):
         return f"velocities in the frame {frame!r} of space, but those of the body are read"
@@ -159,8 +159,7 @@ def strange_frame(kind: str, frame: str, axes: Axes) -> str:
 
 
 def usual(topic: str, kind: str, axes: Axes, asked: bool = False) -> SensorTopic | None:
-    """The sensor of a topic whose type says what it measures; None of other types, and of instances but the first that
-    nobody asked for."""
+    """The sensor of a topic by its type; None for other types, and for later instances of one unless `asked`."""
     if kind in ARDUPILOT:
         if topic not in (kind, f"{kind}[0]") and not asked:
             return None

@@ -17,8 +17,7 @@ def serialized(definition: Definition, count: int, values: Mapping[str, Any]) ->
     """`count` messages of a type, in the order of bytes of most machines.
 
     values: by path, numbers (count,) or one for all; of several (count, k) or (k,); a text; and of a sequence of
-    messages how many there are, whose fields are `transforms[0].header.frame_id`. What is not given is 0, "" and no
-    values.
+    messages how many there are, whose fields are `transforms[0].header.frame_id`. Missing fields are 0, "" or empty.
     """
     if count == 0:
         return []

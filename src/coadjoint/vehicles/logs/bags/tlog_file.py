@@ -101,7 +101,7 @@ class _Messages:
         self.times.append(1000 * time)
 
     def topic(self, topic: str, kind: str, whole: bool, where: str) -> Topic:
-        """All messages as a topic, or the first alone of what is not wanted."""
+        """All messages as a topic; without `whole`, an empty topic with the type."""
         count = len(self.times) if whole else 0
         size = 8 * len(self.names)
         times = np.frombuffer(self.times, np.int64)[:count]
@@ -113,7 +113,7 @@ class _Messages:
 def _messages(
     packets: Iterator[tuple[int, Any]], wanted: Callable[[str, str], bool]
 ) -> tuple[dict[tuple[str, int], _Messages], int, int]:
-    """Messages by kind and system, none of those that nobody wants; how many packets are damaged, and of how many."""
+    """Messages by kind and system, empty unless wanted; the number of damaged packets, and of all packets."""
     rows: dict[tuple[str, int], _Messages] = {}
     strange = count = 0
     for time, message in packets:

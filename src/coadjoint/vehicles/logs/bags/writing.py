@@ -50,12 +50,11 @@ def write_mcap(
 
     Topics: `/odometry`, `/tf`, `/imu` (attitude and rates), `/velocity` over ground, `/pressure`, `/command/NAME` and
     `/actuator/NAME` of every actuator, `/set/NAME` of set points, `/current`, in SI units and rad, at the times of the
-    records; `/sensors/NAME` of what sensors read, stamped when it was measured and logged when it was there.
+    records; `/sensors/NAME` of readings, stamped at the time of measurement and logged at the time of arrival.
     axes: of the messages, "ENU/FLU" as in ROS or "NED/FRD". origin: latitude and longitude, °, of north and east 0;
-    with it there is `/fix`, which tells where the vehicle is even below the surface. density: of the water, kg/m³, and
+    with it there is `/fix`, the vehicle's position, even below the surface. density: of the water, kg/m³, and
     surface_pressure, Pa, by which depths become pressures; the file keeps both for its reader.
-    Raises ArgumentError for water that is none, and for a run of what is no vehicle, FileError where the file cannot
-    be written.
+    Raises ArgumentError for invalid water, and for a run without a vehicle, FileError if the file cannot be written.
     """
     content = mcap_bytes(dataset, axes, origin, density, surface_pressure)
     with atomic_file(path) as temporary:
@@ -90,8 +89,8 @@ def mcap_bytes(
 def log_bytes(log: Log, axes: Axes = "ENU/FLU") -> bytes:
     """The content of an MCAP file of a measured log, NaN where sensors were silent; raises ArgumentError.
 
-    Its columns are in `/odometry`, an attitude where roll, pitch and heading are told; its inputs in `/command/NAME`,
-    what actuators did in `/actuator/NAME`.
+    Its columns are in `/odometry`, an attitude if roll, pitch and heading are known; its inputs in `/command/NAME`, the
+    actual values of actuators in `/actuator/NAME`.
     """
     silent = np.full(len(log), np.nan)
     position, angles, velocity, rates = (
