@@ -98,7 +98,7 @@ def _without_added_mass(found: dict[str, float], scale: dict[str, float], M: np.
 
 
 def _unnamed(found: dict[str, float], M: np.ndarray) -> dict[str, float]:
-    """Terms of the added mass, SI, without a coefficient, largest first; those ≤ 1 % of their kind's largest are left out."""
+    """Terms of the added mass, SI, without a coefficient, above 1 % of their kind's largest, in descending order."""
     named = {_canonical(key) for key in found if PLAIN.match(key)}
     known = added_mass_derivatives(M)
     alike: dict[tuple[bool, int], float] = {}

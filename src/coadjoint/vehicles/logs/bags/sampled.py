@@ -52,7 +52,7 @@ def samples(
 
 
 def driving(topic: Topic, command: CommandTopic, choices: Choices = REFUSED) -> tuple[Actuation, list[str]]:
-    """The commands or actual values of an actuator, and notes; raises FileError as `samples`, and for missing values."""
+    """The commands or actual values of an actuator, and notes; raises FileError as `samples` and for missing values."""
     paths = [number.path for number in command.numbers]
     found = topic.numbers([*paths, *_stamped(topic, command.stamp)])
     times, kept, pieces, notes = _times(topic, command.stamp, command.offset, found, choices)
