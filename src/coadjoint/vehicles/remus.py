@@ -45,7 +45,7 @@ def remus_start(
 
 
 def open_loop(*, fluid_density: Any, axial_drag: Any, crossflow_drag: Any, fin_lift_slope: Any, current: Any) -> System:
-    """REMUS 100 without a controller, neutrally buoyant, with other values of what is known worst."""
+    """REMUS 100 without a controller, neutrally buoyant, with other values of the least certain parameters."""
     made = remus_100(automatic=False, current=current)
     density = positive(fluid_density, "fluid_density")
     parameters: Any = made.parameters

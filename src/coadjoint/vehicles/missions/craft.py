@@ -48,7 +48,7 @@ def set_up(file: MissionSections) -> Setup:
         place = place.member(0)  # Only way points ask for it.
     place = border.space_vector(vector(place, "position"), begun["axes"])
     controller = legs.following(_controller(file.controller, vehicle), place)
-    # What is mistaken in the file is reported before gains are proposed, which takes a second.
+    # Report mistakes in the file before proposing gains, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
     faulty = [fault.fault(vehicle) for fault in file.faults]
     for lost in file.lost_sensors:

@@ -160,8 +160,8 @@ class MissionSection:
     def following(self, controller: Any, start: Any) -> Any:
         """The controller as the helm of one that follows the way points, from where the vehicle starts.
 
-        start: (3,) m, north, east, depth. Without way points it is the controller itself. Raises ArgumentError where
-        there is no controller.
+        start: (3,) m, north, east, depth. Without way points, returns `controller`. Raises ArgumentError for way points
+        without a controller.
         """
         if self.way_points is None:
             return controller
@@ -254,7 +254,7 @@ def _turned(given: dict[str, SetPoint]) -> dict[str, SetPoint]:
 
 
 def require_unit(where: str, name_in_file: str, name: str, unit: str, wanted: str) -> None:
-    """Raise ArgumentError unless numbers in a unit, as `inside` has it, are of what is wanted."""
+    """Raise ArgumentError unless the dimension of `unit`, as of `inside`, is that of `wanted`."""
     try:
         if unit != wanted:
             factor_to(dimension_of(wanted), unit, name_in_file)
@@ -272,7 +272,7 @@ def _require_angles(name: str, values: np.ndarray) -> None:
 
 
 def arrival(controller: Any) -> Any:
-    """The event that a controller who follows way points comes to the last one, within its acceptance or beside it."""
+    """The event that a way-point controller reaches the last way point, within its acceptance or abreast of it."""
     import jax.numpy as jnp
 
     from coadjoint.vehicles.controllers.line_of_sight import leg

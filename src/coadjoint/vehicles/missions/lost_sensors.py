@@ -72,7 +72,7 @@ def read_lost_sensor(name: str, given: dict[str, Any]) -> LostSensor:
 
 
 def without_lost(lost_sensors: Iterable[LostSensor], read: Readings, dataset: Any) -> Readings:
-    """The readings of a run without those of sensors while they fail; what was read before still arrives."""
+    """The readings of a run without those of failed sensors; readings taken before a failure still arrive."""
     from coadjoint.vehicles.readings.taken import Readings
 
     taken = dict(read.taken)

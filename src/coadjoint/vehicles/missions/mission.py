@@ -29,7 +29,7 @@ class Mission:
 
     @cached_property
     def setup(self) -> Setup:
-        """The system, its start, its inputs and the event that ends it; warns of what is doubtful.
+        """The system, its start, its inputs and the event that ends it; warns of doubtful values.
 
         Raises ArgumentError and FileError.
         """
@@ -42,7 +42,7 @@ class Mission:
         """The run of the mission, with way points and the vehicle's length among its attributes; with [sensors] its
         dataset has what these read.
 
-        Raises ArgumentError and LagrangianError before the run; StepError, with what was computed, at a step that
+        Raises ArgumentError and LagrangianError before the run; StepError, with the result so far, at a step that
         fails.
         """
         from coadjoint.extending import simulate_setup as simulate

@@ -1,4 +1,4 @@
-"""What a mission leaves beside its trajectory: logs, figures, an animation, and its figures in numbers."""
+"""The results of a mission except its trajectory: logs, figures, an animation, and a summary in numbers."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class VehicleSection:
             raise ArgumentError("Section [vehicle] needs either `name`, a vehicle that is shipped, or `file`.")
 
     def load(self, located: Callable[[str], Path]) -> tuple[Vehicle, list[str]]:
-        """The vehicle, and what is doubtful about one of the user's own; located: where `file` is."""
+        """The vehicle, and the doubtful values of a user's own file; located: where `file` is."""
         from coadjoint.vehicles.files.registry import load_vehicle
 
         if not self.file:
@@ -88,7 +88,7 @@ START = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actu
 
 @dataclass(frozen=True)
 class MissionRunSection(RunSection):
-    """The grid, and how many `members` swim the mission, each with parameters of its own from [perturb]."""
+    """The grid, and the number of `members` of the mission, each with individual parameters from [perturb]."""
 
     members: int = key(
         "how many swim, each with its own parameters; more than one need `[perturb]`", check=whole, default=1

@@ -14,8 +14,8 @@ def mission_summary(dataset: Any) -> dict[str, Any]:
     """The figures of a vehicle's run from its saved nodes: SI units, angles in degrees.
 
     `energy_put_in` is ∫ P dt of each part, J, negative where it took energy out; `energy_of_actuators` the sum of those
-    that put some in. A tracking error is set point less what was reached, headings within half a turn: its root mean
-    square, and what it was at the end.
+    that put some in. A tracking error is set point minus value, headings within half a turn: its root mean square, and
+    its last value.
     """
     log = VehicleRecords(dataset)
     steps = np.linalg.norm(np.diff(log.position, axis=0), axis=1)

@@ -46,11 +46,11 @@ class Rule(InternalRule):
     faults: tuple[Fault, ...] = ()
 
     jumping = ("water",)
-    """What is not followed within a step that is judged for its accuracy: a random current is drawn once a step."""
+    """States not refined within a step in estimates of accuracy: a random current is drawn once a step."""
 
     @property
     def title(self) -> str:
-        """What it is, at the beginning of a sentence."""
+        """Its description, at the beginning of a sentence."""
         others = f"an actuator or the water of `{self.vehicle.name}`"
         return f"A{others[1:]}" if self.controller is None else f"{called(self.controller)}, {others}"
 
@@ -109,7 +109,7 @@ class Rule(InternalRule):
         return course
 
     def _unmoved(self, part: Part) -> Any:
-        """What a part that a fault commands is told before it, where nobody commands it: what it starts from."""
+        """The command, before its fault, of a part without an input: the command's starting value."""
         if part.command is None or part.travel(named(part.parameters())) is not None:
             raise ArgumentError(f"The fault of the {part.title}` needs a command that it replaces: give an input.")
         return part.command.start
@@ -224,7 +224,7 @@ class Rule(InternalRule):
             )
 
     def inputs(self, motion: NodeMotion) -> dict[str, Any]:
-        """The inputs of the run by name; raises ArgumentError for one that nobody knows or that is missing."""
+        """The inputs of the run by name; raises ArgumentError for an unknown or missing one."""
         given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
         if motion.inputs is not None and not isinstance(motion.inputs, Named):
             raise ArgumentError("The inputs of a craft have names, as in inputs={'rudder': signal}.")

@@ -14,14 +14,14 @@ from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.spaces import Named
 
 FIXED = ("inertia", "added_mass", "allocation", "positions", "directions")
-"""Arrays whose shape others count on: a diagonal is no matrix here."""
+"""Arrays whose shape other code relies on: a diagonal cannot replace a matrix."""
 
 
 def require_possible(owner: Any, nominal: Mapping[str, Any], found: Mapping[str, Any], path: str = "") -> None:
     """Raise ArgumentError unless the owner of numbers can be built with those that were found, for every member.
 
-    nominal: those that it was made with, in dictionaries where its own parts have them. path: where they stand among
-    the parameters of a craft. What is being traced is not looked at.
+    nominal: the original numbers, in nested dictionaries for those of its parts. path: their place among the parameters
+    of a craft. Traced values are not checked.
     """
     changed = _changed(owner, nominal, found, path)
     for which, values in _members(changed):
@@ -37,7 +37,7 @@ def rebuilt(owner: Any, nominal: Mapping[str, Any], found: Mapping[str, Any]) ->
 
 
 def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> dict[tuple[str, ...], Any]:
-    """What is no longer as it was, by its path; raises ArgumentError for other shapes."""
+    """The changed values, by path; raises ArgumentError for other shapes."""
     changed: dict[tuple[str, ...], Any] = {}
     for key, old in nominal.items():
         new, here = getattr(found, key) if isinstance(found, Named) else found[key], f"{path}.{key}" if path else key
@@ -52,7 +52,7 @@ def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> d
 
 
 def part_of(owner: Any, name: str) -> Any:
-    """What has the group `name` of an owner's parameters: a thruster's curve, the controller at a helm, a current."""
+    """The owner of the group `name` of parameters: a thruster's curve, the controller at a helm, a current."""
     return getattr(owner, "owners", {}).get(name, getattr(owner, name, None))
 
 
@@ -80,7 +80,7 @@ def _rebuilt(owner: Any, values: Mapping[str, Any]) -> Any:
 def _members(values: Mapping[Any, Any]) -> Iterator[tuple[str, Mapping[Any, Any]]]:
     """The values of each member, with a word for it; of one number that varies, its least and its largest.
 
-    Every check of one number asks for an interval, so that the two ends tell of all between.
+    Every check of a single number tests an interval, so its two ends suffice.
     """
     varied = {key: value for key, value in values.items() if isinstance(value, Each)}
     if not varied:
@@ -98,7 +98,7 @@ def _members(values: Mapping[Any, Any]) -> Iterator[tuple[str, Mapping[Any, Any]
 
 
 def _require_shape(name: str, value: Any, nominal: Any) -> None:
-    """Raise ArgumentError for a number whose shape is not what it was."""
+    """Raise ArgumentError for a number whose shape has changed."""
     given, wanted = (np.shape(v.values)[1:] if isinstance(v, Each) else np.shape(v) for v in (value, nominal))
     if given != wanted:
         expected = "one number" if wanted == () else f"of shape {wanted}"

@@ -1,4 +1,4 @@
-"""What a controller sees, and what it is."""
+"""The feedback of a controller, and its base class."""
 
 from __future__ import annotations
 
@@ -81,15 +81,13 @@ class Controller(Numbers, ABC):
         return {}
 
     def memory(self) -> dict[str, Any]:
-        """What it remembers, such as integrals, as numbers of the start."""
+        """Its internal state, such as integrals, at the start."""
         return {}
 
     def fitted(self, vehicle: Any) -> Controller:
-        """The controller as it flies this vehicle, with what it works out of its parts and mass; by default as it
-        is.
-        """
+        """The controller for this vehicle, with values derived from its parts and mass; by default unchanged."""
         return self
 
     @abstractmethod
     def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Commands by the names of the parts, and what it remembers from now on; jax.numpy only."""
+        """Commands by the names of the parts, and the next internal state; jax.numpy only."""

@@ -20,13 +20,13 @@ _UNKNOWN = re.compile(r"There is no `(\w+)` here; there is: (.*)\.$")
 def steer(
     controller: Controller, feedback: Feedback, memory: Any, own: Any, vehicle: Any
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What the controller says and remembers; raises ArgumentError for whatever fails inside it."""
+    """The commands and the memory of the controller; raises ArgumentError for any failure inside it."""
     try:
         found = controller.steer(feedback, memory, own, vehicle)
     except (CoadjointError, Untraceable):
         raise
     except Exception as error:
-        if "dtype promotion" in str(error):  # float32, which is told elsewhere
+        if "dtype promotion" in str(error):  # float32, which is reported elsewhere
             raise
         raise ArgumentError(f"{called(controller)} {_what(error, feedback)}") from error
     return _require_memory(controller, found)

@@ -33,8 +33,8 @@ class Craft:
         run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, duration=300, inputs={"depth": …})
 
     controller: a Controller, or a function (feedback, p) → {part: command}; without one, inputs of the names of parts
-    command them. water: by default still. faults: of actuators, from a time or an event on. Raises
-    ArgumentError for what is none of these.
+    command them. water: by default still. faults: of actuators, from a time or an event on. Raises ArgumentError for
+    anything else.
     """
 
     def __init__(
@@ -68,8 +68,8 @@ class Craft:
 
             craft.replace(mass=32.0, rudder={"area": co.each(areas)})
 
-        Raises ArgumentError for a name that is no parameter, and for what body, parts, controller or water cannot
-        have, as where they were made; 0 for a lag is none.
+        Raises ArgumentError for an unknown parameter, and for values that the constructors of body, parts, controller
+        or water reject; a lag of 0 means none.
         """
         made = Craft(self.vehicle, controller=self.controller, water=self.water, faults=self.faults)
         made.parameters = self.parameters.replace(**values)
@@ -109,7 +109,7 @@ class Craft:
 
     @property
     def owners(self) -> dict[str, Part | Controller | Water]:
-        """What has parameters beside the body, by its name among them."""
+        """The owners of parameters other than the body, by name."""
         controllers = {} if self.controller is None else {"controller": self.controller}
         return {**{part.name: part for part in self.vehicle.parts}, "water": self.water, **controllers}
 

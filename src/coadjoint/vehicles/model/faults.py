@@ -22,17 +22,17 @@ BARELY = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """An actuator stands at a value, whatever its command, from the first node on at which the fault is there.
+    """An actuator stays at a value, whatever its command, from the first node of the fault on.
 
         Fault("rudder", value=0.2, time=30.0)                                    # a fin that is stuck
         Fault("thrusters", value=0.0, which=(2,), time=30.0)                     # one thruster that is out
         Fault("payload", value=1.0, when=lambda motion, p: motion.q[2] - 20.0)   # dropped at 20 m
 
-    part: the name of an actuator. value: where it stands, in the unit of its command; None: where it is then. A part
+    part: the name of an actuator. value: in the unit of its command; None: its value at that node. A part
     whose state is more than its command, as a moving mass or a payload, gets `value` as its command. which: of
     thrusters, by their indices from 0; all unless given. time: t, s, or when: (motion, p) → a number, ≥ 0 from the
-    event on; motion has q, xi, nu and t of the node. A fault stays. Software on board does not know of it. Raises
-    ArgumentError for neither or both of time and when, and for a name that is no word.
+    event on; motion has q, xi, nu and t of the node. A fault is permanent. Software on board does not know of it.
+    Raises ArgumentError for neither or both of time and when, and for a name that is not a word.
     """
 
     part: str
@@ -88,7 +88,7 @@ class Fault:
         return jnp.where(there > 0.5, self.value, command)
 
     def stands(self, course: Any, now: Any, there: Array) -> Course:
-        """The course of a part over a step: where it stands, for those of it that do."""
+        """The course of a part over a step: its faulty elements stay at `value`."""
         found = course if isinstance(course, Course) else Course(course)
         begin = now if found.begin is None else found.begin
         mean = 0.5 * (begin + found.end) if found.mean is None else found.mean

@@ -34,10 +34,10 @@ class FunctionController(Controller):
     """A function (feedback, p) → {part: command} as a controller, p being the parameters of the system.
 
     With `remembers`, numbers by name that it starts from, it is (feedback, memory, p) → (commands, memory) instead.
-    Written with jax.numpy it becomes part of the native kernel. Where it needs numbers, as with NumPy, `math`, `if` on
-    what it sees, or a library of one's own, it is called from outside at every step: then the run goes by XLA, which a
-    warning tells, is slower, and has no derivatives. What it gives must depend on its arguments only; it is called once
-    on a craft at rest to learn the shapes. A vehicle's inputs of any name reach it as `feedback.inputs`.
+    Written with jax.numpy it becomes part of the native kernel. A function that needs numbers, for NumPy, `math`, `if`
+    on feedback, or another library, is called from outside at every step: the run then uses XLA, warns of it, is
+    slower, and has no derivatives. Its results must depend on its arguments only; it is called once on a craft at rest
+    to find the shapes. A vehicle's inputs of any name reach it as `feedback.inputs`.
     """
 
     function: Callable[..., Any]
@@ -69,7 +69,7 @@ class FunctionController(Controller):
 
 
 _FAILED: dict[str, tuple[float, str]] = {}
-"""By controller, when it failed last in the run that goes on, and how."""
+"""By controller, the time and the message of its last failure in the current run."""
 
 
 def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> None:
@@ -78,7 +78,7 @@ def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> 
         raise ArgumentError(f"Argument `function` of a controller must be a function ({', '.join(names)}).")
     try:
         signature = inspect.signature(function)
-    except (TypeError, ValueError):  # of a library in C: only calling it tells
+    except (TypeError, ValueError):  # of a library in C: only a call shows it
         return
     try:
         signature.bind(*names)

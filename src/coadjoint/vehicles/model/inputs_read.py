@@ -56,7 +56,7 @@ class Read(Named):
 
     @property
     def unread(self) -> list[str]:
-        """The names that nobody has asked for."""
+        """The names not read yet."""
         return [name for name in self._values if name not in self._seen]
 
 

@@ -71,8 +71,8 @@ class Hull(Part):
 def _strips(v: Array, omega: Array, end: Any) -> tuple[Array, Array]:
     """Places from the middle of the hull and lengths of its strips; v: velocity of the middle, end: half the length.
 
-    They part at the pivot (v_z ω_y − v_y ω_z)/(ω_y² + ω_z²), or at the end that is nearer to it: |w|w is smooth beside
-    its zero.
+    They part at the pivot (v_z ω_y − v_y ω_z)/(ω_y² + ω_z²), or at the end that is nearer to it: |w|w is smooth away
+    from its zero.
     """
     turning = omega[1] ** 2 + omega[2] ** 2
     parting = jnp.clip(v[2] * omega[1] - v[1] * omega[2], -end * turning, end * turning)

@@ -25,7 +25,7 @@ def measured(
     words: tuple[str, ...] = (),
     default: Any = MISSING,
 ) -> Any:
-    """A field with what it measures, `area: Any = measured(AREA, not_negative)`, as `sections.key` declares it.
+    """A field with its dimension, `area: Any = measured(AREA, not_negative)`, as `sections.key` declares it.
 
     dimension: None where the numbers measure several things, in SI units. check: (value, name) → the value, or
     ArgumentError. turn: (value, axes) → the value in forward, starboard, down. words: those that the field may be.

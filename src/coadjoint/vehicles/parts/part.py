@@ -81,19 +81,19 @@ class Part(Numbers, ABC):
 
     @property
     def title(self) -> str:
-        """What it is in sentences, without the quote at the end."""
+        """Its description in messages, without the closing quote."""
         return f"{self.kind.replace('_', ' ') or type(self).__name__} `{self.name}"
 
     @property
     def command(self) -> Command | None:
-        """What a controller may set; None for a part that nobody moves."""
+        """The command that a controller may set; None for a part without one."""
         return None
 
     def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
         """The actuator over h, co.mechanics.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact
         for u held.
 
-        limit, τ = own.lag (s) and own.rate (per s) count where the part has them; τ = 0: at once, or at that rate.
+        limit, τ = own.lag (s) and own.rate (per s) count where the part has them; τ = 0: immediately, or at that rate.
         """
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
         return towards(actual, wanted, h, own)
@@ -137,7 +137,7 @@ class Part(Numbers, ABC):
 
     @property
     def holds_mass(self) -> bool:
-        """Whether it has lumps or displaces water of its own."""
+        """Whether it has lumps or displaces water."""
         return type(self).lumps is not Part.lumps or type(self).displaced is not Part.displaced
 
     def set(self, **values: Any) -> None:
@@ -150,7 +150,8 @@ def towards(x: Array, wanted: Array, h: Array, own: Any) -> Course:
     """The course over h of ẋ = clip((u − x)/τ, ±r) with u held, in closed form: at the rate r, then by the lag τ.
 
     x, wanted: u, of one shape. h: s. own: τ = own.lag (s) and r = own.rate (per s), where it has them; without both, x
-    is u at once. With e = u − x the first part takes it to e − m in the time |m|/r, m = clip(e − clip(e, ±rτ), ±rh).
+    is u immediately. With e = u − x the first part takes it to e − m in the time |m|/r, m = clip(e − clip(e, ±rτ),
+    ±rh).
     """
     gap, lag = wanted - x, own.lag if "lag" in own else jnp.zeros(())
     late = lag > 0

@@ -20,10 +20,10 @@ from coadjoint.vehicles.parts.part import Command, Flow, Part, Passing
 class Payload(Part):
     """A point mass m at r, with a volume V, beyond those of the body, until its command is 1: then both are gone.
 
-    Where it goes, at a node, no velocity changes: ∂ℓ/∂ν and ∂ℓ/∂ξ lose m v_r and r × m v_r, v_r that of the point.
-    ℓ, whose momenta are continuous, keeps what was lost as P·(R(ν + ω × r)), P = R m v_r fixed in space: a derivative
-    by time, which moves nothing. So μ and π go on with what the payload took along, and the energy loses ½m|v_r|² −
-    m g depth + V g ∫₀^depth ρ dz, which is the ledger's ΔH. The payload's own motion is not followed.
+    No velocity changes at the node where it is dropped: ∂ℓ/∂ν and ∂ℓ/∂ξ lose m v_r and r × m v_r, v_r that of the
+    point. ℓ, whose momenta are continuous, keeps the lost momentum as P·(R(ν + ω × r)), P = R m v_r fixed in space: a
+    derivative by time, which moves nothing. So μ and π keep the momentum of the dropped payload, and the energy loses
+    ½m|v_r|² − m g depth + V g ∫₀^depth ρ dz, which is the ledger's ΔH. The payload's own motion is not followed.
     Its internal state is `dropped`, 0 or 1, and `momentum`, P, N s.
 
     mass: m, kg. position: r, (3,) m. volume: V, m³, 0 unless given. Commanded by 0, held, and 1, from 0.5 on dropped,

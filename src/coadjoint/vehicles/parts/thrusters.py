@@ -23,7 +23,7 @@ from coadjoint.vehicles.parts.part import Command, Flow, Part, towards
 from coadjoint.vehicles.parts.published_curves import force_curve
 
 COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
-"""Of what is in the unit of the commands."""
+"""The dimension of values in the unit of the commands."""
 
 
 def _columns(value: Any, axes: Any) -> Any:

@@ -25,7 +25,7 @@ from coadjoint.vehicles.sensors.noise import Noise
 from coadjoint.vehicles.sensors.sensor import Sensor, different
 
 BLOCK = 512
-"""Nodes, and readings, that are computed together: always as many, so that each is the same to the bit in any run."""
+"""Nodes, and readings, that are computed together: a fixed number, so that each is bitwise identical in any run."""
 OF_A_NUMBER, LARGEST = 64.0, 8e9
 """Bytes that a number of a reading takes, and that all readings of a sensor may take."""
 SLACK = 1e-9
@@ -48,10 +48,10 @@ def readings(
     A reading between two nodes is of the cubics through both (`between`); where a run saved fewer nodes than steps, or
     its records are on disk, its steps are taken again. The errors are drawn from the seed, for each sensor by its name,
     so that they depend neither on the other sensors nor on how long the run is, or whether it was resumed. Sensors are
-    read after the run: they do not act on it. Of a mission with sensors that are lost `run.dataset` has what is left of
-    their readings; these here are all.
+    read after the run: they do not act on it. If a mission loses sensors, `run.dataset` has the readings outside the
+    losses; this function returns all.
 
-    run: of `co.simulate`, of a single craft. seed: a whole number of at least 0. sensors: names, or sensors of one's
+    run: of `co.simulate`, of a single craft. seed: an integer ≥ 0. sensors: names, or sensors of one's
     own; by default all of the vehicle. bottom: the depth of a level bottom, one number in m, or a function
     (north, east) ↦ depth, m, such as a `Bottom`, which is level below each reading; None where there is none.
     craft: the one of the run; by default it is found by its system. Raises ArgumentError for a run of no craft and
@@ -144,7 +144,7 @@ def _read(sensor: Sensor, noise: Noise, moving: Kinematics) -> SensorReading:
     nodes = np.asarray(moving.t)
     times = reading_times(sensor, float(nodes[0]), float(nodes[-1]))
     exact, there = at_times(sensor, moving, times)
-    drawn = noise.read(np.where(there[:, None], exact, 0.0))  # what is out of limits may be no number
+    drawn = noise.read(np.where(there[:, None], exact, 0.0))  # values out of limits may be NaN
     kept = there & ~drawn.lost
     number = np.flatnonzero(kept)
     taken = times[kept]

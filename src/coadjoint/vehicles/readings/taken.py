@@ -89,7 +89,7 @@ class Readings(Mapping[str, SensorReading]):
         return made
 
     def add_to(self, dataset: xarray.Dataset) -> None:
-        """Put the variables of all sensors into a dataset, which is changed; raises ArgumentError for what is none."""
+        """Add the variables of all sensors to a dataset, in place; raises ArgumentError unless it is a dataset."""
         if not hasattr(dataset, "coords"):
             raise ArgumentError(
                 f"Argument `dataset` must be that of a run, such as run.dataset, but is {shown(dataset)}."

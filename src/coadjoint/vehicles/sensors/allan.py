@@ -15,7 +15,8 @@ def allan_deviation(values: Any, rate: float, times: Any) -> np.ndarray:
 
         σ²(τ) = ½ ⟨(ȳ_{k+n} − ȳ_k)²⟩, τ = n/rate
 
-    values: (k, m), or (k,). rate: of readings, 1/s, one number. times: the τ, (…,) s, each rounded to whole readings.
+    values: (k, m), or (k,). rate: of readings, 1/s, one number. times: the τ, (…,) s, each rounded to a multiple of
+    1/rate.
     Raises ArgumentError for readings that are not finite, for a τ that is shorter than the time between two readings,
     and for fewer readings than two means need. Source: IEEE Std 952-1997, annex C.
     """

@@ -41,7 +41,7 @@ class Compass(Sensor):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ahrs(Sensor):
-    """Roll, pitch and heading of its own axes, (3,) rad, of R M: an attitude and heading reference.
+    """Roll, pitch and heading of the sensor axes, (3,) rad, of R M: an attitude and heading reference.
 
     roll = atan2(d_y, d_z) and pitch = atan2(−d_x, |(d_y, d_z)|) of down d in its axes, heading as of `Compass`.
     tilt: the Errors of roll and pitch; heading: of the heading. declination: rad. Raises ArgumentError.

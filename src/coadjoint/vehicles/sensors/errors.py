@@ -34,7 +34,7 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """The errors of a channel whose unit is U, each a standard deviation; what is left out is 0.
+    """The errors of a channel whose unit is U, each a standard deviation; missing values are 0.
 
         reading = (1 + s)·C·measured + b₀ + b(t) + w + n
 
@@ -42,7 +42,7 @@ class Errors:
     turn_on_bias: of b₀, which is drawn once, U. bias_instability: B, U: the Allan deviation of the Gauss–Markov process
     b has its highest point B, at 1.89 bias_time (s), and b itself the deviation B/0.617. random_walk: K, U/√s, of w,
     which begins at 0 and has K√t. scale: of s, one for each component, drawn once. misalignment: rad, of the angles by
-    which C turns a vector, drawn once. resolution: U, the step of the numbers that it gives. outlier: U, of what is
+    which C turns a vector, drawn once. resolution: U, the step of the numbers that it gives. outlier: U, of the error
     added to the share of readings that are outliers. Each is a number of at least 0, or one for each component.
     """
 

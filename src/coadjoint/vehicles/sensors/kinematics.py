@@ -17,8 +17,8 @@ class Kinematics(NamedTuple):
     position: q of O, (3,) m. rotation: R from body to space, (3, 3). velocity: ν = Rᵀq̇ over ground, (3,) m/s.
     omega: ω, (3,) rad/s, body axes. acceleration: Rᵀq̈, (3,) m/s², body axes; angular_acceleration: ω̇, (3,) rad/s²:
     for an inertial unit. gravity: g, m/s². current: c, (3,) m/s, space axes: the velocity of the water, for a log that
-    tracks it. bottom: its depth, m; None where nobody knows it. head: ∫₀^depth ρ dz at O, kg/m², and density: ρ there,
-    kg/m³, for the pressure; without them the water is the one that a depth sensor was set to. t: s.
+    tracks it. bottom: its depth, m; None if unknown. head: ∫₀^depth ρ dz at O, kg/m², and density: ρ there,
+    kg/m³, for the pressure; without them, the water is that of the depth sensor's settings. t: s.
     """
 
     position: Any

@@ -24,17 +24,17 @@ def measurement(
     kinematics: Callable[..., Kinematics] | None = None,
     biased: Sequence[str] = (),
 ) -> Measurement:
-    """A sensor as a `co.estimation.Measurement` of a craft: what it reads, and the covariance of its white noise.
+    """A sensor as a `co.estimation.Measurement` of a craft: its reading, and the covariance of its white noise.
 
         filter = co.estimation.Filter(process, start, measurements={dvl.name: measurement(dvl, gate=0.999)}, …)
 
     covariance: R, (m, m) or variances (m,), instead of the sensor's own, as where biases are to be in it. gate: as of
     `Measurement`. bottom: the depth of the bottom, m, for an altimeter. kinematics: `co.vehicles.readings.kinematics`
-    of the craft, with which it reads what it reads in a run, accelerations and any water among it; by default the
+    of the craft, which give the readings of a run, accelerations and any water included; by default the
     motion and the parameters alone, in still or uniform water, whose current a filter may estimate. biased: channels
     whose bias is a number of the process, `NAME_CHANNEL` of its `biases`, as imu_gyroscope; by default none.
-    Raises ArgumentError for what is no sensor, for one without white noise, whose covariance would be 0, and where the
-    motion and the parameters do not say what it reads.
+    Raises ArgumentError unless it is a sensor, for a sensor without white noise, whose covariance would be 0, and if
+    the motion and the parameters do not determine its reading.
     """
     if not isinstance(sensor, Sensor):
         raise ArgumentError(f"A filter's measurement is made of a sensor such as Dvl, but got {shown(sensor)}.")

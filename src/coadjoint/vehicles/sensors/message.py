@@ -20,10 +20,10 @@ class MessageField(NamedTuple):
 
 
 class Message(NamedTuple):
-    """What a sensor sends: the type, `pkg/Name`, and its fields; what it does not measure is marked as ROS does.
+    """The message of a sensor: the type, `pkg/Name`, and its fields; unmeasured fields are marked as in ROS.
 
     unknown: covariances whose first number, −1, says that the field is not measured. silent: vectors that are NaN.
-    A sensor without one sends a message of its own, with its numbers by their names in SI units and rad.
+    A sensor without one sends a custom message, with its numbers by their names in SI units and rad.
     """
 
     type: str

@@ -1,4 +1,4 @@
-"""The errors of a sensor's readings, one after the other, from a seed: the same to the bit however many are taken."""
+"""The errors of a sensor's readings, one after the other, from a seed: bitwise identical for any number of readings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.sensor import Sensor
 
 PURPOSES = ("once", "white", "wander", "walk", "dropout", "outliers", "outlier")
-"""Each has random numbers of its own, so that the others stay what they are where it is left out or changed."""
+"""Each has independent random numbers, so that leaving it out or changing it does not change the others."""
 
 
 class Drawn(NamedTuple):
@@ -27,7 +27,7 @@ class Drawn(NamedTuple):
 class Noise:
     """The errors of the readings of one sensor, in their order.
 
-    sensor: whose. seed: a whole number ≥ 0; sensors with different names have independent numbers of one seed. The
+    sensor: whose. seed: an integer ≥ 0; sensors with different names have independent numbers of one seed. The
     numbers are those of NumPy's PCG64 with a SeedSequence of the seed and the name. Raises ArgumentError.
     """
 

@@ -64,7 +64,7 @@ def _turned_pose(value: Any, axes: Any) -> Any:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor(Numbers, ABC):
-    """A sensor of a vehicle: what it would read without errors is a pure function of the motion, traced by JAX.
+    """A sensor of a vehicle: its error-free reading is a pure function of the motion, traced by JAX.
 
     name: a word, unique on a vehicle. rate: readings in a second, 1/s; the k-th is taken k/rate after it is switched
     on. latency: s from the time of a reading until it is there. position: r in the body, (3,) m. euler_zyx: yaw, pitch
@@ -76,9 +76,9 @@ class Sensor(Numbers, ABC):
     kind: ClassVar[str] = ""
     """Its word in vehicle files."""
     channels: ClassVar[tuple[Channel, ...]] = ()
-    """What it reads, in the order of a reading."""
+    """Its channels, in the order of a reading."""
     message: ClassVar[Message | None] = None
-    """What it sends in logs of ROS 2; None for a message of its own, which has its numbers by their names."""
+    """Its message in logs of ROS 2; None for a custom message, which has its numbers by their names."""
     required: ClassVar[tuple[str, ...]] = ()
     """Fields of the motion that may be None and without which it cannot read, such as the depth of the `bottom`."""
     name: str
@@ -104,7 +104,7 @@ class Sensor(Numbers, ABC):
 
     @property
     def title(self) -> str:
-        """What it is in sentences, without the quote at the end."""
+        """Its description in messages, without the closing quote."""
         return f"sensor `{self.name}"
 
     def errors(self, channel: Channel) -> Errors:
@@ -146,10 +146,10 @@ class Sensor(Numbers, ABC):
         return np.diag(self.deviation**2)
 
     def measured(self, motion: Kinematics, own: Any = None) -> Array:
-        """What it reads of a motion without errors, (m,) in `units`; differentiable, and traced inside jit and grad.
+        """Its error-free reading of a motion, (m,) in `units`; differentiable, and traced inside jit and grad.
 
-        own: its numbers, by name as `parameters()` gives them; by default those that it has. Raises ArgumentError for
-        a motion that lacks what it reads.
+        own: its numbers, by name as `parameters()` gives them; by default those that it has. Raises ArgumentError for a
+        motion without the fields that it reads.
         """
         return self._evaluated(self.reading, motion, own)
 
@@ -174,7 +174,7 @@ class Sensor(Numbers, ABC):
 
     @abstractmethod
     def reading(self, motion: Kinematics, own: Any) -> Array:
-        """What it reads, (m,), of a motion and with its numbers; jax.numpy only."""
+        """Its reading, (m,), of a motion and with its numbers; jax.numpy only."""
 
     def within(self, motion: Kinematics, own: Any) -> Array:
         """Whether the motion is within its limits; jax.numpy only."""

@@ -1,4 +1,4 @@
-"""ArduPilot's JSON interface for simulators: a packet of pulses in, a line of JSON with what is measured out.
+"""ArduPilot's JSON interface for simulators: a packet of pulses in, a line of JSON with measurements out.
 
 A packet is little-endian: magic (18458 with 16 pulses, 29569 with 32), frame rate (Hz), frame count, pulses (µs); the
 answer has timestamp, imu (gyro, accel_body), position, velocity, quaternion, in SI units, north, east, down and
@@ -46,7 +46,7 @@ class Packet(NamedTuple):
 
 
 def unpacked(data: bytes) -> Packet:
-    """A packet; raises ArgumentError for what is none."""
+    """A packet; raises ArgumentError for an invalid one."""
     layout = _LAYOUTS.get(_MAGIC.unpack_from(data)[0]) if len(data) >= _MAGIC.size else None
     if layout is None or len(data) != layout.size:
         sizes = " or ".join(f"{layout.size} bytes with the magic {magic}" for magic, layout in _LAYOUTS.items())
@@ -56,7 +56,7 @@ def unpacked(data: bytes) -> Packet:
 
 
 def line(reading: Reading) -> bytes:
-    """What is measured, as ArduPilot reads it."""
+    """The measurements, as ArduPilot reads them."""
     measured = {
         "timestamp": reading.t,
         "imu": {
@@ -118,7 +118,7 @@ class Lockstep:
         self._last, self._answer = -1, b""
 
     def answer(self, data: bytes) -> bytes:
-        """The line that answers a packet; raises ArgumentError for what is none, StepError where a step fails."""
+        """The line that answers a packet; raises ArgumentError for an invalid packet, StepError if a step fails."""
         packet = unpacked(data)
         if self.served is None:
             self._start(packet)

@@ -88,7 +88,7 @@ def motors(frame: str, thrusters: Thrusters) -> list[Motor]:
 
 
 def _noticeable(matrix: np.ndarray) -> np.ndarray:
-    """B without what is small beside the largest force or torque."""
+    """B without entries that are small compared with the largest force or torque."""
     least = SMALL * np.repeat([np.max(np.abs(matrix[:3])), np.max(np.abs(matrix[3:]))], 3)
     return np.where(np.abs(matrix) > least[:, None], matrix, 0.0)
 

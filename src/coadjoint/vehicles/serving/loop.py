@@ -53,8 +53,8 @@ class Lateness:
 class Loop:
     """Answers datagrams on a UDP port, each to where it came from.
 
-    paced: answers no sooner than the craft's time has passed on the clock since the first answer; `lateness` tells how
-    well. No datagram ends the loop: one whose answer raises an error is counted in `refused` and not answered.
+    paced: answers no sooner than the craft's time has passed on the clock since the first answer; `lateness` measures
+    how well. No datagram ends the loop: one whose answer raises an error is counted in `refused` and not answered.
     `answers` and `unsent` count, too; `simulated` is the time of the craft, over all its starts, s, and `seconds` that
     of the clock from the first answer to the last. Raises ArgumentError where the port cannot be had.
     """

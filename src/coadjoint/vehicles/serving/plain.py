@@ -25,7 +25,7 @@ MOST_ERRORS = 10
 
 
 def fields(reading: Reading) -> dict[str, Any]:
-    """What is known at a node, by name; quaternion (w, x, y, z), from body to space."""
+    """The reading at a node, by name; quaternion (w, x, y, z), from body to space."""
     found = {**reading._asdict(), "quaternion": to_quaternion(reading.rotation)}
     del found["rotation"]
     found["actuators"] = {name: _plain(value) for name, value in reading.actuators.items()}
@@ -37,17 +37,16 @@ def _plain(value: Any) -> Any:
 
 
 class Service:
-    """Answers requests {"id": 7, "commands": {"propeller": 15.0}, "steps": 2} with what is known after the steps.
+    """Answers requests {"id": 7, "commands": {"propeller": 15.0}, "steps": 2} with the reading after the steps.
 
     All keys may be left out: without `commands` they stay, without `steps` there is one step, with 0 there is none.
     `reset`: true goes back to the start, and an object to another one, with keys of `start`; commands go back to where
-    they began. A request with the `id` of the last one, a whole number or a text, is answered as that was, and not
-    carried out again, so that what was lost can be sent again.
-    An answer has `id`, and `error`, a sentence, where a request cannot be carried out: then nothing has moved. Where a
-    step fails without a reset, the craft stays at the last good node until `reset`. At most `MOST_ERRORS` errors are
-    answered within a second, and what has the key `error` is not answered, so that two services never answer each
-    other's errors. `counts` has the requests, those with errors, the errors that were not answered, and the errors of
-    others. clock: seconds.
+    they began. A request with the `id` of the last one, an integer or a text, gets the same answer and is not carried
+    out again, so that a lost request can be sent again. An answer has `id`, and `error`, a sentence, where a request
+    cannot be carried out: then nothing has moved. Where a step fails without a reset, the craft stays at the last good
+    node until `reset`. At most `MOST_ERRORS` errors are answered within a second, and what has the key `error` is not
+    answered, so that two services never answer each other's errors. `counts` has the requests, those with errors, the
+    errors that were not answered, and the errors of others. clock: seconds.
     """
 
     def __init__(self, served: Served, start: Callable[..., State], clock: Callable[[], float] = time.monotonic):

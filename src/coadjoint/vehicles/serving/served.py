@@ -1,4 +1,4 @@
-"""A craft that another program steps: commands in, what it would measure and log out."""
+"""A craft that another program steps: commands in, measurements and log out."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ACTUATOR = "actuator_"
 
 
 class Reading(NamedTuple):
-    """What is known at a node, SI, axes north, east, down and forward, starboard, down.
+    """The reading at a node, SI, axes north, east, down and forward, starboard, down.
 
     t: s. position, velocity: of the body origin in space, (3,) m and m/s. rotation: R, (3, 3), from body to space.
     body_velocity: Rᵀ of the velocity over ground, (3,). angular_velocity, specific_force: as a gyroscope and an
@@ -109,7 +109,7 @@ class Served:
             raise
 
     def reading(self) -> Reading:
-        """What is known now."""
+        """The current reading."""
         seen = {key: value.copy() for key, value in self.stepper.observation.items()}
         actuators = {key.removeprefix(_ACTUATOR): value for key, value in seen.items() if key.startswith(_ACTUATOR)}
         measured = {key: value for key, value in seen.items() if not key.startswith(_ACTUATOR)}

@@ -42,7 +42,7 @@ class SteadyFlight:
     as a held rudder makes it. depth: m.
     A held actuator comes to its place in steps, from a straight course; a turn to which none leads, or one beyond the
     limits of the actuators that move, is looked for from a few starts that turn already.
-    Raises ArgumentError for names that are no actuators.
+    Raises ArgumentError for names that are not actuators.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class SteadyFlight:
         return found
 
     def _awake(self, guess: State, search: Search, speed: float) -> State:
-        """Idle actuators where they tell: thrusters with the wrench that is missing, others a part of their range."""
+        """Idle actuators where they have an effect: thrusters with the missing wrench, others a part of their range."""
         values = {}
         for name in search.idle(guess, speed):
             if "." in name:
@@ -174,7 +174,7 @@ class SteadyFlight:
         return found
 
     def _sizes(self) -> dict[str, float]:
-        """Free actuators with changes that count as one, large beside angles, so that the attitude changes last."""
+        """Free actuators with changes that count as one, larger than those of angles, so that the attitude changes last."""
         ranges = {path: travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
         return {
             path: 1.0 if within is None else EAGER * float(within[1] - within[0]) for path, within in ranges.items()

@@ -36,8 +36,8 @@ def driven(vehicle: Any, speed: float = 1.0, *, ahead: bool = False) -> Driven |
     """Where parts drive a vehicle in still water with its actuators as they start; None where none was found.
 
     P = F·v + T·ω of all parts together, which a passive vehicle has below zero in every motion; Coriolis terms do no
-    work. Of STATES motions at random and then ROUNDS times as many ever nearer to the worst, with one seed: what is not
-    found may still be there.
+    work. Of STATES motions at random and then ROUNDS times as many ever nearer to the worst, with one seed: an active
+    motion may remain undetected.
 
     speed: largest |v|, m/s; ends of the hull turn at up to twice that. ahead: only motions within SLIP of the bow, with
     ends that turn at up to half of the speed.

@@ -1,4 +1,4 @@
-"""What an engineer reads of a steady motion: angles, turn rate, and actuators beside their limits."""
+"""The summary of a steady motion: angles, turn rate, and actuators with their limits."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def travel(part: Any) -> tuple[Any, Any] | None:
 
 
 def _over(part: Any, actual: Any) -> tuple[float, float] | None:
-    """(value, limit) of what is furthest beyond its range, None where all is within."""
+    """(value, limit) of the component furthest beyond its range, None if all are within."""
     within = travel(part)
     if within is None:
         return None

@@ -29,8 +29,8 @@ class Bottom:
 
     north, east: coordinates of the nodes, (n,) and (m,) m, evenly spaced and rising. depth: (n, m) m, positive down.
     between: "bilinear", continuous, or "bicubic", through the same nodes by Catmull and Rom's cubics, whose slopes are
-    continuous, too. Beyond the grid the bottom goes on level with its edge. In terms of jax.numpy, differentiable by
-    the place. Raises ArgumentError for what is no such grid.
+    continuous, too. Beyond the grid the bottom continues level with its edge. In terms of jax.numpy, differentiable by
+    the place. Raises ArgumentError for an invalid grid.
     """
 
     def __init__(self, north: Any, east: Any, depth: Any, between: Literal["bilinear", "bicubic"] = "bilinear"):
@@ -51,7 +51,7 @@ class Bottom:
     def from_csv(cls, path: str | os.PathLike[str], between: Literal["bilinear", "bicubic"] = "bilinear") -> Bottom:
         """The bottom of a CSV file with the columns north, east and depth (m), a row for each node of a grid.
 
-        Raises FileError for a file that cannot be read or is no whole grid, with its line.
+        Raises FileError for a file that cannot be read or is not a complete grid, with its line.
         """
         columns = read(path, ("north", "east", "depth")).values
         rows, columns_of = (np.unique(columns[key]) for key in ("north", "east"))

@@ -43,7 +43,7 @@ class TimeCurrent(Water):
     """The current function(t), (3,) m/s, the same everywhere: a function of time, t in s, in terms of jax.numpy.
 
     co.Linear(times, velocities) and co.mechanics.Signal are such functions; not co.Held, because a current that jumps
-    pushes infinitely hard. Raises ArgumentError for what is none.
+    pushes infinitely hard. Raises ArgumentError for an invalid current.
     """
 
     function: Callable[[Any], Any]
@@ -67,7 +67,7 @@ class CurrentField(Water):
     """The current function(position) or function(position, t), (3,) m/s, in terms of jax.numpy.
 
     position: (3,) m, north, east, down. t: s. Its derivatives in position and time are taken by differentiation. An
-    argument with a default is not t, unless that is its name. Raises ArgumentError for what is no such function.
+    argument with a default is not t, unless that is its name. Raises ArgumentError for any other function.
     """
 
     function: Callable[..., Any]

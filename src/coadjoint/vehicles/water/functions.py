@@ -12,13 +12,13 @@ from coadjoint.extending import Array
 
 
 def returned(function: Callable[..., Any], arguments: tuple[Any, ...], shape: tuple[int, ...], what: str) -> Array:
-    """What a function gives, of this shape; raises ArgumentError where it fails or gives another."""
+    """The value of a function, of this shape; raises ArgumentError if it fails or has another shape."""
     try:
         value = jnp.asarray(function(*arguments), dtype=float)
     except CoadjointError:
         raise
     except Exception as error:
-        if "dtype promotion" in str(error):  # float32, which is told elsewhere
+        if "dtype promotion" in str(error):  # float32, which is reported elsewhere
             raise
         if type(error).__module__.startswith("jax"):
             raise ArgumentError(

@@ -26,9 +26,9 @@ class GaussMarkovCurrent(Water):
     From node to node z ← e^{−h/τ} z + √(1 − e^{−2h/τ}) ζ with ζ normal: the exact law of the process, so that mean,
     variance and the correlation e^{−|t|/τ} are the same whatever the step. z goes straight from node to node, so that ℓ
     has its mean over a step; it begins with its stationary law. deviation: standard deviations, (3,) m/s: north, east,
-    down. correlation_time: τ, s. mean: (3,) m/s. seed: a whole number ≥ 0; of an ensemble, co.each of whole numbers:
+    down. correlation_time: τ, s. mean: (3,) m/s. seed: an integer ≥ 0; for an ensemble, co.each of integers:
     random numbers are MRG32k3a's, and members with different seeds are independent. Raises ArgumentError for τ ≤ 0,
-    negative deviations, and seeds that are none.
+    negative deviations, and invalid seeds.
     """
 
     deviation: Any

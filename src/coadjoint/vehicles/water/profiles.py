@@ -109,7 +109,7 @@ class Sheared(Water):
     """A current that changes with depth: c = c_surface(t)·profile(depth).
 
     surface: (3,) m/s, or a current that is the same everywhere, such as a TidalCurrent. profile: a Profile, such as
-    PowerLaw(bottom=40.0). Raises ArgumentError for what is neither.
+    PowerLaw(bottom=40.0). Raises ArgumentError for anything else.
     """
 
     uniform = False

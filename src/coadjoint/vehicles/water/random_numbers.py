@@ -1,4 +1,4 @@
-"""MRG32k3a: random numbers in exact float64 arithmetic, the same to the bit wherever they are computed."""
+"""MRG32k3a: random numbers in exact float64 arithmetic, bitwise identical wherever they are computed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def stream(seed: int) -> np.ndarray:
     """The state (x_0, x_1, x_2, y_0, y_1, y_2), (6,), where stream number `seed` begins; 0 begins at 12345, six times.
 
     Streams of different seeds are 2¹²⁷ seed numbers apart in one sequence of period 2¹⁹¹, so that they do not overlap.
-    Raises ArgumentError unless the seed is a whole number from 0 to 2⁵³. Source: L'Ecuyer, Simard, Chen and Kelton,
+    Raises ArgumentError unless the seed is an integer from 0 to 2⁵³. Source: L'Ecuyer, Simard, Chen and Kelton,
     Operations Research 50 (2002) 1073.
     """
     if float(seed) != int(seed) or not 0 <= seed <= LARGEST_SEED:
@@ -58,7 +58,7 @@ def _squared(A: list[list[int]], m: int) -> list[list[int]]:
 def uniform(state: Array) -> tuple[Array, Array]:
     """(u, next state): u in (0, 1), u = ((x_n − y_n) mod m₁)/(m₁ + 1), with m₁ in the place of 0.
 
-    All numbers before the division are whole and below 2⁵³, so that nothing is rounded. Not differentiated.
+    All numbers before the division are integers below 2⁵³, so that nothing is rounded. Not differentiated.
     Source: L'Ecuyer, Operations Research 47 (1999) 159.
     """
     x0, x1, x2, y0, y1, y2 = jax.lax.stop_gradient(state)
@@ -69,7 +69,7 @@ def uniform(state: Array) -> tuple[Array, Array]:
 
 
 def _modulo(value: Array, m: float) -> Array:
-    """Of whole numbers; the quotient may be off by one where the division is rounded."""
+    """Of integers; the quotient may be off by one where the division is rounded."""
     rest = value - jnp.floor(value / m) * m
     rest = jnp.where(rest < 0, rest + m, rest)
     return jnp.where(rest >= m, rest - m, rest)

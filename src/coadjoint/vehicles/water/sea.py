@@ -24,7 +24,7 @@ class Sea(Water):
         sea = Sea(tide=TidalCurrent(["M2"], [[0.5, 0.0, 0.0]]), gusts=GaussMarkovCurrent((0.1, 0.1, 0.0), 60.0))
 
     The `amplitudes` of the current `tide` are `p.water.tide.amplitudes` of the system. density: a Density, by
-    default the vehicle's own fluid density. Raises ArgumentError for what is no current and no density.
+    default the vehicle's own fluid density. Raises ArgumentError for an invalid current or density.
     """
 
     def __init__(self, *, density: Density | None = None, **currents: Water):

@@ -61,7 +61,7 @@ class CurrentTable(Water):
         """The table of a CSV file with the columns time (s) and depth (m), one or both, north, east [and down] (m/s).
 
         Rows are sorted by time, then by depth; each time has the same depths. Raises FileError with file, line and
-        column for what is missing, not a number, out of order or there twice.
+        column for a value that is missing, not a number, out of order or duplicated.
         """
         table = read(path, ("north", "east"), (*AXES, "down"))
         axes = [name for name in AXES if name in table.values]

@@ -31,7 +31,7 @@ class Water(Numbers, ABC):
 
     @property
     def timed(self) -> bool:
-        """Whether the current depends on t itself, beyond what it remembers from step to step."""
+        """Whether the current depends on t itself, beyond its internal state."""
         return not self.steady and not self.start()
 
     @property
@@ -49,7 +49,7 @@ class Water(Numbers, ABC):
         return self
 
     def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
-        """What it remembers after h."""
+        """The internal state after h."""
         return {}
 
     @abstractmethod
