@@ -42,7 +42,7 @@ class Service:
     All keys may be left out: without `commands` they stay, without `steps` there is one step, with 0 there is none.
     `reset`: true goes back to the start, and an object to another one, with keys of `start`; commands go back to where
     they began. A request with the `id` of the last one, an integer or a text, gets the same answer and is not carried
-    out again, so that a lost request can be sent again. An answer has `id`, and `error`, a sentence, where a request
+    out again, so that it can be sent again after a loss. An answer has `id`, and `error`, a sentence, where a request
     cannot be carried out: then nothing has moved. Where a step fails without a reset, the craft stays at the last good
     node until `reset`. At most `MOST_ERRORS` errors are answered within a second, and what has the key `error` is not
     answered, so that two services never answer each other's errors. `counts` has the requests, those with errors, the

@@ -174,7 +174,7 @@ class SteadyFlight:
         return found
 
     def _sizes(self) -> dict[str, float]:
-        """Free actuators with changes that count as one, larger than those of angles, so that the attitude changes last."""
+        """Unit changes of the free actuators, large compared with angles, so that the attitude changes last."""
         ranges = {path: travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
         return {
             path: 1.0 if within is None else EAGER * float(within[1] - within[0]) for path, within in ranges.items()
