@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -91,3 +93,24 @@ def test_the_core_runs_without_loading_the_vehicles() -> None:
         "assert not [name for name in sys.modules if name.startswith('coadjoint.vehicles')]\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.long
+def test_the_core_alone_reproduces_the_paper(tmp_path: Path) -> None:
+    """Without the folder of the vehicles; `test_storeys` holds that nothing below names them."""
+    home = Path(coadjoint.__file__).parent
+    shutil.copytree(home, tmp_path / "coadjoint", ignore=shutil.ignore_patterns("vehicles", "__pycache__"))
+    face = tmp_path / "coadjoint" / "__init__.py"
+    text = face.read_text(encoding="utf-8")
+    before, line, after = text.partition('EXTENSIONS = ["coadjoint.vehicles.extension"]')
+    assert line
+    face.write_text(f"{before}EXTENSIONS: list[str] = []{after}", encoding="utf-8")
+
+    def run(*words: str) -> str:
+        where = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        command = [sys.executable, "-m", "coadjoint", *words]
+        return subprocess.run(command, cwd=tmp_path, env=where, check=True, capture_output=True, text=True).stdout
+
+    assert "Report: out/report.md" in run("reproduce", "--out", "out")
+    assert "underwater_vehicle " in run("models") and "remus_100" not in run("models")
+    assert "vehicles" not in run("--help")
