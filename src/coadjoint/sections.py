@@ -28,13 +28,13 @@ _KEY = "key"
 
 @dataclass(frozen=True)
 class Key:
-    """What a field of a section is.
+    """The description of a field of a section.
 
-    meaning: in words, for help and pages. dimension: what its numbers measure; None where they measure several things
-    or are no numbers, and are in SI units. check: (value, name) → the value, or ArgumentError. words: the texts that it
-    may be. turn: (value, axes) → the value in forward, starboard, down. others: names that it has in files, too.
+    meaning: a text for help and pages. dimension: the physical dimension of its numbers; None if they have several
+    dimensions, in SI units, or are not numbers. check: (value, name) → the value, or ArgumentError. words: the allowed
+    texts. turn: (value, axes) → the value in forward, starboard, down. others: further names of the field in files.
     rest: whether the field is a dictionary of all keys that the section does not declare. needs_unit: whether the key
-    must end in its unit, so that no SI unit is taken for granted.
+    must end in its unit, so that SI units are not assumed.
     """
 
     meaning: str = ""
@@ -80,10 +80,10 @@ def checked(declared: Key, value: Any, name: str) -> Any:
 
 
 def read(kind: type[T], title: str, given: Any, **more: Any) -> T:
-    """The section `kind` of a table of a file; `title` as in [title]. more: fields that are no keys.
+    """The section `kind` of a table of a file; `title` as in [title]. more: fields that are not keys.
 
-    Raises ArgumentError for what is no table, for an unknown key, naming the nearest known one, for a unit of another
-    kind, for a value of another type, for a key that is given twice, and for one that is missing.
+    Raises ArgumentError for a value that is not a table, for an unknown key, naming the nearest known one, for a unit
+    of another dimension, for a value of another type, and for a key that is given twice or missing.
     """
     if not isinstance(given, Mapping):
         raise ArgumentError(f"[{title}] must be a section of a file, with keys, but is {given!r}.")
@@ -192,9 +192,9 @@ _WORDS = {
 
 
 def _typed(what: str, value: Any, expected: Any) -> Any:
-    """`value` as one of the expected types; a whole number counts as a number, true and false do not.
+    """`value` as one of the expected types; an integer counts as a number, true and false do not.
 
-    Types that are not those of TOML are left to the check of the key.
+    The check of the key handles types that TOML does not have.
     """
     choices = get_args(expected) if get_origin(expected) in (Union, UnionType) else (expected,)
     plain = [one for one in choices if one is not type(None)]

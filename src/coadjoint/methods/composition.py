@@ -84,7 +84,7 @@ class Symmetrised(_OverBase):
     def __init__(self, base: Method, start: Start | None = None):
         _require_method(base, "Symmetrised")
         self._set(base, start)
-        self.stages  # noqa: B018  raises where there is no adjoint
+        self.stages  # noqa: B018  raises if no adjoint exists
 
     @property
     def order(self) -> int:

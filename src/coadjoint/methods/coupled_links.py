@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 _log = logger(__name__)
 APART = 1e-9
-"""How much of a derivative, relative to its equation's largest, may be at links that are not paired: round-off."""
+"""The largest derivative at links that are not paired, relative to the largest of its equation: round-off."""
 
 REACHES = (1.0, 1e-3)
-"""Of the random points, the second where derivatives at the first are no numbers."""
+"""The reaches of the random points; the second is used if derivatives at the first are not finite."""
 
 
 def require_coupling(system: System, equations: Callable[..., Any], state: State, how: Coupled) -> None:
@@ -32,7 +32,7 @@ def require_coupling(system: System, equations: Callable[..., Any], state: State
     equations: the residual of the step, a function of (system, state, h, z).
 
     At a random configuration and velocity about the state, J v of a random v is compared with that of the blocks, each
-    equation by its own size. Where there are no derivatives that are numbers, a warning says that nothing was checked.
+    equation relative to its own size. If no derivatives are finite, a warning says that nothing was checked.
     """
     if not system.verify or traced(state, system.parameters) or np.ndim(state.t):
         return

@@ -59,11 +59,11 @@ class EnergyMomentum(Method, Halved):
         ν = Aρ, κ = A*φ + f, D = A*β⋄ā + A*φ⋄n̄ + π̄⋄ν + T,
 
     n̄, π̄ halfway between H⁻¹n₀, H*π₀ and H·n₁, H⁻*π₁. So m₁ = Ad*_F m₀ + Ad*_H h(A*β⋄ā + T − f⋄n̄), and ℋ₁ − ℋ₀ =
-    h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩ − ∂_tℓ): both are exact, the price is the symplectic form. points: Gauss points for the
-    mean, by default 1. ℋ is kept to round-off where it is a polynomial of degree ≤ 2·points in (μ, π, n, a), as it is
-    with one point for bodies, tops and vehicles; else up to O(h^{2·points}). The unknowns are the velocities at the
-    points, ∂_{(ξ,ν)}ℓ = (μ, π) there: ℋ itself is never formed. Source: Gonzalez 1996; McLachlan, Quispel, Robidoux
-    1999 for ∇̄; the form on G is this library's own.
+    h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩ − ∂_tℓ): both are exact, but the symplectic form is not kept. points: Gauss points for
+    the mean, by default 1. ℋ is kept to round-off if it is a polynomial of degree ≤ 2·points in (μ, π, n, a); one point
+    suffices for bodies, tops and vehicles. Otherwise ℋ is kept up to O(h^{2·points}). The unknowns are the velocities
+    at the points, ∂_{(ξ,ν)}ℓ = (μ, π) there: ℋ itself is never formed. Source: Gonzalez 1996; McLachlan, Quispel,
+    Robidoux 1999 for ∇̄; the form on G is this library's own.
     """
 
     points: int = 1

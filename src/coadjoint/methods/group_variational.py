@@ -68,7 +68,7 @@ class GroupVariational(Variational):
         return begun
 
     def _first(self, system: System, state: State, h: float) -> LastIncrement:
-        """F₀ = τ(hξ₀); the last increment where a run of this method goes on with the same step."""
+        """F₀ = τ(hξ₀), or the last increment if a run of this method continues with the same step."""
         last = state.memory
         if isinstance(last, LastIncrement) and not state.from_velocities and not traced(last.h, h) and last.h == h:
             return last

@@ -17,10 +17,10 @@ from coadjoint.groups.unitary import ComplexMatrix, product, sum_of_parts
 
 
 class Algebra(abc.ABC):
-    """Momenta W and velocities of a group as matrices, of n rows and columns.
+    """Momenta W and velocities of a group as n × n matrices.
 
-    In the bases of these groups μ and the matrix of its coordinates say the same: ad*_ξ μ are the coordinates of
-    [W, ξ̂]. An unknown W̃ has coordinates of its own, `unknowns` of them. Matrices of copies have a leading axis.
+    In the bases of these groups μ and the matrix W of its coordinates are equivalent: ad*_ξ μ are the coordinates of
+    [W, ξ̂]. An unknown W̃ has separate coordinates; their number is `unknowns`. Matrices of copies have a leading axis.
     """
 
     group: LieGroup
@@ -165,7 +165,7 @@ class Copies(Algebra):
         return jnp.reshape(x, (self.copies, -1))
 
     def _each(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What is found for each copy, coordinates or a pair of them, end to end."""
+        """The results of a function for each copy, coordinates or a pair of them, concatenated."""
         return jax.tree.map(lambda found: jnp.reshape(found, -1), jax.vmap(function)(*arguments))
 
     def lifted(self, mu: Array) -> Array:

@@ -14,7 +14,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.isospectral_fields import Moves, moves, rows_of
 
 ROUND_OFF = 1e-16
-"""What is left of the equations for Ŵ, relative to W̃, of which an error in each step adds up in the spectrum."""
+"""The residual of the equations for Ŵ, relative to W̃; its errors add up in the spectrum over the steps."""
 
 SINGLE = 1e-10
 """The largest tolerance with which corrections are exact to round-off in single precision."""
@@ -27,7 +27,7 @@ MOST = 100
 
 
 class RightSides(NamedTuple):
-    """What the equations say at some unknowns: the slopes there, and what comes of them.
+    """The equations evaluated at some unknowns: the slopes there, and the right sides that follow from them.
 
     at: the unknowns z, (unknowns,). xi, along_a: ∂ℋ/∂μ and ∂ℋ/∂a, (dim G,) and (ambient V*,). off: z less the right
     sides, by which the equations are missed, (unknowns,). odd: the part of the right sides that is odd in ε,

@@ -60,11 +60,11 @@ class IsospectralMidpoint(Method, Whole):
 
         W̃ = W_k + ε[P̃, W̃] + ε² P̃W̃P̃,   P̃ = −∂ℋ/∂W̃,   W_{k+1} = C W_k C†,   C = (1 − εP̃)⁻¹(1 + εP̃):
 
-    W_k = (1 − εP̃)W̃(1 + εP̃), W_{k+1} = (1 + εP̃)W̃(1 − εP̃). W̃ is found by fixed-point iteration from what the last
-    seven steps say, and then by the same iteration to round-off with P̃ as it is, so that W_{k+1} = W_k + 2ε[P̃, W̃] is
-    that of a unitary C: the spectrum of W, all its Casimirs, stays to round-off whatever the tolerance. A step costs
-    some products of matrices and gradients of ℋ, and no Jacobian. It must be short enough for the iteration,
-    ε‖P̃‖ < 0.4 or so.
+    W_k = (1 − εP̃)W̃(1 + εP̃), W_{k+1} = (1 + εP̃)W̃(1 − εP̃). W̃ is found by fixed-point iteration from an extrapolation
+    of the last seven steps, and then by the same iteration to round-off with P̃ fixed, so that
+    W_{k+1} = W_k + 2ε[P̃, W̃] is that of a unitary C: the spectrum of W and all its Casimirs are kept to round-off for
+    any tolerance. A step costs several matrix products and gradients of ℋ, but no Jacobian. The iteration requires
+    short steps, ε‖P̃‖ < 0.4 approximately.
 
     Of ℋ(μ, a), where advected=co.Coadjoint(): Ẇ = [P, W] + [B, Θ], Θ̇ = [P, Θ], Θ of a and B of −∂ℋ/∂a, by the same
     formulas over dual numbers, Θ + dW and P + dB with d² = 0:
@@ -79,8 +79,8 @@ class IsospectralMidpoint(Method, Whole):
     of equal factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
 
     difference_map: co.Cayley() alone. tolerance: that of the iteration, relative to W̃, by default 1e-14. carry_g:
-    whether g, with g_{k+1} = g_k C†, is computed as well, by default False: then states have no g, and what needs it
-    is refused. Starts from momenta, system.state(mu=…).
+    whether g, with g_{k+1} = g_k C†, is also computed, by default False: then states have no g, and functions that need
+    it raise ArgumentError. Starts from momenta, system.state(mu=…).
     Raises ArgumentError for other groups, and for systems without ℋ, with forces, with additional dynamics or with
     other advected parameters.
     Source: Modin and Viviani, Lie–Poisson methods for isospectral flows, Found. Comput. Math. 20 (2020), eq. 11; with
@@ -202,7 +202,7 @@ class IsospectralMidpoint(Method, Whole):
         return self.evaluated(system, state, h, z)[0]
 
     def evaluated(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, RightSides]:
-        """z − G(z), (unknowns,), and what it is made of."""
+        """z − G(z), (unknowns,), and the right sides from which it is computed."""
         found = self._right_sides(system, state, h, z, self._slopes(system, state, h, z))
         return found.off, found
 
@@ -218,11 +218,11 @@ class IsospectralMidpoint(Method, Whole):
         return self.residual(system, record, h, record.memory.middle)
 
     def advance(self, system: System, record: State, h: Array) -> State:
-        """C W_k C† = W_k + 2ε[P̃, Ŵ], where Ŵ = W_k + ε[P̃, Ŵ] + ε² P̃ŴP̃ with P̃ as it is, which Ŵ leaves alone.
+        """C W_k C† = W_k + 2ε[P̃, Ŵ], where Ŵ = W_k + ε[P̃, Ŵ] + ε² P̃ŴP̃ with P̃ fixed, independent of Ŵ.
 
-        P̃ is that where the iteration was last, at W: of what it found there [P̃, Ŵ] = [P̃, W] + [P̃, δ], the second by
-        `correction`. So the spectrum is kept however close W is to Ŵ. With a tolerance up to 1e-10 δ is so small that
-        single precision has it to round-off. Derivatives are those at W̃.
+        P̃ is evaluated at the last iterate W: [P̃, Ŵ] = [P̃, W] + [P̃, δ], where the first term is known from there and
+        `correction` gives the second. Therefore the spectrum is kept however close W is to Ŵ. With a tolerance up to
+        1e-10, δ is so small that single precision resolves it to round-off. Derivatives are those at W̃.
         """
         z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
         found = record.memory.found

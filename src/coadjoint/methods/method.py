@@ -60,7 +60,7 @@ class Method(ABC):
 
     difference_map: τ, by default `co.Cayley()`. start: "momentum" (the default) takes (μ₀, π₀) from the continuous
     Legendre transform, which order ≥ 2 needs; "velocity" takes ξ₀, ν₀ as the first discrete velocities, as the paper
-    does. A record of another run goes on with its momenta.
+    does. A record of another run keeps its momenta.
     """
 
     difference_map: DifferenceMap = field(default_factory=Cayley)
@@ -98,11 +98,11 @@ class Method(ABC):
 
     @property
     def variable(self) -> bool:
-        """Whether steps have sizes of their own, so that nodes are not at whole multiples of dt."""
+        """Whether the sizes of steps vary, so that nodes are not at integer multiples of dt."""
         return False
 
     def holds(self, records: State) -> Array:
-        """Of which records' steps the claim on energy holds, (rows,): all, unless the method overrides this."""
+        """The records whose steps the claim on energy covers, (rows,): all, unless the method overrides this."""
         return np.ones(np.shape(records.t), bool)
 
     def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:

@@ -95,19 +95,20 @@ class StepProgram:
     method: Method
     observed: tuple[Monitor, ...] = ()
     version: str = ""
-    """A digest of the user's functions (`mechanics.identity.version`): programs with other ones are other programs."""
+    """A digest of the user's functions (`mechanics.identity.version`): programs with different digests differ."""
     events: tuple[Callable[[State], Any], ...] = ()
     """Functions of a record whose zeros are located."""
     until: Callable[[State], Any] | None = None
     """A function of a state whose change of sign stops a stepper at the node before."""
     direction: Literal["rising", "falling", "both"] = "both"
-    """Which changes of its sign do so."""
+    """The changes of sign that stop it."""
 
     @property
     def identity(self) -> str | None:
-        """What this program does, the same in every process; None where that cannot be told.
+        """An identifier of the program's behaviour, the same in every process; None if it cannot be determined.
 
-        Functions that are not the library's own are told by `version`, while they are known to do what it was read of.
+        `version` identifies functions from outside the library as long as they are known to be unchanged since it was
+        read from them.
         """
         found = identity(parts(self.skeleton), self.method, self.observed, self.events, self.until, self.direction)
         if found is None or found.library_only:

@@ -44,6 +44,6 @@ def gauss(count: int) -> Gauss:
 
     middle = np.array([0.5])
     until, half = integral(c), integral(middle)[0]
-    # What is antisymmetric about the middle is so to the last digit.
+    # Antisymmetrised about the middle, exact to the last digit.
     centred = 0.5 * ((until - half) - (until - half)[::-1, ::-1])
     return Gauss(c, b, until, half, centred, basis(middle)[0], basis(1 + c))

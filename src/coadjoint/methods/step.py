@@ -23,11 +23,11 @@ from coadjoint.methods.coupled_links import require_coupling
 
 
 class Step(ABC):
-    """One implicit stage: the left discrete Legendre transform solved for z = (ξ, y), then explicit.
+    """One implicit stage: the left discrete Legendre transform solved for z = (ξ, y), then an explicit update.
 
-    A stage must give four members, which are abstract: `relative`, which the classes of `increments.py` have,
-    `equations`, `advance` and `sources`; besides these `nodes`, or where Λ is no sum over nodes, `energy` and `work`,
-    and `discrete_lagrangian` where there is a Λ. All else has a default.
+    A stage must give four abstract members: `relative`, which the classes of `increments.py` have, `equations`,
+    `advance` and `sources`. It also gives `nodes`, or `energy` and `work` if Λ is not a sum over nodes, and
+    `discrete_lagrangian` if there is a Λ. All other members have defaults.
 
     y are the frame coordinates of the velocity ν at the rule's own node. A step is a static object;
     `system`, `state`, `h` and z are its arguments. A *record* is a state with the unknowns of the step that starts
@@ -36,7 +36,7 @@ class Step(ABC):
 
     difference_map: DifferenceMap
     tolerant = False
-    """Whether the method goes on where this step's equations have no solution: then it has `advance_if`."""
+    """Whether the method continues if this step's equations have no solution: then it has `advance_if`."""
 
     @property
     def carries_g(self) -> bool:
@@ -59,11 +59,11 @@ class Step(ABC):
         return 0.0
 
     def carried(self, state: State) -> Any:
-        """What the solution of the last step left in the state for this one; () where there is no such thing."""
+        """Factors that the solution of the last step left in the state for this one; () if there are none."""
         return state.memory if isinstance(state.memory, Factors) else ()
 
     def carry(self, after: State, carried: Any) -> State:
-        """The state after a step with what its solution leaves for the next one; with None without it."""
+        """The state after a step with its factors for the next one; `carried` None removes them, () changes nothing."""
         return after if carried == () else after.replace(memory=carried)
 
     def evaluated(self, system: System, state: State, h: Array, z: Array) -> Any:
@@ -257,5 +257,5 @@ def _momentum_sizes(system: System, record: State, h: Array) -> tuple[_Sizes, _S
 
 
 def in_records(state: State) -> State:
-    """The state with what records keep of it: factors that go on from step to step are no part of them."""
+    """The state without the factors that pass from step to step, which records do not keep."""
     return state.replace(memory=None) if isinstance(state.memory, Factors) else state

@@ -180,16 +180,16 @@ class VariableStep(Method):
     """A symmetric rule over steps h_k with E_k(ξ_k, ν_k, h_k) = E₀, E_k = −∂_hΛ: keeps energy, momenta, symplecticity.
 
     The unknowns are (ξ, ν, h/dt). One ordinary step over dt gives E₀, which is held, so that round-off does not add up.
-    h/dt stays inside `within`. Where no such step exists, or E does not depend on h (a relative equilibrium), the step
-    is a fixed one over dt; the card reports their share. What is kept is the *discrete* energy, and the symplectic form
-    of extended phase space, with (t, −E).
-    E_k = ℋ + 3h²K + O(h³) with h²K the first term of the rule's modified Hamiltonian, so that h ∝ |K|^{−1/3}: where K
-    changes its sign there is no h. `Simpson` has K = −⟨α, α⟩/24 − …, of one sign, with α the acceleration off the
-    straight motion, where the kinetic energy is positive; it is the default. Over Cayley's map K < 0 wherever a body
-    turns, too; over the exponential h grows without bound where the motion is straight for a moment.
-    A run of N steps ends where it ends: `duration` is that of N steps over dt.
+    h/dt stays inside `within`. If no such step exists, or if E does not depend on h (a relative equilibrium), the step
+    has the fixed size dt; the certificate reports the share of these steps. The method keeps the *discrete* energy and
+    the symplectic form of extended phase space, with (t, −E).
+    E_k = ℋ + 3h²K + O(h³) with h²K the first term of the rule's modified Hamiltonian, so that h ∝ |K|^{−1/3}: no h
+    exists where K changes its sign. The default `Simpson` has K = −⟨α, α⟩/24 − …, of one sign, with α the acceleration
+    off the straight motion, if the kinetic energy is positive. With Cayley's map K < 0 also wherever a body turns; with
+    the exponential h grows without bound where the motion is straight for a moment.
+    `duration` is that of N steps over dt; the time at which a run of N steps ends follows from the motion.
     base: a symmetric rule of one stage. within: bounds of h/dt, around 1. start: the base's unless given.
-    Raises ArgumentError for other bases and bounds, and for systems whose energy something changes.
+    Raises ArgumentError for other bases and bounds, and for systems with changing energy.
     Source: Kane, Marsden, Ortiz 1999.
     """
 
@@ -233,7 +233,7 @@ class VariableStep(Method):
         return (np.asarray(records.memory.known) == 0) | (np.asarray(records.memory.ratio) != 1.0)
 
     def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:
-        """With E₀ unknown, a step lasts what it is asked to."""
+        """With E₀ unknown, a step has the requested size."""
         pace = records.memory
         one = np.ones_like(pace.ratio)
         return records.replace(memory=pace._replace(ratio=one, known=0.0 * one)), h * np.asarray(pace.ratio)
@@ -249,7 +249,7 @@ class VariableStep(Method):
 
 
 def _plain(base: Method) -> bool:
-    """Whether a method is one variational stage over the whole step, without a memory of its own."""
+    """Whether a method is one variational stage over the full step, without memory."""
     alone = len(base.stages) == 1 and type(base.stages[0][0]).remember is Step.remember
     return alone and base.claims.symplectic and not base.variable
 

@@ -164,7 +164,7 @@ def members_driven(ensemble: Result) -> list[str]:
 
 
 def _asked(run: Result) -> list[str]:
-    """The monitors that show passive forces; empty if there are no such forces or their work is not observed."""
+    """The monitors that show passive forces; empty without such forces, or if their work is not observed."""
     names = [f"work_{name}" for name, force in run.system.forces or () if hasattr(force, "passive")]
     if not names or any(name not in run.ends for name in names):
         return []

@@ -218,7 +218,7 @@ SOLVED = (
         largest="largest residual, relative",
     ),
 )
-"""Values that every step reports of its own solution; only the largest is kept."""
+"""Values that every step reports about its solution; only the largest is kept."""
 
 
 def watched() -> list[Watched]:

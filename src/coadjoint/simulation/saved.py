@@ -84,7 +84,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     path: the file, or the folder that was given as `store`. system: that of the run, by default None; needed for
     `final` alone. Returns a `SavedRun` with `dataset`, `final`, `plot` and `save`.
 
-    Raises FileError if there is no such file, or if this library did not write it; ArgumentError if `system` is not a
+    Raises FileError if the file does not exist, or if this library did not write it; ArgumentError if `system` is not a
     co.System.
     """
     import xarray

@@ -1,16 +1,16 @@
-"""Runs that stream to disk: records in a zarr store, and a checkpoint from which a killed run goes on.
+"""Runs that stream to disk: records in a zarr store, and a checkpoint from which a killed run continues.
 
-A folder of a run holds `configuration.npz` (what is run), `records.zarr` (the variables of `run.dataset`, zarr format
-3, every chunk with its CRC-32C), `checkpoint-0.npz` and `checkpoint-1.npz` by turns (where the run stands), and
-`manifest.json`, which names what counts: every file with its SHA-256, the fingerprint, and which checkpoint. A `lock`
-is there while a process is at it.
+A folder of a run holds `configuration.npz` (the problem), `records.zarr` (the variables of `run.dataset`, zarr format
+3, every chunk with its CRC-32C), alternately `checkpoint-0.npz` and `checkpoint-1.npz` (the position of the run), and
+`manifest.json`, which lists the valid content: every file with its SHA-256, the fingerprint, and the checkpoint. A
+`lock` exists while a process uses the folder.
 
-The order of writes. Begin: all of it under a hidden name, files and folders forced to the disk, then one move. Each
-checkpoint: chunks, forced to the disk with the names in their folders; the checkpoint that the manifest does not name,
-forced to the disk; the manifest, forced to the disk under a hidden name and moved. With this move the new records
-count. Until then the old manifest holds: full chunks are written once, and of the last, partly filled one a manifest
-counts the rows that it knew, which later versions of the chunk repeat. So each moment leaves a folder from which the
-run goes on to the same bits.
+The order of writes. At the beginning: all files under a hidden name, files and folders synced to disk, then one move.
+At each checkpoint: chunks, synced to disk with the names in their folders; the checkpoint that the manifest does not
+name, synced to disk; the manifest, synced to disk under a hidden name and moved. This move makes the new records valid.
+Until then the old manifest is valid: full chunks are written once, and for the last, partly filled chunk a manifest
+counts the rows known then, which later versions of the chunk repeat. Thus a run that is killed at any moment leaves a
+folder from which it continues with bitwise identical results.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ from coadjoint.simulation.zarr_writer import Chunks, unset
 _log = logger(__name__)
 
 BLOCK_BYTES, BLOCK_ROWS = 8 << 20, 8192
-"""The most that a chunk of all variables together may take in memory."""
+"""The most memory, and the most rows, of a chunk of all variables together."""
 
 FLUSH_BYTES = 32 << 20
-"""The most that the chunks of all members of an ensemble, written at once, may take, unless they hold one node."""
+"""The most memory for the chunks of all members of an ensemble, written together, unless they hold one node."""
 
 PERIOD, BURDEN = 2.0, 20.0
 """Seconds between checkpoints: PERIOD, or BURDEN times what writing the last one took, whichever is more."""

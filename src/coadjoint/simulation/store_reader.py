@@ -1,8 +1,8 @@
-"""Reads the folder of a run: lazily, only what its manifest counts, and only if it is what was written.
+"""Reads the folder of a run: lazily, only the files that its manifest lists, and only if they are unchanged.
 
-Nothing is handed to zarr before its metadata have been compared with the manifest and found plain: zarr format 3,
-numbers of a fixed size, regular chunks, and codecs of a list. So no other codec is ever looked up or run, and an array
-takes no more memory than its files take on the disk.
+No array is passed to zarr before its metadata have been compared with the manifest and found plain: zarr format 3,
+numbers of a fixed size, regular chunks, and codecs from a list. Therefore no other codec is ever looked up or run, and
+an array takes no more memory than its files take on disk.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ _ARRAY = _GROUP - {"consolidated_metadata"} | {
 
 
 class Verified(LocalStore):
-    """Files of the folder `place` as the manifest says that they were written, or FileError says which is not.
+    """Files of the folder `place`, as the manifest lists them; raises FileError that names a file that differs.
 
-    whole: whether every chunk was written; otherwise one that the manifest does not have held its fill value alone.
+    whole: if true, every chunk was written; otherwise a chunk that the manifest lacks held only its fill value.
     """
 
     def __init__(self, root: Path | str, *, manifest: Manifest, place: str, whole: bool = True, **options: Any):
@@ -101,7 +101,7 @@ def verified(manifest: Manifest, place: str, whole: bool = True) -> Verified:
 
 
 def arrays(manifest: Manifest, place: str) -> dict[str, Any]:
-    """The arrays of the folder `place` by their names; what is read of them is checked."""
+    """The arrays of the folder `place` by their names; values are checked when they are read."""
     store = verified(manifest, place)
     try:
         group: Any = zarr.open_group(store, mode="r", zarr_format=3)
@@ -117,7 +117,7 @@ def arrays(manifest: Manifest, place: str) -> dict[str, Any]:
 def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
     """Raise FileError unless the manifest has the chunks of all arrays, in the size that each array declares.
 
-    Where not `whole`, chunks may lack, but arrays must not be much larger than their files.
+    If not `whole`, chunks may be missing, but arrays must not be much larger than their files.
     """
     declared = held = 0
     for name in _metadata(manifest, place, "group", _GROUP)["attributes"]["order"]:
@@ -141,7 +141,7 @@ def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
 
 
 def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> dict[str, Any]:
-    """What zarr.json of a folder says; raises FileError where it is not what was written, or of another kind."""
+    """The content of zarr.json in a folder; raises FileError if it was changed or is of another kind."""
     name = f"{place}/zarr.json"
     manifest.require_size(name)
     if manifest.files[name][0] > LARGEST:
@@ -226,7 +226,7 @@ OLD_CHECKPOINT = "checkpoint.npz"
 
 
 _AGAIN = 20
-"""How often a folder is read while a run that goes on there replaces the file that is read."""
+"""How often reading a folder is tried while a run there replaces the file that is read."""
 
 
 def stored_dataset(
@@ -293,9 +293,9 @@ def run_manifest(folder: Path) -> Manifest:
 
 
 def standing(folder: Path) -> tuple[Manifest, dict[str, Any], dict[str, np.ndarray]]:
-    """The manifest of the run in a folder with the checkpoint that it names, also while the run goes on.
+    """The manifest of the run in a folder with the checkpoint that it names, also during the run.
 
-    Raises FileError where any file is missing or not in full length.
+    Raises FileError if a file is missing or does not have its full length.
     """
     manifest = run_manifest(folder)
     for _ in range(_AGAIN):
@@ -311,7 +311,7 @@ def standing(folder: Path) -> tuple[Manifest, dict[str, Any], dict[str, np.ndarr
 
 
 def read_configuration(manifest: Manifest) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What is run in a folder; raises FileError where it is damaged."""
+    """The configuration of the run in a folder; raises FileError if it is damaged."""
     return _read(manifest, CONFIGURATION)
 
 

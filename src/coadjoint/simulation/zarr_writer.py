@@ -83,7 +83,7 @@ class Chunks:
                 self._write_chunk(name_of, _filled(part, array.chunks, array.dtype), size if growing else 0, rows)
 
     def settle(self) -> None:
-        """Force what was written to the disk, files before the folders of their names."""
+        """Sync written files to disk, files before the folders of their names."""
         for path in sorted(self._unsettled, reverse=True):
             disk.settle(path)
         self._unsettled.clear()
@@ -112,7 +112,7 @@ def unset(dtype: Any) -> Any:
 
 
 def _filled(values: np.ndarray, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-    """Values as a whole chunk; what is beyond the array is unset."""
+    """Values as a full chunk; entries beyond the array are unset."""
     if values.shape == shape:
         return values
     whole = np.full(shape, unset(dtype), dtype)

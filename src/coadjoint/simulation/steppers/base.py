@@ -70,7 +70,7 @@ class StepperBase(StepperWarnings):
         self._slots = {name: place.start for name, _, place in places}
         self._fast: Any = memoryview(self._commands) if scalars else None  # pyright: ignore[reportArgumentType]
 
-    # Where it stands.
+    # The current position.
 
     @property
     def t(self) -> Any:
@@ -79,7 +79,7 @@ class StepperBase(StepperWarnings):
 
     @property
     def steps(self) -> Any:
-        """How many good steps were done since the last reset or restore."""
+        """The number of good steps since the last reset or restore."""
         return self._of_members(of_lanes(self._buffers.status[:, [0]])[:, 0])
 
     @property
@@ -108,15 +108,15 @@ class StepperBase(StepperWarnings):
         """What happened to a single one that failed."""
         return self.failures.get(0) if self.face.members is None else None
 
-    # Going elsewhere.
+    # Moving to another state.
 
     def reset(self, state: Any = None, *, seed: Any = None, mask: Any = None) -> dict[str, np.ndarray]:
-        """Go back to the start, or to another one, and return what is observed there; commands are those of the start.
+        """Return to the start, or to another one, and return the observations there; commands are those of the start.
 
-        state: None for that of the beginning; what `state` showed; or name → values, for those numbers that differ
-        from the start. seed: a whole number, of many members one for each, from which the random numbers of the
-        system's rule begin; what they were at the start by default. mask: (members,) truth values, which members; all
-        by default.
+        state: None for the state at the beginning; a value of `state`; or name → values, for the numbers that differ
+        from the start. seed: an integer, or one for each of many members, that seeds the random numbers of the
+        system's rule; by default they are those of the start. mask: (members,) truth values that choose members; by
+        default all.
         """
         which = self._which(mask)
         with self._turn.alone():
@@ -131,7 +131,7 @@ class StepperBase(StepperWarnings):
     def begin(self, starts: Prepared, rows: np.ndarray, members: np.ndarray) -> dict[str, np.ndarray]:
         """Members (k,) begin at these rows (k,) of prepared starts, with the parameters prepared for them.
 
-        What `reset` goes back to stays what it was. Returns what is observed there.
+        The start to which `reset` returns does not change. Returns the observations at the new states.
         """
         with self._turn.alone():
             if starts.parameters is not None:
@@ -141,11 +141,11 @@ class StepperBase(StepperWarnings):
             return self._go(members, starts.states[rows])
 
     def restore(self, state: Any, *, mask: Any = None) -> dict[str, np.ndarray]:
-        """Go on from what `state` showed before, or as a clone would, to the bit, and return what is observed there.
+        """Continue from an earlier value of `state`, or bitwise as a clone would, and return the observations there.
 
-        state: a state holds the commands, but no parameters, which stay as they are now. A clone, given in its place,
-        has its own parameters, start and count of steps, and has failed or ended or not: all this is taken over.
-        mask: (members,) truth values, which members; all by default.
+        state: an earlier state holds the commands, but no parameters: the current ones stay. If a clone is given
+        instead, its parameters, its start, its count of steps and whether it failed or ended are also taken over.
+        mask: (members,) truth values that choose members; by default all.
         """
         which = self._which(mask)
         # Copied before this one's turn: two that are restored to each other must not wait for each other.
@@ -183,14 +183,14 @@ class StepperBase(StepperWarnings):
         """Have the parameters of these members of a clone."""
 
     def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
-        """States (k, size) of these members from a state that was given, with `rows` for what it does not name."""
+        """States (k, size) of these members from a given state; `rows` supplies the values that it does not name."""
         if not isinstance(state, Mapping):
             raise ArgumentError(f"Argument `state` must be what `stepper.state` showed, but is {type(state).__name__}.")
         self._fill(rows, state, which, "state")
         return rows
 
     def _fill(self, rows: np.ndarray, given: Mapping[str, Any], which: np.ndarray, what: str) -> None:
-        """Write named values, of all members or of those that are meant, into rows (k, size)."""
+        """Write named values, of all members or of the chosen ones, into rows (k, size)."""
         fields = getattr(self.face, "parameters" if what == "parameter" else "state")
         views = fields.views(rows)
         for name, value in given.items():
@@ -210,7 +210,7 @@ class StepperBase(StepperWarnings):
             rows[:, fields.place(name)] = value.reshape(lead, math.prod(single))
 
     def _go(self, which: np.ndarray, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Stand at these states, with no step done."""
+        """Move to these states, with no step done."""
         buffers, count = self._buffers, self.face.count
         self.event = None
         put(buffers.state, which, rows)
@@ -223,18 +223,18 @@ class StepperBase(StepperWarnings):
         return self.observation
 
     def _look(self) -> None:
-        """Observe where it stands; raises StepError where an observation is not finite."""
+        """Observe the current state; raises StepError if an observation is not finite."""
         flags = self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
         self._judge(flags & StatusFlag.NOT_FINITE)
 
     @property
     def state(self) -> Any:
-        """All numbers of where it stands, copied, by their names: what `restore` takes."""
+        """A copy of all numbers of the current state by their names, as `restore` takes them."""
         with self._turn.reading():
             return self.face.state.views(self._of_members(of_lanes(self._buffers.state)))
 
     def clone(self) -> Self:
-        """Another stepper that stands where this one does; both go their own ways from there."""
+        """Another stepper in the same state; both are independent from there on."""
         with self._turn.reading():
             made = object.__new__(type(self))
             made.__dict__.update(self.__dict__)
@@ -244,9 +244,9 @@ class StepperBase(StepperWarnings):
             return made
 
     def stand_as(self, other: StepperBase) -> None:
-        """Stand where another stepper of the same system, method and observations does, which may have been pickled.
+        """Take the state of another stepper of the same system, method and observations, which may have been pickled.
 
-        It goes on as that one would, to the bit, with its parameters and start; both share memory.
+        This stepper continues bitwise as the other would, with its parameters and start; both share memory.
         """
         self._stand(other.face, other._engine, other._buffers, other._origin, other.threads, other._kin)
         self.event = other.event

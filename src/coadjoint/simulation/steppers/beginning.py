@@ -78,7 +78,7 @@ class Beginning:
             raise ArgumentError(f"Argument `state` must be of {count} members, but is of {len(state.t)}.")
         whole = state if many else spread(state, (count,))
         if state.from_velocities:
-            # What is held at the start is that of the stepper.
+            # The inputs held at the start are those of the stepper.
             held = None if self.held is None else spread(self.held, (count,))
             return self.begun(whole, parameters, held)
         whole = evaluate(jax.vmap(self.carrying), whole.replace(ledger=None))
@@ -118,15 +118,15 @@ class Beginning:
 
 
 ROUND_OFF = 1e-12
-"""The eigenvalue, beside the largest, whose sign counts."""
+"""The smallest eigenvalue, relative to the largest, whose sign counts."""
 
 
 def carried(beginning: Beginning, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """States (k, size) after a change of parameters (k, size) at which the velocities of the node are continuous.
 
-    (ξ, ν) solves ∂ℓ(ξ, ν; before) = (μ, π), and (μ, π) jumps by ∂ℓ(ξ, ν; after) − ∂ℓ(ξ, ν; before): what is dropped
-    takes its own momentum away, and a parameter that does not enter ℓ changes nothing.
-    Raises ArgumentError where an eigenvalue of ∂²ℓ/∂(ξ, ν)² changes its sign, as with a negative mass.
+    (ξ, ν) solves ∂ℓ(ξ, ν; before) = (μ, π), and (μ, π) jumps by ∂ℓ(ξ, ν; after) − ∂ℓ(ξ, ν; before): a dropped
+    mass takes its own momentum away, and a parameter that does not enter ℓ changes nothing.
+    Raises ArgumentError if an eigenvalue of ∂²ℓ/∂(ξ, ν)² changes its sign, as with a negative mass.
     """
     if not beginning.skeleton.continuous:
         raise ArgumentError(

@@ -90,7 +90,7 @@ def limits_of(rule: Any, parameters: Any, fields: Fields) -> np.ndarray:
 
 
 def _known(value: Any) -> bool:
-    """Whether this is no command, but known beforehand or computed from the motion."""
+    """Whether a value is known beforehand or computed from the motion, rather than commanded."""
     return isinstance(value, Signal) or callable(value)
 
 
@@ -122,7 +122,7 @@ def places_of(paths: list[tuple[str, tuple[int, ...]]], commands: Commands) -> t
 
 
 def members_of(system: System, start: State, members: int | None) -> int | None:
-    """How many are stepped at once, None for a single one; raises ArgumentError where both say it and differ."""
+    """How many members are stepped together, None for a single one; raises ArgumentError if the two counts differ."""
     count = count_of(system, start)
     if members is None:
         return count
@@ -142,7 +142,7 @@ def commanded_system(system: System, start: State, commands: Commands, by_veloci
 def checked(
     one: System, first: State, method: Method, h: float, event: Event | None
 ) -> tuple[State, str, list[str]]:  # fmt: skip
-    """The state as the method begins it, the version of all functions, and warnings; raises what is wrong.
+    """The state as the method begins it, the version of all functions, and warnings; raises the errors of the checks.
 
     one, first: the system and the start of one member.
     """
@@ -196,9 +196,9 @@ def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]
 def ending(plan: Plan, event: Event, state: State, first: bool) -> tuple[State, bool]:
     """The state at the event in the step from `state`, and True; or the state after that step, and False.
 
-    The event is a root of f(Φ_{θh}(state)). first: whether the stepper started at `state`: so near to a zero it starts
-    from that zero, as a run does, and there is no event.
-    Raises StepError where a part of the step cannot be solved.
+    The event is a root of f(Φ_{θh}(state)). first: whether the stepper started at `state`: if that is very close to a
+    zero, the stepper starts from this zero, as a run does, and the zero does not count as an event.
+    Raises StepError if a part of the step cannot be solved.
     """
     free = replace(plan, program=replace(plan.program, until=None))
     value = tabulate(event.function, state)

@@ -1,4 +1,4 @@
-"""What computes a stepper: machine code, planned once and then found on disk, or XLA; and what it observes."""
+"""The engines of a stepper, machine code (planned once, then read from disk) or XLA, and its observations."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def native_engine(
 
 
 class XlaEngine:
-    """The steps of `program` by XLA on the same memory as machine code, one member a lane of its own.
+    """The steps of `program` by XLA on the same memory as machine code, with one lane for each member.
 
     watch: (parameters, state) → arrays. layouts: of parameters and of a state. commanded: the places of commands.
     """
@@ -130,7 +130,7 @@ class XlaEngine:
         self._advance = partial(_advance, program, watch, layouts, tuple(commanded))
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
-        """Commands in, `steps` steps, observations out; XLA has threads of its own."""
+        """Read commands, take `steps` steps, write observations; XLA uses its own threads."""
         parameters = np.broadcast_to(buffers.parameters[..., 0], (groups, buffers.parameters.shape[1]))
         rows = (parameters, buffers.state[..., 0], buffers.status[..., 0].copy(), buffers.commands)
         require_own_xla()

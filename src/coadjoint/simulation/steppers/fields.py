@@ -102,7 +102,7 @@ def write(place: np.ndarray, value: Any, what: str, members: int | None) -> None
 
 
 def seeds(given: Any, members: int | None, which: np.ndarray) -> np.ndarray:
-    """Seeds of the members that are meant, whole numbers from 0 on."""
+    """Seeds of the chosen members, non-negative integers."""
     try:
         array = np.asarray(given)
     except ValueError:

@@ -41,7 +41,7 @@ _FIELDS = ("parameters", "state", "commands", "observations")
 
 
 def save(path: str | os.PathLike[str], overwrite: bool, content_of: Callable[[Path], bytes]) -> Path:
-    """Write a stepper in some form, whole or not at all; raises FileError rather than replace a file."""
+    """Write a stepper in some form, completely or not at all; raises FileError rather than replace a file."""
     target = named_file(path)
     if target.exists() and not overwrite:
         raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
@@ -85,7 +85,7 @@ def _content(stepper: Any, engine: Any) -> bytes:
 
 
 def from_bytes(content: bytes, kind: type[S]) -> S:
-    """The stepper of a file's content; raises FileError with what follows the file's name in a sentence."""
+    """The stepper of a file's content; raises FileError with the part of its message after the file's name."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             _require_small(archive, len(content))

@@ -29,7 +29,7 @@ FILE = "stepper.step"
 
 
 ROUNDING = 1e-9
-"""How far a communication step may be from whole steps, relative: times are sums of decimal fractions."""
+"""The relative tolerance of a communication step as a multiple of dt: times are sums of decimal fractions."""
 
 
 _held: list[dict[str, Any]] = []
@@ -44,7 +44,7 @@ def hold(names: dict[str, Any]) -> None:
 
 
 class FmiInstance(Fmi2Slave):
-    """Commands are inputs, what is observed are outputs, and a communication step is a whole number of steps."""
+    """Commands are inputs, observations are outputs, and a communication step is an integer multiple of dt."""
 
     def __init__(self, **given: Any):
         super().__init__(**given)
@@ -68,14 +68,14 @@ class FmiInstance(Fmi2Slave):
         self._commands[place] = value
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
-        """Tell, in the log, where the master's time is not the stepper's, in which the motion goes on."""
+        """Log a warning if the master's time differs from the stepper's, in which the motion continues."""
         if not math.isclose(start_time, self.stepper.t, rel_tol=ROUNDING, abs_tol=ROUNDING * self.stepper.face.dt):
             self.log(
                 f"The stepper goes on from t = {self.stepper.t:g} s, not from {start_time:g} s.", Fmi2Status.warning
             )
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Hold the inputs over `step_size`, s; False, and a sentence in the log, where that fails."""
+        """Hold the inputs over `step_size`, s; False, with a message in the log, if that fails."""
         dt = self.stepper.face.dt
         steps = round(step_size / dt)
         if steps < 1 or not math.isclose(steps * dt, step_size, rel_tol=ROUNDING):

@@ -34,11 +34,11 @@ def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool
 
     stepper: a `co.Stepper`, or what `co.load_stepper` has loaded. path: the file. overwrite: whether to replace one.
 
-    Commands are its inputs, what is observed its outputs, arrays number by number with indices from 1; a communication
-    step is a whole number of steps of dt. It starts where the stepper stands, can give and take its state, and runs
-    where this library is installed for the Python that loads it; parameters are the stepper's.
-    Needs the extra `[fmu]`. Raises FileError rather than replace a file, ArgumentError for a stepper of many members or
-    by XLA, for a name that is not ASCII, and for one that is both a command and observed.
+    Commands are its inputs and observations its outputs; arrays are split into numbers with indices from 1. A
+    communication step is an integer multiple of dt. The unit starts from the current state of the stepper, can save and
+    restore its state, and runs where this library is installed for the Python that loads it; parameters are the
+    stepper's. Needs the extra `[fmu]`. Raises FileError rather than replace a file, ArgumentError for a stepper of many
+    members or by XLA, for a name that is not ASCII, and for a name of both a command and an observation.
     """
     if not isinstance(stepper, Stepping):
         raise ArgumentError(f"Argument `stepper` must be a co.Stepper, but is {shown(stepper)}.")

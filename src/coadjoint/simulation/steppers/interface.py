@@ -108,7 +108,7 @@ class StepperInterface:
     """Places and values of parameters that are 0 or 1 in the machine code itself."""
 
     def compiled_out(self, parameters: np.ndarray) -> list[int]:
-        """The places where parameters (members, size) are not what is compiled in."""
+        """The places where parameters (members, size) differ from the compiled-in values."""
         return [place for place, value in self.compiled_in if np.any(parameters[:, place] != value)]
 
     @property
@@ -118,12 +118,12 @@ class StepperInterface:
 
 
 class Engine(Protocol):
-    """What computes; one engine serves all clones of a stepper."""
+    """The interface of an engine; one engine serves all clones of a stepper."""
 
     lanes: int
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
-        """Commands in, `steps` steps of all groups, observations out; 0, or what is wrong (`StatusFlag`)."""
+        """Read commands, take `steps` steps of all groups, write observations; 0, or the failures (`StatusFlag`)."""
         ...
 
 
@@ -165,7 +165,7 @@ class StepperLock:
         _all.add(self)
 
     def renew(self) -> None:
-        """Nobody has it."""
+        """Make the lock free."""
         self.lock, self._readers = threading.RLock(), set[int]()
 
     def wait(self) -> None:

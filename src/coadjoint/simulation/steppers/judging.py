@@ -52,7 +52,7 @@ def sample_of(engine: Engine, parts: PartsOfSteps) -> SampledSteps:
 
 
 def judged_steps(sample: SampledSteps, face: StepperInterface, memory: Buffers) -> str | None:
-    """What is to be warned of the step that comes next, of up to `MEMBERS` members that have not ended."""
+    """The warning about the next step, from up to `MEMBERS` members that have not ended; None if dt resolves it."""
     members = np.unique(np.linspace(0, face.count - 1, MEMBERS).astype(int))
     members = members[of_lanes(memory.status[:, [1]])[members, 0] == Code.CONVERGED]
     if not len(members):
@@ -94,7 +94,7 @@ class StepperWarnings:
             warn(sentence, stacklevel=depth)
 
     def _end_sample(self, later: SampledSteps | None = None) -> None:
-        """Judge no step of the first ones any more, and those after them by `later`."""
+        """End the sample of the first steps, and judge the steps after them by `later`."""
         self._sample, self._straight, self._later = None, FIRST, later
 
     @property
@@ -103,7 +103,7 @@ class StepperWarnings:
         return self._sample is not None
 
     def _plain_ruler(self) -> Ruler | None:
-        """What is measured of steps, by functions that a file can hold; None where none is judged."""
+        """The ruler of the judged steps, with functions that a file can hold; None if no step is judged."""
         return None if self._parts is None else self._parts.ruler
 
     def _parameter_rows(self) -> np.ndarray:

@@ -48,7 +48,7 @@ class NativeEngine:
             waiting += [pool.submit(run, part) for part in range(1, threads)]
             flags = run(0)
         finally:
-            # Also after an interrupt nobody goes on before all threads have left the memory.
+            # Wait until all threads have left the memory, also after an interrupt.
             _finished(waiting)
         for future in waiting:
             flags |= future.result()

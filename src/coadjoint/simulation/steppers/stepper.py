@@ -64,15 +64,15 @@ class Stepper(Stepping):
         seen = stepper.step({"thrust": 3.0}, n=2)
         float(seen["depth"])
 
-    What it computes is to the bit what `co.simulate` computes without monitors when the same commands come as a
-    `co.Held` table and the method's nodes lie inside the step; many members agree with that to round-off.
+    The steps are bitwise identical to those of `co.simulate` without monitors if the same commands are a `co.Held`
+    table and the method's nodes lie inside the step; many members agree with that to round-off.
 
     Arguments:
-        system, start, method: those of `co.simulate`; a method of variable steps is refused.
+        system, start, method: those of `co.simulate`; a method of variable steps raises ArgumentError.
         dt: h, the length of a step, s; positive.
-        inputs: the names of commands that are numbers and start at 0, by default none; or name → where the command
-            starts, a number or an array. A signal, or a function of the motion, in the place of a start is no command,
-            but what it is for `co.simulate`. A command is held over its steps.
+        inputs: the names of commands that are numbers and start at 0, by default none; or name → the first value of
+            the command, a number or an array. A signal or a function of the motion in place of a first value is an
+            input as for `co.simulate`, not a command. A command is held over its steps.
         observe: name → function of the state, or of the state and the parameters, to a number or an array; by default
             none.
         until: a function of the state to a number, or a `co.Event` with a direction: a single one stops where it
@@ -81,16 +81,16 @@ class Stepper(Stepping):
             `co.simulate` reads those of the step that starts there. Two zeros within one step are not seen.
         changing: names of parameters that `change` may set to any value without compiling: those that are 0 or 1 are
             otherwise compiled in. By default none.
-        members: how many are stepped at once; by default as many as `co.each` gives to parameters or start, otherwise
-            a single one.
-        threads: how many threads share the members, by default 1.
+        members: the number stepped together; by default the number that `co.each` gives to parameters or start,
+            otherwise a single one.
+        threads: the number of threads that share the members, by default 1.
         backend: as for `co.simulate`, by default "auto".
-        accuracy: whether the first step is judged now, and a sample of the steps as they are taken, the first three and
-            those after 4, 8, … up to 4096, each against steps of parts of it; by default True. It warns once where dt
-            does not resolve the motion, with one that would. Commands and inputs that are functions of the motion
-            count as held. `trajectory` inside your own jit, grad or vmap is not judged.
+        accuracy: whether the first step is judged now, and a sample of the steps when they are taken, the first three
+            and those after 4, 8, … up to 4096, each by comparison with shorter steps over the same time; by default
+            True. It warns once if dt does not resolve the motion, and gives a dt that does. Commands and inputs that
+            are functions of the motion count as held. `trajectory` inside your own jit, grad or vmap is not judged.
 
-    Raises ArgumentError and LagrangianError for what cannot be stepped; `step` raises StepError.
+    Raises ArgumentError and LagrangianError for arguments that cannot be stepped; `step` raises StepError.
     """
 
     def __init__(
@@ -205,17 +205,17 @@ class Stepper(Stepping):
 
             after = stepper.trajectory(state, {"thrust": gain * error}, n=2).final
 
-        state: one that `stepper.state` showed, or that this led to; of a stepper of many members, of a single one.
-        command: name → value; those that are not named stay as `state.inputs` has them. parameters: those of the
-        system, by default as they are now. Derivatives, failures and backend are those of `co.trajectory`; what it
-        computes agrees with `step` to round-off, without an event.
+        state: a value of `stepper.state`, or a result of this function; for a stepper of many members that of one
+        member. command: name → value; commands that are not named keep their values in `state.inputs`. parameters:
+        those of the system, by default the current ones. Derivatives, failures and backend are those of
+        `co.trajectory`; the result agrees with `step` to round-off, without an event.
         """
         n, program = whole(n, "n"), replace(self._program, until=None)
         moved = commanded(program.skeleton.inputs, self._single(state), command)
         return computed(program, self._constants(parameters), moved, np.float64(self.face.dt), (1, n), backend)
 
     def observe(self, state: State, parameters: Any = None) -> dict[str, Any]:
-        """What is observed of a state, name → array, as a pure function."""
+        """The observations of a state, name → array, as a pure function."""
         found = evaluate(self._watch, self._constants(parameters), self._single(state))
         return dict(zip(self.face.observations.names, found, strict=True))
 
@@ -251,7 +251,7 @@ class Stepper(Stepping):
 
     @property
     def state(self) -> State:
-        """Where it stands, copied: what `restore` takes, and what `co.simulate` and `co.trajectory` start from."""
+        """A copy of the current state, for `restore` and as a start of `co.simulate` and `co.trajectory`."""
         with self._turn.reading():
             return self._beginning.state.unpack(self._of_members(of_lanes(self._buffers.state)))
 
@@ -261,11 +261,11 @@ class Stepper(Stepping):
         return self._beginning.rows(state, self._parameter_rows())[which]
 
     def prepared(self, states: State, parameters: Any = None) -> Prepared:
-        """k starts that the method begins at once, for `begin`: going to one of them costs a copy of its numbers.
+        """k starts that the method begins together, for `begin`: moving to one of them costs a copy of its numbers.
 
-        states: velocities and configurations as system.state(…) gives them, of single members, each leaf with a first
+        states: velocities and configurations of single members, as system.state(…) gives them, each leaf with a first
         axis (k, …). parameters: those of the system at each start, with `co.each` of k where they differ; by default
-        as they are now.
+        the current ones.
         """
         count, rows = len(states.t), None
         if parameters is not None:
@@ -298,7 +298,7 @@ class Stepper(Stepping):
         super()._fill(rows, plain, which, what)
 
     def _with(self, parameters: np.ndarray) -> Buffers:
-        """The memory with parameters (members, size), and the limits of commands with them, as far as none was told."""
+        """The memory with parameters (members, size) and their limits of commands, save limits with a past warning."""
         rows = self._beginning.constants.unpack(parameters).system
         system = jax.tree.map(lambda leaf: leaf[0] if np.all(leaf == leaf[0]) else Each(leaf), rows)
         ends = limits_of(self._program.skeleton.internal, system, self.face.commands)

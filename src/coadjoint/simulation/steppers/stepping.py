@@ -31,12 +31,13 @@ class Stepping(StepperBase):
     """A system that is stepped from outside. One thread at a time steps it: give each thread a `clone()`."""
 
     def step(self, command: Any = None, n: int = 1, *, copy: bool = False) -> dict[str, np.ndarray]:
-        """Set the commands, take n steps, and return what is observed then.
+        """Set the commands, take n steps, and return the observations.
 
-        command: name → value, all numbers in the order of the names, or None: as they are. They stay until they are
-        set again. n: steps of dt. copy: arrays of their own, which the next step leaves alone.
-        Raises StepError where the step of a single one fails, and again at every step until `reset` or `restore`; of
-        many, those that fail stay where they are, and `failures` says why. ArgumentError for other names and shapes.
+        command: name → value, all numbers in the order of the names, or None: unchanged. Commands stay until they are
+        set again. n: steps of dt. copy: whether to return copies, which the next step does not overwrite.
+        Raises StepError if the step of a single one fails, and again at every step until `reset` or `restore`; of many
+        members, those that fail keep their states, and `failures` gives the reasons. Raises ArgumentError for other
+        names and shapes.
         """
         if n.__class__ is not int or not 1 <= n <= MOST:
             n = whole(n)
@@ -149,7 +150,7 @@ class Stepping(StepperBase):
     # Leaving the process.
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write it to a file, such as `remus.step`, from which `co.load_stepper` goes on without JAX.
+        """Write it to a file, such as `remus.step`, from which `co.load_stepper` continues without JAX.
 
         Raises FileError rather than replace a file, ArgumentError for one that runs by XLA.
         """
@@ -174,11 +175,11 @@ class Stepping(StepperBase):
             stepper.change(rudder={"lift_slope": 0.0})        # a lost fin
             fleet.change(mass=30.0, mask=released)            # a dropped mass, of some members
 
-        mask: (members,) truth values, whose; a value may also be one for each member. keep: "velocity", so that the
-        velocities of the node are continuous and the momenta jump to what belongs to them, or "momentum"; what `reset`
-        goes back to changes alike.
-        Raises ArgumentError for what is no parameter, and for a saved stepper that would have to be compiled anew or to
-        keep velocities.
+        mask: (members,) truth values that choose members; a value may also have one entry for each member. keep:
+        "velocity", so that the velocities of the node are continuous and the momenta jump to match them, or "momentum";
+        the start to which `reset` returns changes likewise.
+        Raises ArgumentError for names that are not parameters, and for a saved stepper that would have to be recompiled
+        or to keep velocities.
         """
         if not isinstance(keep, str) or keep not in ("velocity", "momentum"):
             raise ArgumentError(f'Argument `keep` must be "velocity" or "momentum", but is {shown(keep)}.')
@@ -254,14 +255,14 @@ def _numbers(place: slice) -> range:
 
 
 def load_stepper(path: str | os.PathLike[str]) -> Stepping:
-    """The stepper that `stepper.save(path)` wrote: it stands where that one stood. JAX is not imported.
+    """The stepper that `stepper.save(path)` wrote, in the same state. JAX is not imported.
 
         stepper = co.load_stepper("remus.step")
 
-    path: the file. It steps to the bit like the one that was saved, on the same processor; `state`, `reset` and
-    `restore` take and give numbers by their names, `change` keeps momenta, and an event stops it at the node before.
-    The file holds machine code that is run: load only what you would run as a program. Raises FileError for what is no
-    such file, and for one of a newer version.
+    path: the file. On the same processor its steps are bitwise identical to those of the saved stepper; `state`,
+    `reset` and `restore` take and give numbers by their names, `change` keeps momenta, and an event stops it at the
+    node before. The file holds machine code that is run: load only files that you would run as programs. Raises
+    FileError for another kind of file, and for one of a newer version.
     """
     path = named_file(path)
     try:
