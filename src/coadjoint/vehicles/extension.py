@@ -1,4 +1,4 @@
-"""What vehicles add to the rooms below: models of the catalogue, figures, a format of files, a kind of run files.
+"""Extensions by vehicles: models of the catalogue, figures, a format of files, a kind of run files.
 
 Read by `coadjoint.extensions`; nothing is imported before it is used.
 """
@@ -92,7 +92,7 @@ FORMATS = {
 """To `run.save`."""
 
 RUN_FILES = {"vehicle": "coadjoint.vehicles.missions.file:from_table"}
-"""To `coadjoint.runs`: what a run file with this section is read by."""
+"""To `coadjoint.runs`: the reader of a run file with this section."""
 
 COMMANDS = {
     "vehicles": "coadjoint.vehicles.commands.vehicles:Vehicles",

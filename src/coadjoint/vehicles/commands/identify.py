@@ -25,7 +25,7 @@ class Identify:
     log: tyro.conf.Positional[Path]
     """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or a bag of ROS or of ArduPilot."""
     parameters: tuple[str, ...]
-    """What to find: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
+    """The unknowns: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
     axes: Literal["NED/FRD", "ENU/FLU"] | None = None
     """Axes of the log; by default NED/FRD of CSV files, and ENU/FLU of bags."""
     topics: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ class Identify:
     coloured: tuple[str, ...] = ()
     """Columns with coloured noise, whose correlation time is estimated."""
     biases: tuple[str, ...] = ()
-    """Columns whose bias is estimated as well; position, attitude, velocity and rates stand for three."""
+    """Columns whose bias is estimated as well; position, attitude, velocity and rates mean three each."""
     delays: tuple[str, ...] = ()
     """Columns, or such groups of three, whose delay is estimated."""
     process_noise: tuple[str, ...] = ()

@@ -22,7 +22,7 @@ class Import:
     file: tyro.conf.Positional[Path]
     """SDF of Gazebo, URDF or xacro of uuv_simulator."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
-    """The vehicle file to write; without it the report alone is printed."""
+    """The vehicle file to write; without it, only the report is printed."""
     folder: Path | None = None
     """Files that it includes must lie below it; by default the folder of the file."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()

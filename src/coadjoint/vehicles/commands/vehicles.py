@@ -23,7 +23,7 @@ class Vehicles:
     """
 
     action: tyro.conf.Positional[Literal["list", "show", "mission"]] = "list"
-    """What to do."""
+    """The action."""
     name: tyro.conf.Positional[str] = ""
     """A vehicle: the name of a shipped one, or the path of a TOML file."""
     toml: bool = False

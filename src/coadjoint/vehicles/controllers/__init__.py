@@ -1,4 +1,4 @@
-"""Controllers: what sees a craft, at its sample times, and says what its actuators shall do."""
+"""Controllers: from the feedback of a craft, at sample times, to commands of its actuators."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def allocation(motion: UnderWay) -> Allocation:
             f"found {', '.join(motion.names) or 'no part that is commanded'}."
         )
     shares, alone = _shares(torques)
-    if not alone[0]:  # No fins roll it by themselves: what they roll it by the way is left to its righting moment.
+    if not alone[0]:  # No fins control roll: the righting moment balances their roll as a side effect.
         shares, alone = _shares(np.array([[0.0], [1.0], [1.0]]) * torques)
     if not alone[1:].all():
         raise ArgumentError("The fins of this vehicle cannot pitch and turn it one without the other.")
@@ -48,7 +48,7 @@ def allocation(motion: UnderWay) -> Allocation:
 
 
 def _shares(torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles for each unit torque, and whether they give it alone."""
+    """Angles for each unit torque, and whether they produce that torque only."""
     shares = np.linalg.pinv(torques, rcond=1e-6)
     return shares, np.linalg.norm(torques @ shares - np.eye(3), axis=0) < 1e-3
 

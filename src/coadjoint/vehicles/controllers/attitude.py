@@ -89,7 +89,7 @@ class Attitude(Controller):
     model: TurningModel | None = None
 
     def fitted(self, vehicle: Any) -> Attitude:
-        """With its model of a vehicle, and what gains were left out."""
+        """The controller with its model of a vehicle, and proposed values of missing gains."""
         return self if self.model is not None else propose_attitude(self, vehicle)
 
     def parameters(self) -> dict[str, Any]:

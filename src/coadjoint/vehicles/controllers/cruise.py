@@ -35,9 +35,9 @@ class Cruise(Controller):
     Fields, the keys of [controller] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
     (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
     m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
-    errors count as these, so that turns stay within what fins can hold; pitch_limit, fin_limit (rad); thrust_limit
-    (command); vertical: "depth", "altitude" or "pitch"; bottom (m). Missing values are proposed from the vehicle's
-    mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
+    errors count as these, so that turns stay within the authority of the fins; pitch_limit, fin_limit (rad);
+    thrust_limit (command); vertical: "depth", "altitude" or "pitch"; bottom (m). Missing values are proposed from the
+    vehicle's mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "cruise"
@@ -63,8 +63,8 @@ class Cruise(Controller):
             raise ArgumentError('The controller `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
 
     def fitted(self, vehicle: Any) -> Cruise:
-        """With its allocation, and what gains were left out, for a vehicle; raises ArgumentError where that cannot
-        be.
+        """The controller with its allocation, and proposed values of missing gains, for a vehicle; raises ArgumentError
+        if that is impossible.
         """
         return self if self.allocation is not None else propose(self, vehicle)
 

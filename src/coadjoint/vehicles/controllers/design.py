@@ -18,7 +18,7 @@ LENGTHS = 1.5
 FULL_FIN = 0.25
 """rad: errors of pitch, roll or heading that may use the fins up."""
 TURNING = 0.6
-"""The part of the fins that a steady turn may use; the rest is for what comes on top."""
+"""The part of the fins that a steady turn may use; the rest is in reserve."""
 PLANES = {"roll": (0, 3, 1), "pitch": (1, 4, 2), "heading": (2, 5, 1)}
 """The column of the allocation, and the rows of the torque and of the slip, of a turn."""
 WELL_DAMPED = 0.7
@@ -29,7 +29,7 @@ def propose(controller: Any, vehicle: Any) -> Any:
     """A cruise controller with its allocation and with the gains that were left out, for a vehicle at controller.speed.
 
     Turns: θ̈ = a_q θ̇ + a_θ θ + b δ, with the side slip that a turn begins with in a_θ (w = Uθ, v = −Uψ: the Munk
-    moment, and what fins take from the flow), gets the poles of s² + 2ζωs + ω², k_p = (ω² + a_θ)/b and
+    moment, and the lift of fins in the flow), gets the poles of s² + 2ζωs + ω², k_p = (ω² + a_θ)/b and
     k_d = (2ζω + a_q)/b; then k_d grows until the modes of slip, rate, angle and fins are damped too.
     Errors of pitch and heading count up to those that ask for a turn of TURNING of the fins (`reach`).
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
@@ -81,7 +81,8 @@ def _gains(controller: Any, vehicle: Any) -> dict[str, Any]:
 class TurningModel(NamedTuple):
     """ω̇ = (u/U) flow (v, w, ω) + weight · down + (u/U)² G δ.
 
-    inverse: G⁺. ahead: what of the commands pushes ahead. rolls: 1 where the fins master the righting moment, or 0.
+    inverse: G⁺. ahead: the part of the commands that pushes ahead. rolls: 1 where the fins master the righting moment,
+    or 0.
     """
 
     flow: np.ndarray
@@ -186,7 +187,7 @@ def damped(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, la
 
 
 def placed(turn: Turn, wanted: float, fin: float) -> np.ndarray:
-    """(k_p, k_i, k_d) for the pole frequency `wanted`, rad/s, or what the fins can do; zeros where no fin turns it."""
+    """(k_p, k_i, k_d) for the pole frequency `wanted`, rad/s, or the limit of the fins; zeros if no fin turns it."""
     if turn.effect == 0.0:
         return np.zeros(3)
     k_p = (wanted**2 + turn.stiffness) / turn.effect

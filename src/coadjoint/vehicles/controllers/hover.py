@@ -29,7 +29,7 @@ class Hover(Thrusting):
     Fields, the keys of [controller] with kind = "hover", all optional: thrusters (the name of the part); period, delay
     (s); position_gains (1/s², 1/s³, 1/s), attitude_gains (1/s², 1/s³, 1/s): k_p, k_i, k_d of each; reach (1 m): a place
     further off is approached as if it were there; weigh: how much of net weight and righting torque is fed forward, 0
-    to 1. Gains that are left out are proposed from the mass and what the thrusters give. Raises ArgumentError.
+    to 1. Gains that are left out are proposed from the mass and the thrusters' limits. Raises ArgumentError.
     """
 
     NEEDS: ClassVar[tuple[str, ...]] = ("surge", "sway", "heave", "yaw")

@@ -51,8 +51,8 @@ def leg(position: Array, start: Array, end: Array) -> Leg:
 def line_of_sight(across: Array, integral: Array, look_ahead: Any, gain: Any, period: Any) -> tuple[Array, Array]:
     """(χ, I): the angle χ = −atan((y + σI)/Δ) to the leg, and I ← I + T Δy/(Δ² + (y + σI)²).
 
-    across: y, m, to starboard of the leg (or beneath it). look_ahead: Δ, m. gain: σ, m/s: what the integral moves the
-    aim by; 0 for plain line of sight. In a current across, or with sideslip, y goes to 0 and σI to Δ tan of the angle
+    across: y, m, to starboard of the leg (or beneath it). look_ahead: Δ, m. gain: σ, m/s: of the integral, which moves
+    the aim; 0 for plain line of sight. In a current across, or with sideslip, y goes to 0 and σI to Δ tan of the angle
     that holds against it. The integral grows slowly far from the path, so that it hardly winds up.
     Source: Børhaug, Pavlov, Pettersen (2008), (9)–(10); Fossen (2021), 12.4.
     """

@@ -1,4 +1,4 @@
-"""What controllers of thruster vehicles share: the wrench for an acceleration, and what their thrusters can give."""
+"""The common part of controllers of thruster vehicles: the wrench for an acceleration, and the thrusters' limits."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from coadjoint.vehicles.trim.under_way import Level, coadjoint
 
 DAMPING_RATIO = 0.9
 LARGEST_ACCELERATION = 5.0
-"""m/s², rad/s²: what thrusters without limits are taken to give."""
+"""m/s², rad/s²: assumed of thrusters without limits."""
 SHARE = 0.5
-"""How much of what the thrusters give the largest error may use."""
+"""The fraction of the thrusters' limit that the largest error may use."""
 MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LARGEST_TURN = 1.0
@@ -52,7 +52,7 @@ class Thrusting(Controller):
     """The axes along which the thrusters must be able to push."""
 
     def fitted(self, vehicle: Any) -> Any:
-        """With the mass matrix of a vehicle, and what gains were left out.
+        """The controller with the mass matrix of a vehicle, and proposed values of missing gains.
 
         Raises ArgumentError without thrusters, and where they cannot push as the controller needs.
         """

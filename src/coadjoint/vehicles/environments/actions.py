@@ -70,7 +70,7 @@ class Actions:
         return found + np.maximum(-a, 0.0) * uneven if len(uneven) else found
 
     def __str__(self) -> str:
-        """A line for each number: its place, command, unit and what −1, 0 and 1 mean."""
+        """A line for each number: its place, command, unit and the meaning of −1, 0 and 1."""
         lines = []
         for name, place in self.places.items():
             for i, k in enumerate(range(place.start, place.stop)):

@@ -26,7 +26,7 @@ class CrossCurrent(Task):
     D = `far` (m). The current is level, across the way, and in every episode another one between ±`current` (m/s). An
     episode begins at the origin, drifting with the current, with the heading of the way. It ends well within `within`
     (m) of the place, badly with d > D or above the surface. Set points are those of the vehicle's own controller. With
-    a water of one's own no current is drawn. Raises ArgumentError.
+    a user's water no current is drawn. Raises ArgumentError.
     """
 
     observed = ("offset", "line", "along", "down", "ground_velocity", "omega", "actuators")

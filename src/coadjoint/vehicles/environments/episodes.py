@@ -44,7 +44,7 @@ class Episodes:
         return {**self.__dict__, "_started": None}
 
     def seed(self, member: int, random: np.random.Generator, varying: np.random.Generator) -> None:
-        """The random numbers of a member begin anew: those of starts, and those of parameters."""
+        """Restart the random numbers of a member: those of starts, and those of parameters."""
         self.random[member], self.varying[member] = random, varying
         self.ready[member] = self.begun[member]
 

@@ -71,10 +71,10 @@ def environment(
     dt: h, s. period: how long an action is held, an integer multiple of dt, s. seconds: after which an episode is
     truncated, by default those of the task.
     randomise: True, and every episode has parameters with the uncertainties that the vehicle file states; or path →
-    standard deviation, in the parameter's unit (SI) or a share such as "5 %" (`Uncertain`). randomise_seed: a seed of
-    their own; by default they begin anew with that of `reset`. render_mode: "rgb_array" or None.
+    standard deviation, in the parameter's unit (SI) or a share such as "5 %" (`Uncertain`). randomise_seed: a separate
+    seed for them; by default they restart with that of `reset`. render_mode: "rgb_array" or None.
     accuracy: whether a sample of the steps is judged, as of `co.Stepper`, by default True.
-    Raises ArgumentError for what does not fit, and where Gymnasium is not installed.
+    Raises ArgumentError for arguments that do not fit, and if Gymnasium is not installed.
     """
     _require_gymnasium()
     from coadjoint.vehicles.environments.single import VehicleEnv
@@ -106,7 +106,7 @@ def vector_environment(
 
         envs = co.vehicles.vector_environment("bluerov2_heavy_von_benzon", task="hold_station", num_envs=2048)
 
-    num_envs: how many. autoreset: when a member whose episode has ended begins anew, "next_step" (its next step does
+    num_envs: how many. autoreset: when a member whose episode has ended is reset, "next_step" (its next step does
     only that), "same_step" (immediately; the last observation is in `infos["final_obs"]`), or "disabled" (by `reset`
     with `options={"reset_mask": …}`). threads: how many share the members. wanted: the other arguments of
     `environment`, without render_mode. vehicle, task, randomise, randomise_seed: as there; member i has randomise_seed

@@ -21,7 +21,7 @@ MODES = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_S
 class VehicleVectorEnv(Simulating, VectorEnv):
     """`num_envs` vehicles with a task, each with separate episodes; a step advances all of them by one period.
 
-    `metadata["autoreset_mode"]` says when a member whose episode has ended begins anew. Arrays have a first axis of
+    `metadata["autoreset_mode"]` says when a member whose episode has ended is reset. Arrays have a first axis of
     members; otherwise as `VehicleEnv`. Infos are arrays by name, each with the mask `_name` of the members it is of.
     """
 
@@ -43,7 +43,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """New episodes. seed: an integer, member i has seed + i as a single environment would; or one for each.
 
-        options: {"start": …} begins there; {"reset_mask": (num_envs,) truth values}: these members alone. Raises
+        options: {"start": …} begins there; {"reset_mask": (num_envs,) truth values}: only these members. Raises
         ArgumentError.
         """
         options = options or {}
@@ -110,7 +110,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         rewards[failed] -= simulated.task.penalty
         terminated = failed | ended.any(axis=1)
         truncated = (self._periods >= simulated.most) & ~terminated
-        if before.any():  # by now these begin: what their last steps came to is nothing
+        if before.any():  # these members have just been reset: their last steps count for nothing
             rewards[before], terminated[before], truncated[before] = 0.0, False, False
         self._over = terminated | truncated
         infos = self._infos(ended, failed & ~before) if self._over.any() else {}
@@ -148,7 +148,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         return found
 
     def _final(self, infos: Mapping[str, Any]) -> dict[str, Any]:
-        """What the last observation and info of an episode were, where the next one begins in the same step."""
+        """The last observation and info of an episode, if the next one begins in the same step."""
         if not infos:
             return {}
         seen = np.full(self.num_envs, None, dtype=object)

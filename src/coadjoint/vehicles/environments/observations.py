@@ -1,4 +1,4 @@
-"""What an environment can show, by names: functions of the `Feedback`, traced into the machine code."""
+"""Observations of an environment, by name: functions of the `Feedback`, traced into the machine code."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def of_feedback(common: Common, function: Function) -> Callable[[State, Any], An
 
 
 def actuators(craft: Craft) -> Callable[[State, Any], Any]:
-    """Where the actuators stand, as actions do: between −1 and 1, one after the other."""
+    """The positions of the actuators, scaled as actions: between −1 and 1, one after the other."""
     scale = actuator_actions(craft)
 
     def observe(state: State, p: Any) -> Any:

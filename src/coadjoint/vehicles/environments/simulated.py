@@ -87,7 +87,7 @@ class Simulated:
 
     @property
     def rows(self) -> np.ndarray:
-        """What the stepper observes now."""
+        """The current observation of the stepper."""
         return self.stepper.observed
 
     def __reduce__(self) -> Any:
@@ -113,7 +113,7 @@ class Simulated:
         return jnp.concatenate([jnp.ravel(part) for part in parts])
 
     def _rewarded(self) -> Callable[[State, Any], Any]:
-        """r − c mean(a²) + Σ of the rewards of the ends that have come; a reward of one's own is without the effort."""
+        """r − c mean(a²) + Σ of the rewards of the ends that have come; a user's reward excludes the effort."""
         given, effort = self.wanted.reward, self.task.effort
         if given is not None:
             checks.function(given, "reward", "a function of the Feedback")
@@ -213,13 +213,13 @@ def _ends(given: Any) -> dict[str, End]:
 
 
 class Simulating:
-    """What environments show of what they simulate."""
+    """The common properties of single and vector environments."""
 
     simulated: Simulated
 
     @property
     def actions(self) -> Actions:
-        """What each action commands, and its unit."""
+        """The command of each action, and its unit."""
         return self.simulated.actions
 
     @property

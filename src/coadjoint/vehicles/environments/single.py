@@ -33,7 +33,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         self._periods: int | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
-        """A new episode. options: {"start": …} begins there, as `Craft.start` takes it, instead of where the task says.
+        """A new episode. options: {"start": …} begins there, as `Craft.start` takes it, instead of the task's start.
 
         Raises ArgumentError.
         """

@@ -22,7 +22,7 @@ Function = Callable[..., Any]
 
 
 class End(NamedTuple):
-    """What ends an episode: where `when` is true. reward: added to that of the last period. success: of the task."""
+    """An end of an episode: `when` is true. reward: added to that of the last period. success: of the task."""
 
     when: Function
     reward: float = 0.0
@@ -51,18 +51,18 @@ class Task(ABC):
 
     @abstractmethod
     def reward(self, feedback: Feedback) -> Array:
-        """What a period is worth by where it ended, one number."""
+        """The reward of a period from its last node, one number."""
 
     @abstractmethod
     def start(self, random: np.random.Generator) -> dict[str, Any]:
         """Where an episode begins: position, euler_zyx, velocity or speed, and angular_velocity of `Craft.start`."""
 
     def ends(self) -> dict[str, End]:
-        """What ends an episode before its time, by names."""
+        """The ends of an episode before its time, by name."""
         return {}
 
     def observations(self) -> dict[str, Function]:
-        """What the task adds to what can be observed, by names."""
+        """The observations that the task adds, by name."""
         return {}
 
     def parameters(self, random: np.random.Generator) -> dict[str, Any]:

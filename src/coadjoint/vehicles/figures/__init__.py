@@ -1,1 +1,1 @@
-"""Figures and animations of vehicles: where they go, how they move, what their actuators do."""
+"""Figures and animations of vehicles: their tracks, their motions, their actuators."""

@@ -17,7 +17,7 @@ from coadjoint.vehicles.logs.records import VehicleRecords
 
 _LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
 _SHOWN = {"rad": (180 / np.pi, "°"), "m³": (1e3, "L")}
-"""In what a unit is drawn."""
+"""The factor and the unit of figures, by SI unit."""
 _NEAR = 0.4
 """A limit is drawn where an actuator comes nearer to it than this part of it."""
 

@@ -69,7 +69,7 @@ def _gif(runs: Sequence[Entry], target: Path, frames: int) -> Path:
 
 
 def _stage(runs: Sequence[Entry]) -> tuple[Figure, list[_Vehicle]]:
-    """What does not move, drawn; and the vehicles, which do."""
+    """The fixed artists, drawn, and the moving vehicles."""
     figure = canvas(7.2, 3.4)
     figure.set_dpi(_DOTS)
     above, side = figure.subplots(1, 2)

@@ -1,4 +1,4 @@
-"""The figures of vehicles, as `run.plot` has them; what draws them is imported at the first use."""
+"""The figures of vehicles in `run.plot`; the drawing code is imported at the first use."""
 
 from __future__ import annotations
 

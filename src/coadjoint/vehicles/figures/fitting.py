@@ -1,4 +1,4 @@
-"""Which figures of vehicles a dataset has what to draw for."""
+"""Which figures of vehicles a dataset has data for."""
 
 from __future__ import annotations
 

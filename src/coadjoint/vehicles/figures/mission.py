@@ -32,7 +32,7 @@ def mission(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figu
     if len(runs) == 1:
         figure.suptitle(_title(runs[0]), fontsize=9)
     halves: Any = figure.subfigures(1, 2)
-    # The track takes what the other panels of its column leave.
+    # The track takes the rest of its column.
     high = rows - len(left)
     first, *column = halves[0].subplots(len(left) + 1, 1, height_ratios=[high, *[1] * len(left)])
     navigation.draw_track(first, runs, way_points)

@@ -23,7 +23,7 @@ SLENDER = 0.12
 def geometry(vehicle: Vehicle) -> dict[str, Any]:
     """The shapes of a vehicle as plain data, for the attributes of its runs.
 
-    size: its length, m. shapes: what does not move, as `coadjoint.plotting.scene.Shape`. moving: the parts that do,
+    size: its length, m. shapes: the fixed parts, as `coadjoint.plotting.scene.Shape`. moving: the parts that do,
     with the variable, and of several its column, whose values, times `factor`, move them.
     """
     size, hull = _hull(vehicle)

@@ -39,7 +39,7 @@ def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
 
 
 def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path()) -> Vehicle:
-    """The vehicle of a TOML text; `name` stands in sentences, `folder` is where files that it names are."""
+    """The vehicle of a TOML text; messages show `name`; files that it names are in `folder`."""
     table = read_table(text, name)
     book = Notebook(name)
     if not table:
@@ -148,7 +148,7 @@ def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> np.n
 
 
 def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
-    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with what the parts hold."""
+    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with masses and volumes of parts."""
     density, gravity = made["fluid_density"], made["gravity"]
     given = [key for key in VOLUMES if key in body and (key != "neutral" or body.flag("neutral"))]
     if given == ["neutral"]:

@@ -9,7 +9,7 @@ from typing import Any
 
 @cache
 def kinds(room: str) -> dict[str, type[Any]]:
-    """The classes of "parts" or "controllers" by their `kind`; what such a room lists in its `__init__` is known."""
+    """The classes of "parts" or "controllers" by their `kind`: those in the `__init__` of that package."""
     module = import_module(f"coadjoint.vehicles.{room}")
     found = [getattr(module, name) for name in module.__all__]
     return {made.kind: made for made in found if isinstance(made, type) and getattr(made, "kind", "")}

@@ -1,4 +1,4 @@
-"""Hydrodynamic derivatives of a vehicle file, and what of them the added mass says already."""
+"""Hydrodynamic derivatives of a vehicle file, without those that follow from the added mass."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from coadjoint.vehicles.parts.derivatives import AXES, VELOCITIES, Derivatives
 
 PLAIN = re.compile(r"^[XYZKMN]_[uvwpqr]{2}$")
 NOTHING = 1e-9
-"""Up to this part of a coefficient, what the added mass leaves of it is round-off."""
+"""Up to this fraction of a coefficient, its difference from the added mass is round-off."""
 SMALL = 0.01
 """Up to this part of the largest term of its kind, a term of the added mass may go unnamed."""
 

@@ -23,7 +23,7 @@ CURVES = ("linear", "quadratic", "polynomial", "table")
 
 
 def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before: tuple[str, ...]) -> Part:
-    """The part of one [[part]]; body: what [body] says, before: names of the parts above it."""
+    """The part of one [[part]]; body: the values of [body], before: names of the parts above it."""
     name = section.text("name")
     section.key = name
     kind = section.text("kind", None, tuple(sorted(kinds("parts"))))
@@ -159,7 +159,7 @@ def _published(section: Section, name: str) -> str:
 
 
 def built(section: Section, make: Callable[[], Any]) -> Any:
-    """What `make` builds, with file and part in front of its complaints."""
+    """The result of `make`, with file and part at the beginning of its error messages."""
     try:
         return make()
     except ArgumentError as error:

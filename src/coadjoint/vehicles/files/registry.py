@@ -1,4 +1,4 @@
-"""The vehicles that are shipped, and those of one's own, by name or path."""
+"""Shipped vehicles and a user's own, by name or path."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def is_path(name: str) -> bool:
 
 
 def vehicle_text(name: str) -> str:
-    """The file of a shipped vehicle, to start one's own from; raises ArgumentError for a name that is none."""
+    """The file of a shipped vehicle, as a template; raises ArgumentError for an unknown name."""
     known = vehicle_names()
     if name not in known:
         from difflib import get_close_matches
@@ -36,7 +36,7 @@ def vehicle_text(name: str) -> str:
 
 
 def load_vehicle(name: str | os.PathLike[str]) -> Vehicle:
-    """A vehicle that is shipped, by name, or one of one's own, by the path of its TOML file.
+    """A shipped vehicle, by name, or a user's own, by the path of its TOML file.
 
     `vehicle.warnings` lists doubtful values; for a user's own file they are also warnings.
     Raises ArgumentError, and FileError for a file that cannot be read.

@@ -1,4 +1,4 @@
-"""What follows from a vehicle's numbers before it is run: balance, righting, terminal speed."""
+"""Properties of a vehicle from its numbers alone: balance, righting, terminal speed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FASTEST = 50.0
 
 
 class Summary(NamedTuple):
-    """mass, displaced_mass: with what the parts hold, kg. net_weight: W − B, N, positive where it sinks.
+    """mass, displaced_mass: including the parts, kg. net_weight: W − B, N, positive where it sinks.
 
     metacentric_height: of the centre of buoyancy above the centre of mass, m. terminal_speed: ahead, with everything
     that pushes ahead at its limit, m/s, or None.
@@ -34,7 +34,7 @@ class Summary(NamedTuple):
 
 
 def summary(vehicle: Vehicle) -> Summary:
-    """What follows from the numbers of a vehicle with its parts as they start."""
+    """The summary of a vehicle with its parts in their starting positions."""
     all_of = loads(vehicle)
     height = float(all_of.center_of_mass[2] - vehicle.center_of_buoyancy[2])
     return Summary(all_of.mass, all_of.density * all_of.volume, all_of.net_weight, height, terminal_speed(vehicle))

@@ -23,7 +23,7 @@ LARGEST = 1e15
 
 @dataclass
 class Notebook:
-    """What reading one file collects: provenance by key, and warnings. `path` names the file in sentences."""
+    """Results of reading one file: provenance by key, and warnings. `path` names the file in messages."""
 
     path: str
     sources: dict[str, str] = field(default_factory=dict)

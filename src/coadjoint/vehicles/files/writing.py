@@ -26,8 +26,8 @@ from coadjoint.vehicles.sensors.sensor import Sensor
 def vehicle_to_toml(vehicle: Vehicle) -> str:
     """The text of a vehicle file that reads as this vehicle, in SI units and forward, starboard, down.
 
-    Sources and notes are those of the provenance, by key; a number that has none there has none in the file. Added mass
-    is written as a matrix about the origin, derivatives without what the added mass says already.
+    Sources and notes are those of the provenance, by key; a number without them there has none in the file. Added mass
+    is written as a matrix about the origin, derivatives without the terms that follow from the added mass.
     """
     return "\n".join(_lines(vehicle)) + "\n"
 
@@ -67,7 +67,7 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
 
 
 def dimensions_of(of: Any) -> list[tuple[str, Dimension | None]]:
-    """The declared fields of a class, or of one of it, with what they measure."""
+    """The declared fields of a class, or of an instance, with their dimensions."""
     return [(name, declared.dimension) for name, declared in keys(of).items()]
 
 
@@ -81,7 +81,7 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
 
 
 def _fields(of: Any, owner: str, vehicle: Vehicle) -> Iterator[str]:
-    """The measured fields of a part or a sensor that are not what they are when they are left out."""
+    """The measured fields of a part or a sensor that differ from their defaults."""
     defaults: dict[str, Any] = {field.name: field.default for field in fields(of)}
     for key, found in keys(of).items():
         value, told = getattr(of, key), vehicle.provenance.get(f"{owner}.{key}")

@@ -74,7 +74,7 @@ def body_axes(axes: Any) -> np.ndarray:
 
 
 def computed_added_mass(found: np.ndarray, source: Any, axes: Any, origin: Any) -> np.ndarray:
-    """What a panel program computed, symmetric, without negative eigenvalues, about `origin` and in the body's axes."""
+    """The result of a panel program, symmetric, without negative eigenvalues, about `origin` and in the body's axes."""
     point, unit = vector(origin, "origin"), _unit(found)
     scaled = _symmetric_part(found, unit, source)
     sound = _semidefinite(scaled, source) * np.outer(unit, unit)

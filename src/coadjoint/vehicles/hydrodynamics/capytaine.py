@@ -16,7 +16,7 @@ from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
 
 MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 INFINITE = {"omega": np.inf, "freq": np.inf, "wavenumber": np.inf, "period": 0.0, "wavelength": 0.0}
-"""What each measure of frequency is at infinite frequency."""
+"""The value of each measure of frequency at infinite frequency."""
 DEGREES = ("radiating_dof", "influenced_dof")
 SAVE = "capytaine.export_dataset(path, dataset)"
 

@@ -12,7 +12,7 @@ def crosswise_added_mass(across: np.ndarray, along: np.ndarray, fin: np.ndarray)
     """m/ρ of an ellipse with two fins that moves across its fins, m².
 
     m = πρ(ℓ² − c² − 2bc), ℓ = ζ + (b + c)²/(4ζ), 2ζ = s + √(s² − b² + c²): the outside of ellipse and fins is mapped
-    onto that of a flat plate of half length ℓ. An ellipse alone (s = b) has πρb², a circle with fins
+    onto that of a flat plate of half length ℓ. A bare ellipse (s = b) has πρb², a circle with fins
     πρ(s² − b² + b⁴/s²), and fins along the motion change nothing.
 
     across: b, the semi-axis across the motion, that of the fins; along: c, the semi-axis along the motion; fin: s ≥ b,

@@ -78,7 +78,7 @@ Row = tuple[int, float, int, int, float]
 
 
 def _rows(source: Path) -> list[Row]:
-    """The rows of the file; one line of words may stand above them."""
+    """The rows of the file, after an optional header line."""
     try:
         lines = text_of(source, LARGEST).splitlines()
     except FileNotFoundError as error:
