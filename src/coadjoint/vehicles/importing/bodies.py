@@ -26,7 +26,7 @@ class Link:
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     place: str = ""
-    """Where its inertial stands."""
+    """The place of its inertial in the file."""
     pose: Placement = HERE
     """In the frame that the description is in."""
 

@@ -22,7 +22,7 @@ LOOKS = ("visual", "material", "mesh", "camera", "light", "self_collide", "enabl
 
 @dataclass
 class Draft:
-    """name: of the vehicle. source: what its numbers are from, a citation."""
+    """name: of the vehicle. source: of its numbers, a citation."""
 
     name: str
     source: str
@@ -98,7 +98,7 @@ def _plain(value: Any) -> Any:
 
 
 def places(elements: Iterable[Element]) -> str:
-    """Where several elements stand, each place once: "a.xacro:3, 7, b.xacro:2"."""
+    """The places of several elements, each once: "a.xacro:3, 7, b.xacro:2"."""
     said: list[str] = []
     last = ""
     for element in {element.place: element for element in elements}.values():
@@ -108,7 +108,7 @@ def places(elements: Iterable[Element]) -> str:
 
 
 def untouched(root: Element, draft: Draft) -> None:
-    """Add to the report all elements and attributes of a tree that nothing has read, the uppermost of each alone."""
+    """Add to the report all elements and attributes of a tree that have not been read, only the uppermost of each."""
     for child in root.children:
         if child.taken:
             for name in child.attributes:

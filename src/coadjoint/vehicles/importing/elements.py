@@ -21,7 +21,7 @@ DEEPEST, MOST = 64, 50_000
 
 @dataclass(eq=False)
 class Element:
-    """One element: tag and attributes as written, its text, its place, and what of it was read."""
+    """One element: tag and attributes as written, its text, its place, and its parts read so far."""
 
     tag: str
     attributes: dict[str, str]

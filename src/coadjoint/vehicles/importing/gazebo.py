@@ -25,7 +25,7 @@ from coadjoint.vehicles.importing.sdf import joints_of, links_of, model_of, own_
 from coadjoint.vehicles.importing.urdf import plugins_named
 
 DENSITY = 1000.0
-"""kg/m³, of the system Buoyancy where a world says nothing."""
+"""kg/m³, the default of the system Buoyancy."""
 
 
 def read_gazebo(root: Element, folder: Path, draft: Draft) -> None:

@@ -17,7 +17,7 @@ _NAME = re.compile(r"([xyzkmn])([UVWPQR])(?:(abs)?([UVWPQR]))?")
 
 
 def damping(draft: Draft, plugin: Element) -> None:
-    """A part of damping by matrices, and one of derivatives for what no matrix says."""
+    """A part of damping by matrices, and one of derivatives for the remaining terms."""
     signs = np.concatenate([draft.flip, draft.flip])
     linear, quadratic = np.zeros((6, 6)), np.zeros((6, 6))
     others: dict[str, tuple[float, Element]] = {}

@@ -54,9 +54,9 @@ def import_vehicle(
 
     path: the file. folder: files that it includes must lie below it, $(find NAME) is the folder itself, if it has this
     name, or NAME in it; by default the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by
-    default 9.8 where no file says it. forward: the axis of the model that its bow points along. Raises FileError, with
-    file and line, for what cannot be read or what no vehicle can have, and ArgumentError. Nothing of the files is run,
-    and no address is opened.
+    default 9.8 if no file states it. forward: the axis of the model that its bow points along. Raises FileError, with
+    file and line, for unreadable or impossible values, and ArgumentError. The import runs no code of the files and
+    opens no address.
     """
     source = Path(path)
     if not source.is_file():

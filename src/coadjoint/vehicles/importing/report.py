@@ -1,4 +1,4 @@
-"""What an import took over, what differs from the simulator, and what of the file was left."""
+"""The report of an import: imported values, differences from the simulator, and omitted parts of the file."""
 
 from __future__ import annotations
 

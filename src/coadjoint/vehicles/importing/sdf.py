@@ -48,7 +48,7 @@ def model_of(root: Element, folder: Path, draft: Draft) -> Element:
 
 
 def _merge(model: Element, folder: Path, draft: Draft, depth: int) -> None:
-    """Put what included models hold into this one."""
+    """Merge the contents of included models into this one."""
     for element in [child for child in model.children if child.tag == "include"]:
         element.taken = True
         found = _included(element, folder, draft, depth + 1)

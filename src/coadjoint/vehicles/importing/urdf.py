@@ -10,7 +10,7 @@ from coadjoint.vehicles.importing.frames import Placement, inertia, number, numb
 
 
 def links_of(root: Element) -> dict[str, Link]:
-    """The links by name; raises FileError for numbers that are none, and for a name twice."""
+    """The links by name; raises FileError for invalid numbers and duplicate names."""
     found: dict[str, Link] = {}
     for element in root.all("link"):
         name = element.get("name") or ""

@@ -21,7 +21,7 @@ from coadjoint.vehicles.importing.uuv_actuators import fins, thrusters
 from coadjoint.vehicles.parts.damping import Damping
 
 DENSITY = 1028.0
-"""What the plugin takes where a file says nothing."""
+"""The plugin's defaults."""
 
 
 def read_uuv(root: Element, draft: Draft) -> None:
@@ -159,7 +159,7 @@ def _hydrodynamics(draft: Draft, model: Element, base: Link) -> None:
 
 
 def _matrix(element: Element, tag: str, count: tuple[int, ...]) -> np.ndarray | None:
-    """(6, 6) of 36 numbers or of a diagonal of 6; None where it is not said."""
+    """(6, 6) of 36 numbers or of a diagonal of 6; None if it is missing."""
     child = element.first(tag)
     if child is None:
         return None

@@ -203,7 +203,7 @@ class Xacro:
             raise element.fail(f"needs a number, true or false, but its value is {word!r}.") from None
 
     def _called(self, word: str, element: Element, scope: Scope, depth: int, beside: Path) -> Iterator[Element]:
-        """What the macro of that name makes."""
+        """The expansion of the macro of that name."""
         name = element.attributes.get("macro", word) if word == "call" else word
         macro = self.macros.get(name)
         if macro is None:

@@ -15,7 +15,7 @@ NAMES: dict[str, Dimension] = {
     **dict.fromkeys(("roll", "pitch", "heading", "yaw"), u.ANGLE), **dict.fromkeys(("qw", "qx", "qy", "qz"), u.NUMBER),
     **dict.fromkeys(("u", "v", "w"), u.SPEED), **dict.fromkeys(("p", "q", "r"), u.ANGULAR_VELOCITY),
 }  # fmt: skip
-"""What columns of these names measure; all others are inputs."""
+"""The dimensions of columns by name; all other columns are inputs."""
 
 PULSES = "us"
 """The unit of a command by the width of a pulse, which is not converted."""
@@ -23,7 +23,7 @@ _TIMES = ("t", "timestamp", "stamp")
 
 
 class Column(NamedTuple):
-    """A header: the name, the SI unit inside ("" where none is said), and the factor to it."""
+    """A header: the name, the SI unit inside ("" if the header has none), and the factor to it."""
 
     header: str
     name: str

@@ -33,10 +33,10 @@ def inputs_from_csv(
     `names`: the inputs to take, such as ["depth", "heading"]; by default the columns `set_…` of a log, or else
     `command_…`, or else all. `depth` is in the column `set_depth_m`, `command_depth_m` or `depth_m`; columns
     `thrusters[1]_N`, `thrusters[2]_N`, … are one input. Units are those at the end of the name, and become SI and rad.
-    `between`: what holds between two rows. Rows that repeat the one before are left out; `every` keeps one row in that
-    many seconds of those that are left. unsorted: "sort" sorts rows that are out of order by their times. Raises
-    FileError with line and column for a file that cannot be used, ArgumentError for names that it lacks and for an
-    input of more than 100 000 rows.
+    `between`: the interpolation between two rows. Rows that repeat the one before are left out; `every` keeps one row
+    in that many seconds of those that are left. unsorted: "sort" sorts rows that are out of order by their times.
+    Raises FileError with line and column for a file that cannot be used, ArgumentError for names that it lacks and for
+    an input of more than 100 000 rows.
     """
     checks.choice(between, "between", KINDS)
     if not (isinstance(every, (int, float)) and every >= 0):

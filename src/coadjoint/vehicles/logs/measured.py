@@ -29,7 +29,7 @@ _CURRENT = "current_"
 _LEFT_OUT = ("set_", _CURRENT, "u_water", "v_water", "w_water")
 
 BAGS = (".mcap", ".db3", ".bag", ".bin", ".tlog")
-"""The ends of names of what robots record."""
+"""The suffixes of files that robots record."""
 
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
@@ -44,24 +44,24 @@ def read_log(
     unsorted: Unsorted = "refuse",
     **options: Any,
 ) -> Log:
-    """The log in a file: a table as CSV, or what a robot recorded, a bag of ROS, by the end of its name.
+    """The log in a file: a table as CSV, or a robot's recording, such as a bag of ROS, by the suffix of its name.
 
     axes: of the log, "NED/FRD" or "ENU/FLU"; by default the first for a table, and the second of ROS for a bag.
-    ignore: columns to leave out. jumps: what happens where the clock is set back, or leaves out more than an hour and
-    100 usual intervals: "refuse" raises, "split" begins a new stretch of the log there, `log.breaks`. unsorted: what
-    happens to rows that are out of order: "refuse" raises, "sort" sorts them by their times. options: those of
-    `co.vehicles.logs.read_bag`, for what a robot recorded.
+    ignore: columns to leave out. jumps: the treatment of a clock that is set back, or leaves out more than an hour and
+    100 usual intervals: "refuse" raises, "split" begins a new stretch of the log there, `log.breaks`. unsorted: the
+    treatment of rows that are out of order: "refuse" raises, "sort" sorts them by their times. options: those of
+    `co.vehicles.logs.read_bag`, for a robot's recording.
 
     The headers of a table are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
     quaternion qw, qx, qy, qz; u, v, w; p, q, r. `heading` is that of a compass in any axes, `yaw` that of the `axes`.
     Every other column is an input; name[1], name[2], … are one of several
-    numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
+    numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is the actual value;
     `current_north`, `current_east` and `current_down` become `log.current`; `set_…` and `u_water`, … are left out.
     `[deg]` or `(deg)` at the end of a header count as `_deg`. Lines that begin with # and columns named in `ignore`,
     with their unit or without, are skipped. Attitude, velocity and rates are of body axes, turned from `axes`.
     Empty cells and nan are missing; a missing input keeps its last value. `log.notes` lists unusual findings.
-    Warns of columns that cannot be what they are named, `log.doubts`. Raises FileError naming file, line and column.
+    Warns of columns whose values contradict their names, `log.doubts`. Raises FileError naming file, line and column.
     """
     require_choices(jumps, unsorted)
     log = _read(path, axes, ignore, jumps, unsorted, options)
@@ -246,7 +246,7 @@ def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:
 def _inputs(
     file: str, lines: list[int], found: dict[str, tuple[Column, np.ndarray]]
 ) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
-    """What drives the vehicle, without gaps, its units, and notes: a missing value is the last one before it."""
+    """The inputs of the vehicle, without gaps, their units, and notes: a missing value is the last one before it."""
     notes: list[str] = []
     filled: dict[str, np.ndarray] = {}
     for name, (made, values) in found.items():

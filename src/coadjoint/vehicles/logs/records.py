@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray
 
 NEEDED = ("n", "nu", "xi", "a_down", "a_north")
-"""The variables that make a run a vehicle's: its place and velocities, and what its body sees of down and north."""
+"""The variables that make a run a vehicle's: its place and velocities, and down and north in body axes."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class VehicleRecords:
 
     @cached_property
     def actuators(self) -> dict[str, Actuator]:
-        """What every actuator did, by its name."""
+        """The actual values, commands and limits of every actuator, by its name."""
         names = [name for name in self._named("internal_") if name.split("_")[0] not in ("controller", "water")]
         return {name: self._actuator(name) for name in names}
 

@@ -1,4 +1,4 @@
-"""What a log measured, turned from the axes of the log to those inside."""
+"""The measurements of a log, turned from its axes to those of the library."""
 
 from __future__ import annotations
 

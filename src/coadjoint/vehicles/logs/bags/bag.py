@@ -26,7 +26,7 @@ class BagChannel(NamedTuple):
 
 @dataclass
 class Bag:
-    """What a bag holds: its channels by their numbers, their messages, and its metadata."""
+    """The contents of a bag: its channels by their numbers, their messages, and its metadata."""
 
     path: str
     channels: dict[int, BagChannel] = field(default_factory=dict)

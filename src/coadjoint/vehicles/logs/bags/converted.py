@@ -83,7 +83,7 @@ def _radii(latitude: float) -> tuple[float, float]:
 
 
 def fixes(position: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Latitude and longitude, °, of north and east of an origin; raises ArgumentError for an origin that is none."""
+    """Latitude and longitude, °, of north and east of an origin; raises ArgumentError for an invalid origin."""
     if len(origin) != 2 or not (np.all(np.isfinite(origin)) and abs(origin[0]) <= MOST_NORTH):
         raise ArgumentError(f"Argument `origin` must be a latitude within 89° and a longitude, but is {origin!r}.")
     meridian, across = _radii(origin[0])

@@ -60,7 +60,7 @@ class Format:
 
 @dataclass
 class Dataflash:
-    """What a log of ArduPilot holds: topics such as `ATT` and `IMU[0]`."""
+    """The contents of an ArduPilot log: topics such as `ATT` and `IMU[0]`."""
 
     path: str
     found: dict[str, Topic] = field(default_factory=dict)

@@ -50,7 +50,7 @@ def _three(value: Any, name: str) -> np.ndarray:
 
 
 def _columns(value: Any, name: str) -> dict[str, Number]:
-    """What each column is, by the names of quantities."""
+    """The number of each column, by the names of quantities."""
     found: dict[str, Number] = {}
     if not isinstance(value, Mapping):
         raise ArgumentError(f'{name} must be a table, as in {{ u_m_s = "velocity.x" }}, but is {value!r:.40}.')

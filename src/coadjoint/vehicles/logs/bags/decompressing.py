@@ -1,4 +1,4 @@
-"""Parts of files that are compressed, unpacked to the size that the file says and no further."""
+"""Compressed parts of files, unpacked to the size stated in the file and no further."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def require_kept(path: str, kept: int, size: int) -> None:
 
 
 def zstd(data: memoryview, size: int) -> bytes:
-    """What zstd has compressed; of another size where `size` is wrong."""
+    """The unpacked bytes of zstd; of another size if `size` is wrong."""
     zstandard = library("zstandard", "Reading bags")
     told = zstandard.frame_content_size(data)
     if told >= 0 and told != size:
@@ -32,10 +32,10 @@ def zstd(data: memoryview, size: int) -> bytes:
 
 
 def lz4(data: memoryview, size: int) -> bytes:
-    """What lz4 has compressed, as a frame; longer than `size` by one where there is more."""
+    """The unpacked bytes of a frame of lz4; one byte longer than `size` if there are more."""
     return library("lz4.frame", "Reading bags").LZ4FrameDecompressor().decompress(data, max_length=size + 1)
 
 
 def bz2(data: memoryview, size: int) -> bytes:
-    """What bzip2 has compressed; longer than `size` by one where there is more."""
+    """The unpacked bytes of bzip2; one byte longer than `size` if there are more."""
     return bz2_module.BZ2Decompressor().decompress(data, max_length=size + 1)

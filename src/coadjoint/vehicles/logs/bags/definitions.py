@@ -27,7 +27,7 @@ NUMBERS = {
 """NumPy's names of the numbers of messages."""
 STRING = "string"
 SEQUENCE = -1
-"""The count of a field that says itself how many there are."""
+"""The count of a field whose messages state their length."""
 MOST_FIELDS, DEEPEST = 20_000, 32
 
 _PARTS = re.compile(r"^=+[ \t]*$", re.MULTILINE)
@@ -56,7 +56,7 @@ _BUILT_IN = {
     "duration": (Field("sec", "int32"), Field("nanosec", "int32")),
     "std_msgs/Header": (Field("stamp", "builtin_interfaces/Time"), Field("frame_id", STRING)),
 }
-"""What definitions may leave out; `time` and `duration` are those of ROS 1."""
+"""Types that definitions may omit; `time` and `duration` are those of ROS 1."""
 
 
 def short(name: str) -> str:

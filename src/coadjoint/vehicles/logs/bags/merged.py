@@ -20,7 +20,7 @@ PAUSE, LEAST_PAUSE = 10.0, 1e9
 
 @dataclass(frozen=True)
 class Samples:
-    """What one sensor measured: times, ns, that grow, and columns by name, (samples,), with their rank.
+    """The measurements of one sensor: times, ns, increasing, and columns by name, (samples,), with their rank.
 
     positions: where in the body the sensor sits, m, by those columns for which it is not O.
     lag: by how much its messages were logged after their stamps, the median, s; None where times are those of logging.
@@ -239,8 +239,8 @@ def _pauses(clock: np.ndarray, one: Actuation) -> list[str]:
 def clocks(file: str, topics: Sequence[Samples | Actuation]) -> list[str]:
     """A sentence where some topics count by stamps, others by the times of logging, and both clocks differ.
 
-    What lags in a sensor makes a stamp older, never younger than its time of logging, so that the smallest difference
-    of all topics is that of the clocks. Raises FileError where topics are more than an hour apart.
+    Delays in a sensor make a stamp older, never younger than its time of logging, so that the smallest difference of
+    all topics is that of the clocks. Raises FileError where topics are more than an hour apart.
     """
     by_log = [one for one in topics if one.lag is None and len(one.times)]
     lags = {one.topic: one.lag for one in topics if one.lag is not None}

@@ -1,9 +1,9 @@
 """Numbers of serialized ROS messages, many at a time.
 
 A message is the fields of its type one behind the other. In CDR (ROS 2) a number of 2, 4 or 8 bytes begins at a
-multiple of its size behind the four bytes of the head; in ROS 1 nothing is aligned. Strings and sequences say their
-length before them, so that where a number stands follows from the lengths before it: messages with the same lengths
-have one layout, which is found of the first of them, and NumPy reads all their numbers together.
+multiple of its size behind the four bytes of the head; in ROS 1 nothing is aligned. The length of a string or a
+sequence precedes it, so that the place of a number follows from the lengths before it: messages with the same lengths
+have one layout, found from the first of them, and NumPy reads all their numbers together.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Topic:
 
 
 class Layout(NamedTuple):
-    """Where numbers stand in messages whose strings and sequences have given lengths, from the message's first byte.
+    """The places of numbers in messages whose strings and sequences have given lengths, from the first byte.
 
     places: of each path, None where a sequence is too short for it. lengths: pairs of a place and the length there.
     end: of the bytes read. order: of bytes, "<" or ">". headed: whether a head gives that order.

@@ -9,7 +9,7 @@ from coadjoint.errors import ArgumentError
 
 
 def library(name: str, what: str) -> Any:
-    """A module of the extra `[logs]`; raises ArgumentError that says how to install it, `what` needs it."""
+    """A module of the extra `[logs]`, for `what`; raises ArgumentError with the command that installs it."""
     try:
         return import_module(name)
     except ImportError as error:

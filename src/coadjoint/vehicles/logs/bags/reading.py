@@ -59,7 +59,7 @@ def read_bag(
     jumps: Jumps = "refuse",
     unsorted: Unsorted = "refuse",
 ) -> Log:
-    """The log that a robot recorded, what its sensors measured and what drove it.
+    """The log that a robot recorded: the measurements of its sensors and its inputs.
 
     Of ROS an MCAP file, `.db3`, `.bag`, or a folder of rosbag2; of ArduPilot `.BIN`, whose messages are topics such as
     `ATT` and `IMU[0]`, and telemetry, `.tlog`, by pymavlink.
@@ -69,7 +69,7 @@ def read_bag(
 
     axes: of the messages, by default "ENU/FLU" as in ROS (REP 103), and "NED/FRD" of ArduPilot;
     bags that this library wrote state theirs.
-    topics: take these alone. sensors: a declaration of which field of which topic is what, a TOML file or its table
+    topics: take only these. sensors: a declaration of the meaning of fields of topics, a TOML file or its table
     (docs/logs.md); a declaration replaces the defaults of the types. ignore: columns to leave out.
     partial: read the complete part of a file that was not closed.
     jumps: where the clock goes back, or nothing was measured for more than an hour and 100 usual intervals, "refuse"
@@ -291,7 +291,7 @@ def _unit(topic: Topic, own: Mapping[str, str], name: str) -> str:
 
 
 def _command(topic: Topic, own: Mapping[str, str]) -> CommandTopic | None:
-    """The command of a topic `…/command/NAME`, and what an actuator did of `…/actuator/NAME`."""
+    """The command of a topic `…/command/NAME`, and the actual value of `…/actuator/NAME`."""
     kind = topic.definition.name
     found = driven(topic.name, kind)
     if found is None:

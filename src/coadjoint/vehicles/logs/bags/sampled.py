@@ -1,4 +1,4 @@
-"""What a topic of a bag measured, at its times, in the library's axes."""
+"""The measurements of a topic of a bag, at its times, in the library's axes."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ _LINE = "=" * 80
 def schema(name: str, body: str | None = None) -> str:
     """The text of a type, `pkg/Name`, with those of all types inside, as MCAP files hold it.
 
-    body: its definition, where it is none of `BODIES`.
+    body: its definition, if it is not one of `BODIES`.
     """
     body = BODIES[name] if body is None else body
     inside: list[str] = []

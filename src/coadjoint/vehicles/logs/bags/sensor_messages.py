@@ -1,4 +1,4 @@
-"""What the sensors of a run read as messages of ROS 2: stamped when it was measured, logged when it was there."""
+"""Readings of a run as messages of ROS 2: stamped at the time of measurement, logged at the time of arrival."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray
 
 FOLDER = "/sensors/"
-"""What the topics of sensors begin with."""
+"""The prefix of the topics of sensors."""
 _PREFIX = "sensor_"
 _UNKNOWN = np.r_[-1.0, np.zeros(8)]
 
@@ -72,7 +72,7 @@ def mounts(dataset: xarray.Dataset) -> dict[str, str]:
 
 
 def declared(kind: str) -> Message | None:
-    """The message that sensors of a kind declare, of the library or of one's own; None where they declare none."""
+    """The message that sensors of a kind declare, the library's or a user's; None if they declare none."""
     known = kinds("sensors")
     if kind in known:
         return known[kind].message
@@ -86,7 +86,7 @@ def declared(kind: str) -> Message | None:
 
 
 class _Writer(NamedTuple):
-    """What numbers of channels become in a message: in these axes, about this origin, under this water."""
+    """The numbers of channels in a message: in these axes, about this origin, under this water."""
 
     axes: Axes
     origin: tuple[float, float] | None
@@ -119,7 +119,7 @@ class _Writer(NamedTuple):
         }
 
     def message(self, message: Message, numbers: Mapping[str, np.ndarray]) -> tuple[str, dict[str, Any]]:
-        """Type and fields of what a sensor declares."""
+        """Type and fields of a sensor's message."""
         found: dict[str, Any] = dict.fromkeys(message.unknown, _UNKNOWN)
         found |= {f"{path}.{axis}": np.nan for path in message.silent for axis in "xyz"}
         for field in message.fields:

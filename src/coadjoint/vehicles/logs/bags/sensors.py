@@ -84,7 +84,7 @@ TYPES: dict[str, dict[str, str]] = {
     "sensor_msgs/NavSatFix": {"latitude": "latitude", "longitude": "longitude"},
     "geometry_msgs/TwistStamped": {**_three("u v w", "twist.linear"), **_three("p q r", "twist.angular")},
 }  # fmt: skip
-"""What messages of a type measure where nothing else is declared, by the paths of its numbers."""
+"""The measurements of messages of a type without a declaration, by the paths of its numbers."""
 
 UNKNOWN: dict[str, dict[str, str]] = {
     "sensor_msgs/Imu": {
@@ -106,7 +106,7 @@ RANKS = {
     "sensor_msgs/NavSatFix": {"north": 5, "east": 5},
     "geometry_msgs/TwistStamped": dict.fromkeys("uvw", 4) | dict.fromkeys("pqr", 5),
 }
-"""Which sensor is taken of a column that several measure: the lowest; 1 where nothing is said."""
+"""The rank of sensors of one column, of which the lowest is taken; 1 by default."""
 
 _DRIVEN = re.compile(r"(?:^|/)(command|actuator)/(\w+)$")
 DRIVING = {"std_msgs/Float64": ("data",), "std_msgs/Float32": ("data",)}
@@ -135,7 +135,7 @@ ARDUPILOT: dict[str, dict[str, Number]] = {
     },
     "LOCAL_POSITION_NED": {"north": Number("x"), "east": Number("y"), "depth": Number("z")},
 }
-"""What messages of ArduPilot's logs and telemetry measure: the Kalman filter, the attitude and the gyroscopes."""
+"""The measurements in ArduPilot's logs and telemetry: the Kalman filter, the attitude and the gyroscopes."""
 _ATTITUDES = {name: {"ATT": 3, "NKF1": 2}.get(name, 1) for name in ARDUPILOT}
 
 

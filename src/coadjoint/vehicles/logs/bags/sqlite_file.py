@@ -29,8 +29,8 @@ WHERE type = 'table' AND name IN ('topics', 'messages', 'message_definitions')""
 def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
     """A database of rosbag2 with the messages of those topics for which `wanted(topic, type)` is true.
 
-    Definitions of messages are those in the file, and where it has none, as those before ROS Iron, those of the
-    library's own. Raises FileError for files that are none or cannot be read.
+    Definitions of messages are those in the file; files before ROS Iron have none and get those of the library. Raises
+    FileError for files that are not such bags or cannot be read.
     """
     with path.open("rb") as opened:
         if opened.read(len(MAGIC)) != MAGIC:
@@ -83,7 +83,7 @@ def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], boo
 
 
 def _within(most: int) -> Callable[[], bool]:
-    """What SQLite asks after every `EACH` instructions: whether it must stop, after more than `most` of them."""
+    """The callback of SQLite after every `EACH` instructions: stops it after more than `most` of them."""
     looks = count(1)
     return lambda: next(looks) * EACH > most
 

@@ -26,7 +26,7 @@ MOST_STRANGE = 0.2
 LARGEST = 256_000_000
 """The most bytes of a file; numbers of a packet may take 20 times as much memory."""
 PAUSE = 3 * 86_400_000_000
-"""Behind a damaged packet a time that is further from the last one is none, µs."""
+"""After a damaged packet, a time further than this from the last one is invalid, µs."""
 
 
 LATEST = (2**63 - 1) // 1000
@@ -37,8 +37,8 @@ def read_tlog(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
     """Telemetry with the messages of those kinds for which `wanted(kind, kind)` is true, at the times of logging.
 
     Where several vehicles send messages of a kind, each has a topic, `ATTITUDE[1]` with the number of its system.
-    Raises FileError for files that are none or larger than `LARGEST`, where more than a fifth of the packets is
-    damaged, and for several vehicles of which none was chosen; ArgumentError where pymavlink is missing.
+    Raises FileError for files that are not such logs or are larger than `LARGEST`, if more than a fifth of the packets
+    is damaged, and for several vehicles without a choice of one; ArgumentError where pymavlink is missing.
     """
     require_short(path, LARGEST)
     with path.open("rb") as opened:

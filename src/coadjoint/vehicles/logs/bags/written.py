@@ -15,8 +15,8 @@ from coadjoint.vehicles.axes import Axes
 class Written(NamedTuple):
     """Messages of one topic: the type, `pkg/Name`, and the values of its fields.
 
-    time, logged: when each was stamped and logged, (messages,) s; None at the times of the run. body: the definition
-    of a type that is none of ROS.
+    time, logged: when each was stamped and logged, (messages,) s; None at the times of the run. body: the definition of
+    a type that is not in ROS.
     """
 
     topic: str
@@ -28,7 +28,7 @@ class Written(NamedTuple):
 
 
 def signed(vectors: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Vectors by a matrix that permutes axes and changes signs; a component that is missing leaves the others alone."""
+    """Vectors by a matrix that permutes axes and changes signs; a missing component does not affect the others."""
     source = np.argmax(np.abs(turn), axis=0)
     return vectors[:, source] * turn[source, np.arange(3)]
 
