@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import ast
+import re
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 import coadjoint as co
 from coadjoint import extending
+from coadjoint.cli.main import COMMANDS
+from coadjoint.plotting.registries import ADDED, SCENES
+from coadjoint.report.numbers import NUMBERS
+from coadjoint.runs.run_file import KINDS
+from coadjoint.simulation.recording import FORMATS
 from imports import modules
 
+PAGE = Path(__file__).parents[1] / "docs" / "extending.md"
 NAMES = 42
 """Names of the core that packages above may need and users do not."""
 
@@ -65,6 +73,14 @@ def test_the_extension_api_is_small_and_used() -> None:
         assert getattr(extending, name) is not None
     for name in extending.MODULES:
         assert import_module(name).__doc__
+
+
+def test_the_page_on_the_extension_api_has_every_name_and_module() -> None:
+    rows = re.findall(r"^\| (`.*?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    words = {word for row in rows for word in re.findall(r"`([\w.]+)`", row)}
+    assert words >= {*extending.__all__, *(name.removeprefix("coadjoint.") for name in extending.MODULES)}
+    tables = {node.kind for node in (ADDED, SCENES, NUMBERS, FORMATS, KINDS, COMMANDS, co.models.catalogue)}
+    assert words >= tables and len(words) == len(extending.__all__) + len(extending.MODULES) + len(tables)
 
 
 @pytest.mark.parametrize(
