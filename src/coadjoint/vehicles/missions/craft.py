@@ -1,4 +1,4 @@
-"""From a mission file to a craft, its start and what drives it."""
+"""From a mission file to a craft, its start and its inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The section [faults] of a mission: actuators that stand from a time, or a depth, on; payloads that are dropped."""
+"""The section [faults] of a mission: actuators that stick from a time, or a depth, on; payloads that are dropped."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def require_one_begin(of: FaultSection | Any, title: str) -> None:
 
 @dataclass(frozen=True)
 class FaultSection:
-    """A fault of an actuator, in a table [faults.NAME]; `said`: its keys as they are in the file."""
+    """A fault of an actuator, in a table [faults.NAME]; `said`: its keys as in the file."""
 
     name: str
     said: str
@@ -71,7 +71,7 @@ class FaultSection:
         return Fault(self.part, value, which, when=lambda motion, p: motion.q[2] - depth, name=self.name)
 
     def _stands(self, part: Any) -> tuple[Any, Any]:
-        """(where the part stands, which of its thrusters)."""
+        """(the value of the faulty part, which of its thrusters)."""
         if self.given:
             return self._stuck(part), None
         if self.dropped is not None:

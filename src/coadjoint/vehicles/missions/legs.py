@@ -1,4 +1,4 @@
-"""The section [mission]: set points by time, or way points, and what ends it."""
+"""The section [mission]: set points by time, or way points, and its end."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SetPoint(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MissionSection:
-    """What a vehicle shall do; `axes`: those of its vectors and angles in the file."""
+    """The task of a vehicle; `axes`: those of its vectors and angles in the file."""
 
     time: np.ndarray | None = key("when each value begins", TIME, check=_numbers, default=None)
     between: str = key("what holds between two times", words=("held", "linear"), default="held")
@@ -90,7 +90,7 @@ class MissionSection:
     def set_points(self) -> dict[str, SetPoint]:
         """The set points and commands by name, in NED/FRD; raises ArgumentError.
 
-        Depths, altitudes, `north` and `east` are what their names say in either axes.
+        Depths, altitudes, `north` and `east` have the same meaning in either axes.
         """
         found: dict[str, SetPoint] = {}
         for name_in_file, value in self.given.items():
@@ -119,8 +119,8 @@ class MissionSection:
     def inputs(self, units: Mapping[str, str], located: Callable[[str], Path]) -> dict[str, Any]:
         """The set points and commands by name: co.Held or co.Linear over `time`, or numbers that stay.
 
-        units: what the controller and the actuators take, with the unit of each. located: where `file` is. Raises
-        ArgumentError for what neither takes.
+        units: of the inputs of controller and actuators, by name. located: where `file` is. Raises ArgumentError for
+        other names.
         """
         import coadjoint as co
 

@@ -14,7 +14,7 @@ from coadjoint.units import split_name
 def parameters_in_si(title: str, given: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a section, and of tables in it such as [parameters.rudder], by their names and in SI units.
 
-    kinds: what each measures, in dictionaries as the parameters are. Raises ArgumentError as `in_si`, and for a name
+    kinds: the dimension of each, in dictionaries as the parameters are. Raises ArgumentError as `in_si`, and for a name
     that was in use before, with the one that it has now.
     """
     known = paths(kinds)

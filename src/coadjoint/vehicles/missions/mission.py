@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Mission:
     """A mission file, read and checked: `run()` in memory, `write(folder)` as `coadjoint run` does.
 
-    `setup` is the system with its start, its inputs and what ends it, for `co.simulate`, `co.Stepper` and the like.
+    `setup` is the system with its start, its inputs and its end event, for `co.simulate`, `co.Stepper` and the like.
     """
 
     def __init__(self, file: MissionFile):
@@ -40,7 +40,7 @@ class Mission:
 
     def run(self, *, progress: bool | None = None) -> Run | Ensemble:
         """The run of the mission, with way points and the vehicle's length among its attributes; with [sensors] its
-        dataset has what these read.
+        dataset has their readings.
 
         Raises ArgumentError and LagrangianError before the run; StepError, with the result so far, at a step that
         fails.
@@ -71,8 +71,7 @@ class Mission:
 def load_mission(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Mission:
     """The mission in a TOML file, with `changes` such as "run.dt=0.02".
 
-    Raises FileError for a file that cannot be read, ArgumentError for what does not belong there and for a file that
-    holds no mission.
+    Raises FileError for a file that cannot be read, ArgumentError for unknown keys and for a file without a mission.
     """
     file = read(Path(path), changes)
     if not isinstance(file, MissionFile):

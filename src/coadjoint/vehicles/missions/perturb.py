@@ -25,7 +25,7 @@ def _seed(value: Any, name: str) -> Any:
 
 @dataclass(frozen=True)
 class PerturbSection:
-    """How members differ: the standard deviations of parameters, and the seed of all random numbers."""
+    """Differences of members: the standard deviations of parameters, and the seed of all random numbers."""
 
     seed: Any = key("seed of all random numbers", check=_seed, default=0)
     given: Mapping[str, Any] = key("standard deviation of each parameter, a number or a share", rest=True, factory=dict)
@@ -35,7 +35,7 @@ def perturbed(section: PerturbSection, members: int, system: System, kinds: Mapp
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has
-    its own ζ, of a symmetric matrix each pair. kinds: what the parameters measure. Raises ArgumentError.
+    its own ζ, of a symmetric matrix each pair. kinds: the dimensions of the parameters. Raises ArgumentError.
     """
     from coadjoint.vehicles.missions.measures import parameters_in_si
 

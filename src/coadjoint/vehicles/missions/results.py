@@ -29,11 +29,11 @@ MOST_DRAWN = 100
 MOST_ANIMATED = 8
 """The most members in an animation."""
 MOST_BYTES = 1e9
-"""What the trajectories of all members may take."""
+"""The most bytes of the trajectories of all members."""
 
 
 def figures(output: MissionOutputSection, folder: Path, dataset: Any) -> list[str]:
-    """Draw what [output] asks for; of very many members some, evenly chosen, in a reasonable time."""
+    """Draw the figures of [output]; of very many members an evenly spaced subset, to bound the time."""
     if output.figures is False:
         return []
     count = dataset.sizes.get("member", 1)
@@ -65,7 +65,7 @@ def left_water(dataset: Any) -> list[str]:
 def results(
     output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[np.ndarray], str]
 ) -> dict[str, Any]:
-    """Write the log and the animation of one run, and return what the summary says of the mission.
+    """Write the log and the animation of one run, and return the mission's part of the summary.
 
     reached: which of the ends of [mission] a place is at.
     """
@@ -119,7 +119,7 @@ def members(output: MissionOutputSection, folder: Path, fleet: Any) -> dict[str,
 
 
 def _shown(output: MissionOutputSection, members: int, done: int) -> list[str]:
-    """What of [output] is less than of a single run."""
+    """A sentence on the parts of [output] that an ensemble omits."""
     found = [f"{MEMBERS} has a row for each member, in place of {LOG}"] if output.csv else []
     if output.animation and done > MOST_ANIMATED:
         found.append(f"the animation shows {MOST_ANIMATED} of the members")
@@ -129,7 +129,7 @@ def _shown(output: MissionOutputSection, members: int, done: int) -> list[str]:
 
 
 def flat(summary: dict[str, Any], prefix: str = "") -> dict[str, float]:
-    """The numbers of nested tables under joined names; seconds of the computer are none of a member."""
+    """The numbers of nested tables under joined names; computing times do not belong to a member."""
     found: dict[str, float] = {}
     for key, value in summary.items():
         if isinstance(value, dict):

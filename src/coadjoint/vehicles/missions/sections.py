@@ -29,7 +29,7 @@ AXES = ("NED/FRD", "ENU/FLU")
 
 @dataclass(frozen=True)
 class VehicleSection:
-    """What swims: `name`, a vehicle that is shipped, or `file`, a vehicle file next to the mission file."""
+    """The vehicle: `name`, a shipped vehicle, or `file`, a vehicle file next to the mission file."""
 
     name: str = key("vehicle that ships with the library", default="")
     file: str = key("vehicle file next to the mission file", default="")
@@ -99,7 +99,7 @@ class MissionRunSection(RunSection):
 class MissionOutputSection(OutputSection):
     """Where results go, whether logs as `csv` and `mcap` are among them, and an `animation`: none, "gif" or "html".
 
-    figures: by default `mission` alone, which holds the others in small.
+    figures: by default only `mission`, which holds the others at small size.
     """
 
     figures: bool | list[str] = key("figures: all, none, or a list of names", factory=partial(list, ("mission",)))

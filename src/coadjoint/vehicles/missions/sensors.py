@@ -75,9 +75,9 @@ def observe(
     lost_sensors: Iterable[LostSensor],
     run: Run,
 ) -> None:
-    """Put what the sensors of [sensors] read into the dataset of a run.
+    """Add the readings of [sensors] to the dataset of a run.
 
-    What cannot be read, or does not arrive, becomes a warning of the run, which is not lost.
+    A reading that fails, or does not arrive, becomes a warning; the run is kept.
     """
     from coadjoint.vehicles.readings.of_run import readings
 
@@ -102,7 +102,7 @@ def logs(dataset: Any, folder: Path) -> None:
 
 
 def counts(dataset: Any) -> dict[str, Any]:
-    """What the summary says of each sensor: how many readings came, and of how many that were tried."""
+    """The summary of each sensor: the number of readings that arrived, and that were attempted."""
     from coadjoint.vehicles.readings.taken import PREFIX, read_sensors
 
     found = {}

@@ -77,7 +77,7 @@ def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndar
 
 
 def saturation(log: VehicleRecords) -> dict[str, float]:
-    """The part of the saved nodes at which each actuator stands at one of its limits."""
+    """The fraction of the saved nodes at which each actuator is at one of its limits."""
     found = {}
     for name, actuator in log.actuators.items():
         bounds = [bound for bound in (actuator.low, actuator.high) if bound is not None]

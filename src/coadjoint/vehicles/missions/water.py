@@ -53,7 +53,7 @@ VECTORS = ("velocity", "surface", "gradient", "mean", "amplitudes", "velocities"
 
 
 def water(section: Mapping[str, Any], axes: str, located: Located, seeds: Each | None = None) -> Water | None:
-    """The water of [water], still where there is none; `seeds` for random currents of several members.
+    """The water of [water], still without one; `seeds` for random currents of several members.
 
     One current with its `kind` ("uniform" unless given) and fields, or several, each a table [water.NAME], which add
     up, with [water.density]. axes: those of vectors. located: where a file is that a table names. Raises ArgumentError
@@ -83,7 +83,7 @@ def water(section: Mapping[str, Any], axes: str, located: Located, seeds: Each |
 
 
 def bottom(section: Mapping[str, Any], located: Located) -> Bottom | None:
-    """The bottom of [water.bottom], a grid in a file, CSV or netCDF; None where there is none.
+    """The bottom of [water.bottom], a grid in a file, CSV or netCDF; None without one.
 
     Raises ArgumentError and FileError.
     """

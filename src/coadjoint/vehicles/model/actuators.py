@@ -36,8 +36,8 @@ class Rule(InternalRule):
     """(motion, h, p) → the internal state over h: {part: actuator, "controller": its samples, "water": its memory}.
 
     Over the step from the node, actuators follow the commands that are in force from there. Without a controller, and
-    for parts that it leaves alone, an input of a part's name commands it, by its value halfway through the step. Others
-    stay.
+    for parts that it does not command, an input of a part's name commands it, by its value halfway through the step.
+    Others stay.
     """
 
     vehicle: Vehicle
@@ -196,7 +196,7 @@ class Rule(InternalRule):
         return samples, steered
 
     def _checked(self, commands: Any) -> dict[str, Any]:
-        """What a controller says; raises ArgumentError where it is nothing that the vehicle can follow."""
+        """The commands of a controller; raises ArgumentError for commands that the vehicle cannot follow."""
         if not isinstance(commands, dict):
             raise ArgumentError(
                 f"A controller must return a dictionary of commands by the names of parts, but returned "
@@ -296,7 +296,7 @@ def _columns(name: str, shape: tuple[int, ...]) -> str:
 
 
 def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
-    """Where each actuator starts; raises ArgumentError for a name that is none, wrong shapes, and out of its range."""
+    """The start of each actuator; raises ArgumentError for an unknown name, wrong shapes, and values out of range."""
     if given is not None:
         checks.instance(given, "actuators", Mapping, "name → where it starts")
     values = dict(given or {})

@@ -1,4 +1,4 @@
-"""Parameters that replace others go through the checks of what they belong to: body, parts, controller and water."""
+"""Replaced parameters pass the checks of their owners: body, parts, controller and water."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _by_owner(values: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
 
 
 def _rebuilt(owner: Any, values: Mapping[str, Any]) -> Any:
-    """The owner with these numbers; raises ArgumentError. A number that is none of its fields needs no check."""
+    """The owner with these numbers; raises ArgumentError. Numbers that are not its fields need no check."""
     if not is_dataclass(owner):
         return owner
     own: dict[str, Any] = {field.name: getattr(owner, field.name) for field in fields(owner)}

@@ -63,7 +63,7 @@ def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Any) 
 
 
 def command_range(part: Part, own: Named) -> tuple[float, float] | None:
-    """Lowest and highest command; None where there are none, or not the same for all members."""
+    """Lowest and highest command; None without limits, or if they differ between members."""
     if count_members(own) is not None or traced(own):
         return None
     return part.travel(own)

@@ -1,4 +1,4 @@
-"""What controllers declare: set points and memory."""
+"""Declarations of controllers: set points and memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from coadjoint.errors import ArgumentError
 
 
 def require_declared(controller: Any) -> None:
-    """Raise ArgumentError unless a controller says its set points and its memory by name."""
+    """Raise ArgumentError unless a controller declares its set points and its memory by name."""
     name, inputs, memory = type(controller).__name__, controller.inputs, controller.memory
     if not isinstance(inputs, Mapping) or not all(isinstance(text, str) for pair in inputs.items() for text in pair):
         raise ArgumentError(

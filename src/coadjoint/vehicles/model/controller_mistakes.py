@@ -1,4 +1,4 @@
-"""What went wrong in a controller, as one sentence that names it."""
+"""Failures of a controller, each as one sentence that names it."""
 
 from __future__ import annotations
 

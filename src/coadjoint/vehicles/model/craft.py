@@ -77,7 +77,7 @@ class Craft:
         return made
 
     def _checked(self, found: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Parameters that replace others; raises ArgumentError for what vehicle, parts, controller or water refuse."""
+        """Replaced parameters; raises ArgumentError for values that vehicle, parts, controller or water reject."""
         nominal, body = self._nominal, [name for name in BODY if name in found]
         require_possible(self.vehicle, {name: nominal[name] for name in body}, {name: found[name] for name in body})
         for name, owner in self.owners.items():
@@ -128,8 +128,8 @@ class Craft:
         """The state at a position (3,) m, going ahead at `speed` m/s, or with a body `velocity`, through the water.
 
         velocity: of O, (3,) m/s, body axes. euler_zyx: yaw, pitch, roll, rad. angular_velocity: ω, (3,) rad/s, body
-        axes. actuators: where they start, by the names of their parts. axes: those of the vectors and angles given.
-        co.each may stand for any of them but axes and t.
+        axes. actuators: their starting values, by the names of their parts. axes: those of the vectors and angles
+        given. Any argument except axes and t may be a co.each.
         Raises ArgumentError for wrong shapes, for actuators that the vehicle does not have, and out of their range.
         """
         p = self.parameters
@@ -174,7 +174,7 @@ class Craft:
 def craft_of(system: System) -> Craft:
     """The craft that a system was made by, with the parameters that the system has; raises ArgumentError.
 
-    So `craft_of(vehicle.replace(rudder={"area": 0.02})).start(speed=1.5)` begins what has been changed.
+    So `craft_of(vehicle.replace(rudder={"area": 0.02})).start(speed=1.5)` starts the changed vehicle.
     """
     rule = system.internal
     if not isinstance(rule, Rule) or system.parameters is None:

@@ -57,7 +57,7 @@ class Surroundings:
 
 
 def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array, Array | float]]:
-    """(mass, position, velocity in the hull) of the body and of what its parts move."""
+    """(mass, position, velocity in the hull) of the body and of the masses that its parts move."""
     yield p.mass, p.center_of_mass, 0.0
     for part in parts:
         if part.holds_mass:
@@ -65,7 +65,7 @@ def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Arr
 
 
 def volumes(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array]]:
-    """(volume, position) of the body and of what its parts add."""
+    """(volume, position) of the body and of the volumes that its parts add."""
     yield p.volume, p.center_of_buoyancy
     for part in parts:
         if part.holds_mass:

@@ -1,4 +1,4 @@
-"""Faults: an actuator that stands from a time, or from an event, on."""
+"""Faults: an actuator that sticks from a time, or from an event, on."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Fault:
         object.__setattr__(self, "name", name)
 
     def fits(self, part: Part) -> None:
-        """Raise ArgumentError where a part cannot stand so."""
+        """Raise ArgumentError if a part cannot have this fault."""
         shape = () if part.command is None else part.command.shape
         count = shape[0] if shape else 1
         if self.which is not None and (not shape or not all(0 <= i < count for i in self.which)):
@@ -111,7 +111,7 @@ def remembered(there: dict[str, Array]) -> dict[str, Course]:
 
 
 def require_faults(faults: Any, parts: dict[str, Part], names: str) -> tuple[Fault, ...]:
-    """The faults of a craft; raises ArgumentError for what they cannot be."""
+    """The faults of a craft; raises ArgumentError for impossible ones."""
     found = (faults,) if isinstance(faults, Fault) else tuple(faults)
     seen: set[str] = set()
     for fault in found:

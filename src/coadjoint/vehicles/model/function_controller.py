@@ -104,7 +104,7 @@ def _tell(function: Callable[..., Any]) -> None:
 
 
 def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name: str) -> tuple[Any, Any]:
-    """What a function gives that takes numbers only, with the shapes that it has at rest, and the inputs it read."""
+    """The results of a function that takes only numbers, with their shapes at rest, and the inputs that it read."""
     resting = _at_rest(arguments)
     if isinstance(resting[0].inputs, Named):
         resting = (resting[0]._replace(inputs=Read(**resting[0].inputs.asdict())), *resting[1:])
@@ -145,7 +145,7 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
 
 
 def _row(function: Callable[..., Any], numbers: Any, name: str, expected: tuple[Any, list[Any], int]) -> np.ndarray:
-    """What a function gives as a row of float64 numbers; NaN, and a note of why, where it fails."""
+    """The results of a function as a row of float64 numbers; NaN, with a recorded reason, if it fails."""
     structure, shapes, size = expected
     try:
         leaves, found = jax.tree.flatten(_numbers(function(*numbers)))

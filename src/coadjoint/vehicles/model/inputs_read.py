@@ -63,7 +63,7 @@ class Read(Named):
 def require_read(function: Callable[..., Any], inputs: Any, others: Iterable[str], who: str) -> None:
     """Raise ArgumentError where a function has left out an input of the run that is not for `others`, either.
 
-    One whose name stands in the function's code may be read later on.
+    An input whose name occurs in the function's code may be read later.
     """
     if not isinstance(inputs, Read):
         return

@@ -1,4 +1,4 @@
-"""What a vehicle weighs and displaces with all that its parts hold, at the start of a run."""
+"""Weight and displacement of a vehicle including its parts, at the start of a run."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Loads(NamedTuple):
 
 
 def loads(vehicle: Vehicle) -> Loads:
-    """Those of the body and of what its parts hold."""
+    """Those of the body and of its parts."""
     mass, mass_moment, volume, volume_moment = held(vehicle.parts)
     m, V = float(vehicle.mass), float(vehicle.volume)
     return Loads(
@@ -53,7 +53,7 @@ def loads(vehicle: Vehicle) -> Loads:
 
 
 def held(parts: Iterable[Part]) -> tuple[float, np.ndarray, float, np.ndarray]:
-    """(Σ m, Σ m r, Σ V, Σ V r) of what parts hold and displace beyond the body, kg, kg m, m³ and m⁴."""
+    """(Σ m, Σ m r, Σ V, Σ V r) of the masses and volumes of parts beyond the body, kg, kg m, m³ and m⁴."""
     holding = [(part, *_start(part)) for part in parts if part.holds_mass]
     masses = [(m, r) for part, *at in holding for m, r, _ in part.lumps(*at)]
     volumes = [one for part, *at in holding for one in part.displaced(*at)]

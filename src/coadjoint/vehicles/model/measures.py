@@ -1,4 +1,4 @@
-"""What each parameter of a vehicle measures."""
+"""The dimension of each parameter of a vehicle."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from coadjoint.vehicles.water.water import Water
 
 
 def measures(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> dict[str, Any]:
-    """What each parameter of a craft measures, in dictionaries as its parameters are; None for what no unit does.
+    """The dimension of each parameter of a craft, in dictionaries as its parameters are; None if none applies.
 
     owners: the parts of the craft that groups of parameters belong to, by the names of the groups.
     """
@@ -40,7 +40,7 @@ def _measures(parameters: Named, owner: Any) -> dict[str, Any]:
 
 
 def dimensions(of: Any) -> dict[str, Dimension | None]:
-    """What the fields of a class, or of one of it, measure; None for what no unit does."""
+    """The dimensions of the fields of a class, or of an instance; None if none applies."""
     return {name: found.dimension for name, found in keys(of).items()}
 
 

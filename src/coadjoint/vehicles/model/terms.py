@@ -1,4 +1,4 @@
-"""What a craft gives its system: ℓ and the forces of its parts, as objects that can be pickled and copied."""
+"""The terms of a craft in its system: ℓ and the forces of its parts, as objects that can be pickled and copied."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Push:
 
 @dataclass(frozen=True, eq=False)
 class PassivePush(Push):
-    """That of a part that only takes energy from the vehicle, which it does in uniform water that stands still."""
+    """That of a part that only takes energy from the vehicle, which it does in uniform, still water."""
 
     def passive(self, p: Any) -> bool:
         """Whether it does."""
@@ -64,7 +64,7 @@ class PassivePush(Push):
 
 @dataclass(frozen=True, eq=False)
 class Shear:
-    """What water with a gradient of its velocity adds."""
+    """The additional force in water with a velocity gradient."""
 
     water: Water
     parts: tuple[Part, ...]

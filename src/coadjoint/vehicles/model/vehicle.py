@@ -23,7 +23,7 @@ from coadjoint.vehicles.sensors.sensor import Sensor, different
 class Quantity(NamedTuple):
     """A number with its unit, the key of its source, and a note.
 
-    uncertainty: its standard deviation, a share such as "5 %" or numbers in SI units; None where nothing is known.
+    uncertainty: its standard deviation, a share such as "5 %" or numbers in SI units; None if unknown.
     """
 
     value: Any
@@ -41,12 +41,12 @@ def _six_semidefinite(value: Any, name: str) -> Any:
 class Vehicle:
     """An underwater vehicle about a body origin O fixed anywhere in it; body axes forward, starboard, down; SI units.
 
-    mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
+    mass: m, kg. inertia: I_c of the bare body about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
     about O, (6, 6) or its diagonal, order surge, sway, heave, roll, pitch, yaw. center_of_mass, center_of_buoyancy:
     from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
     diameter, or width and height of a hull that is not round: m. parts: their names are different. sensors: theirs,
     too. controller: the one that it is shipped with.
-    provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for what cannot be.
+    provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for impossible values.
     """
 
     name: str

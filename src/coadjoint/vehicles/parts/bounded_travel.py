@@ -14,8 +14,8 @@ from coadjoint.vehicles.parts.part import Command, Flow, Part, towards
 
 
 class BoundedTravel(Part):
-    """An actuator x between `low` and `high`, |ẋ| ≤ `rate`, with a `lag`, that acts by what ℓ has of it and not by a
-    force. unit: that of x."""
+    """An actuator x between `low` and `high`, |ẋ| ≤ `rate`, with a `lag`, that acts through ℓ,
+    not by a force. unit: that of x."""
 
     unit: ClassVar[str]
     low: Any

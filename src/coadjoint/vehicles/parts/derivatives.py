@@ -56,7 +56,7 @@ class Derivatives(Part):
     torques and one more for each of p, q, r (the prime system). Derivatives by accelerations are added mass, with the
     Coriolis terms that follow from it: they belong to the vehicle's `added_mass`, not here.
     limit: largest |δ|, rad; with it the part is commanded, and `lag` (s) and `rate` (rad/s) are those of its actuator.
-    Raises ArgumentError for names that are none. Sources: SNAME (1950); Healey and Lienard (1993).
+    Raises ArgumentError for unknown names. Sources: SNAME (1950); Healey and Lienard (1993).
     """
 
     kind: ClassVar[str] = "derivatives"

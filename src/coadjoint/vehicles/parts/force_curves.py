@@ -1,4 +1,4 @@
-"""Force curves: what a thruster pushes at a command, and the command for a wanted push.
+"""Force curves: the thrust at a command, and the command for a wanted thrust.
 
 A curve gives the bollard force F(u), N, of commands u of any shape, and its inverse; it never falls as u grows. Its
 numbers are parameters of the part that has it.

@@ -1,4 +1,4 @@
-"""What a field of a part or a controller measures: declared once, read by files, checks and units of keys."""
+"""The dimension of a field of a part or a controller: declared once, read by files, checks and units of keys."""
 
 from __future__ import annotations
 

@@ -21,9 +21,8 @@ class MovingMass(BoundedTravel):
     """A point mass m at r + x e, which ℓ has as ½m|ν + ω × (r + x e) + ẋ e|² + m g depth, beyond the mass of the body.
 
     Over each step ℓ has the mass at its mean place and at its mean speed: centre of mass, inertia and the momentum
-    of the mass that runs are in ℓ, momenta are continuous where ẋ changes, and so the hull recoils as it must. What the
-    motor does is the ledger's ΔH at the nodes.
-    Its internal state is `position`, x, m, and `speed`, ẋ, m/s.
+    of the mass that runs are in ℓ, momenta are continuous where ẋ changes, and so the hull recoils as it must. The
+    motor's work is the ledger's ΔH at the nodes. Its internal state is `position`, x, m, and `speed`, ẋ, m/s.
 
     mass: m, kg. position: r, (3,) m. axis: e, unit vector (3,). low, high: the range of x, m. rate: largest |ẋ|, m/s.
     lag: τ, s, with which it comes to its command, none if left out. Commanded by x. Raises ArgumentError.

@@ -1,4 +1,4 @@
-"""What has numbers that can be replaced and varied: parts, force curves, controllers, waters."""
+"""The base of all owners of numbers that can be replaced and varied: parts, force curves, controllers, waters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a part of a vehicle is: it pushes, it may be commanded, and it may hold mass or displace water."""
+"""The part of a vehicle: it pushes, it may be commanded, and it may hold mass or displace water."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Flow(NamedTuple):
     elsewhere: Callable[[Array], Array] | None = None
 
     def at(self, position: Any) -> Array:
-        """v + ω × r less what the current is more at r: the velocity of the point r of the body through the water."""
+        """v + ω × r minus the extra current at r: the velocity of the body's point r through the water."""
         moving = self.velocity + jnp.cross(self.omega, position)
         return moving if self.elsewhere is None else moving - self.elsewhere(position)
 
@@ -53,7 +53,7 @@ class Passing(NamedTuple):
 
 @dataclass(frozen=True)
 class Command:
-    """What a controller may set on a part: the unit and shape of the command, and where the actuator starts."""
+    """The command of a part: the unit and shape of the command, and where the actuator starts."""
 
     unit: str
     shape: tuple[int, ...] = ()
@@ -72,7 +72,7 @@ class Part(Numbers, ABC):
     """Its word in vehicle files."""
     name: str
     passive: ClassVar[bool] = False
-    """Whether it can only take energy out of a vehicle in still water; the card of a run says where it puts some in."""
+    """Whether it can only extract energy from a vehicle in still water; certificates of runs report violations."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
@@ -124,7 +124,7 @@ class Part(Numbers, ABC):
         return where
 
     def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
-        """((mass, position, velocity in the hull), …): what this part moves, kg, m, m/s, beyond the body's own mass."""
+        """((mass, position, velocity in the hull), …): masses that this part moves, kg, m, m/s, beyond the body's."""
         return ()
 
     def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
@@ -132,7 +132,7 @@ class Part(Numbers, ABC):
         return ()
 
     def released(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
-        """((momentum in space, place on the body), …), N s and m, of what has left this part."""
+        """((momentum in space, place on the body), …), N s and m, of the masses that have left this part."""
         return ()
 
     @property

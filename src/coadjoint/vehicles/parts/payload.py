@@ -1,4 +1,4 @@
-"""What a vehicle carries until it lets it go."""
+"""A mass that a vehicle carries until it is dropped."""
 
 from __future__ import annotations
 

@@ -42,8 +42,8 @@ class Thrusters(Part):
     unit vectors in which a positive force pushes; torque: q_i, N m about d_i per N, a number or (n,), the reaction of
     the propellers. Or allocation: B, (6, n), rows X, Y, Z, K, M, N. limit: the largest |u|, or (lowest, highest); by
     default the ends of a table. lag: τ, s, none if left out. effectiveness: e_i, the part of its force that a thruster
-    has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, in what software on board counts with, too,
-    unless the parameter is replaced. Raises ArgumentError for what no thrusters can have.
+    has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, also in the model of software on board, unless
+    the parameter is replaced. Raises ArgumentError for impossible values.
     """
 
     kind: ClassVar[str] = "thrusters"
@@ -170,7 +170,7 @@ class Thrusters(Part):
     def allocate(self, wrench: Any) -> Array:
         """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m: the thrusts of least |f|² that give it.
 
-        f = B⁺w; where one of them is beyond what its thruster can give, all are scaled down alike, f ← s f with
+        f = B⁺w; if one of them exceeds the limit of its thruster, all are scaled down alike, f ← s f with
         s = min_i f_i^max/f_i, so that the wrench keeps its direction. A wrench that no thrusts give is replaced by the
         nearest one that some do. Computed with the numbers of the part as it was made, as software on board is.
         Raises ArgumentError for another shape.
