@@ -1,4 +1,4 @@
-"""What the sensors of a vehicle read of its runs and steppers: times, latencies, errors from a seed."""
+"""Readings of a vehicle's sensors from its runs and steppers: times, latencies, errors from a seed."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def kinematics(
 
     Velocities are those of the momenta at the node, accelerations those of the continuous equations (P20)–(P22) with
     all forces and the internal state there. bottom: the depth of a level bottom, one number in m, or a function
-    (north, east) ↦ depth, m; None where there is none. system: by default that of the craft.
+    (north, east) ↦ depth, m; None without a bottom. system: by default that of the craft.
     """
     of = craft.system if system is None else system
     water = craft.water
@@ -102,7 +102,7 @@ def _hat(omega: Array) -> Array:
 
 
 def _orthogonal(R: Array) -> Array:
-    """The rotation whose last row and first row are as in R, but for what makes them orthogonal and of unit length."""
+    """The rotation whose last and first rows are those of R, made orthonormal."""
     down = R[2] / jnp.sqrt(R[2] @ R[2])
     north = R[0] - (R[0] @ down) * down
     north = north / jnp.sqrt(north @ north)

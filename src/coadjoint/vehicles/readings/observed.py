@@ -1,4 +1,4 @@
-"""What sensors would read at the nodes of a stepper, by name."""
+"""Readings of sensors at the nodes of a stepper, by name."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from coadjoint.vehicles.sensors.sensor import Sensor
 def observations(
     craft: Craft, sensors: Sequence[Sensor | str] | None = None, *, bottom: float | None = None
 ) -> dict[str, Callable[..., Any]]:
-    """`sensor_NAME` → (state, p) ↦ what a sensor reads at a node without errors, (m,), for `observe` of a `co.Stepper`.
+    """`sensor_NAME` → (state, p) ↦ the error-free reading of a sensor at a node, (m,), for `observe` of a `co.Stepper`.
 
         stepper = co.Stepper(craft.system, start, dt=0.05, observe=observations(craft, ["imu", "dvl"]))
 
-    sensors: names, or sensors of one's own; by default all of the craft's vehicle. bottom: the depth of a level bottom,
+    sensors: names, or a user's own sensors; by default all of the craft's vehicle. bottom: the depth of a level bottom,
     one number in m. Neither rates nor limits count here, and errors are drawn by `Noise`. Raises ArgumentError.
     """
     at = kinematics(craft, bottom=None if bottom is None else float(not_negative(bottom, "bottom")))

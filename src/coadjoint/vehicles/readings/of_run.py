@@ -40,7 +40,7 @@ def readings(
     bottom: float | Callable[[Any, Any], Any] | None = None,
     craft: Craft | None = None,
 ) -> Readings:
-    """What the sensors of a vehicle read in a run of it, each at its own rate from the start of the run on.
+    """The readings of a vehicle's sensors in a run of it, each at its own rate from the start of the run on.
 
         read = readings(run, seed=1)
         read["imu"].time, read["imu"].values, read.dataset
@@ -51,9 +51,9 @@ def readings(
     read after the run: they do not act on it. If a mission loses sensors, `run.dataset` has the readings outside the
     losses; this function returns all.
 
-    run: of `co.simulate`, of a single craft. seed: an integer ≥ 0. sensors: names, or sensors of one's
-    own; by default all of the vehicle. bottom: the depth of a level bottom, one number in m, or a function
-    (north, east) ↦ depth, m, such as a `Bottom`, which is level below each reading; None where there is none.
+    run: of `co.simulate`, of a single craft. seed: an integer ≥ 0. sensors: names, or a user's own sensors; by default
+    all of the vehicle. bottom: the depth of a level bottom, one number in m, or a function (north, east) ↦ depth, m,
+    such as a `Bottom`, which is level below each reading; None without a bottom.
     craft: the one of the run; by default it is found by its system. Raises ArgumentError for a run of no craft and
     for sensors that there are not; warns of a sensor whose latency is longer than
     the run.
@@ -166,7 +166,7 @@ def reading_times(sensor: Sensor, since: float, until: float) -> np.ndarray:
 
 
 def at_times(sensor: Sensor, moving: Kinematics, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What a sensor would read without errors, (k, m), and whether it does, (k,), between nodes with leading axes."""
+    """The error-free readings of a sensor, (k, m), and whether it reads, (k,), between nodes with leading axes."""
     own = Named(**sensor.parameters())
     before = np.clip(np.searchsorted(moving.t, times, side="right") - 1, 0, max(len(moving.t) - 2, 0))
     after = np.minimum(before + 1, len(moving.t) - 1)

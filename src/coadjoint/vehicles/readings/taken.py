@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     import xarray
 
 PREFIX = "sensor_"
-"""What the variables of sensors in datasets begin with."""
+"""The prefix of the variables of sensors in datasets."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorReading:
-    """What one sensor read in a run: k readings of m numbers.
+    """The readings of one sensor in a run: k readings of m numbers.
 
     sensor: whose. time: when each was taken, (k,) s. arrival: when it was there, (k,) s. values: with their errors,
     (k, m), in `sensor.units`. exact: the same without errors, (k, m). number: the place of each, (k,), among all that

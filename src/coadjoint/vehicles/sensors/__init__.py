@@ -1,4 +1,4 @@
-"""Sensors of vehicles: what each reads of a motion, a pure function, and its errors by the numbers of data sheets."""
+"""Sensors of vehicles: the reading of a motion, a pure function, and its errors by the numbers of data sheets."""
 
 from __future__ import annotations
 

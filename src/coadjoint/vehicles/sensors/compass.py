@@ -1,4 +1,4 @@
-"""Heading alone, and roll, pitch and heading of an attitude reference."""
+"""The heading of a compass, and roll, pitch and heading of an attitude reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doppler velocity logs: a velocity, or what the beams measure of it."""
+"""Doppler velocity logs: a velocity, or its components along the beams."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ class DvlBeams(Dvl):
     """b_i·v, (4,) m/s: the velocity v of a `Dvl` along each of its four beams, positive towards where it points.
 
     b_i = (sin α cos φ_i, sin α sin φ_i, cos α), φ_i = φ + (i − 1)π/2, in its own axes. beam_angle: α, of the beams from
-    its z axis, rad. azimuth: φ, of the first beam from its x axis towards y, rad. velocity: the Errors of a beam. What
-    else there is, is that of `Dvl`. Raises ArgumentError.
+    its z axis, rad. azimuth: φ, of the first beam from its x axis towards y, rad. velocity: the Errors of a beam. Other
+    fields are those of `Dvl`. Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "dvl_beams"

@@ -1,4 +1,4 @@
-"""What a channel of a sensor gets wrong, in the numbers of data sheets."""
+"""The errors of a sensor's channel, in the numbers of data sheets."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ ALLAN_PEAK = 0.61736
 
 
 class Channel(NamedTuple):
-    """What a sensor reads together: the components have one unit and one set of errors.
+    """Components of a reading with one unit and one set of errors.
 
-    name: that of the field with its errors. components: their names. dimension, unit: what they measure. vector: a
+    name: that of the field with its errors. components: their names. dimension, unit: of the components. vector: a
     vector of the body (3,), which a misalignment turns. angle: angles, of which 2π are nothing.
     """
 
@@ -72,7 +72,7 @@ class Errors:
 
 
 def dimensions(channel: Channel) -> dict[str, Dimension]:
-    """What the fields of the errors of a channel measure, by name."""
+    """The dimensions of the fields of a channel's errors, by name."""
     own = channel.dimension
     return {
         **dict.fromkeys(("noise", "turn_on_bias", "bias_instability", "resolution", "outlier"), own),

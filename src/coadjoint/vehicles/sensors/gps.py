@@ -1,4 +1,4 @@
-"""Satellite navigation, which reads at the surface alone."""
+"""Satellite navigation, which reads only at the surface."""
 
 from __future__ import annotations
 

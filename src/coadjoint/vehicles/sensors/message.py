@@ -1,4 +1,4 @@
-"""How readings of a sensor stand in a message of ROS 2."""
+"""The places of a sensor's readings in a message of ROS 2."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ As = Literal["vector", "attitude", "pressure", "fix"]
 
 
 class MessageField(NamedTuple):
-    """Where channels stand in a message: `path` of the field, by what they are written `as_`.
+    """The place of channels in a message: `path` of the field, `as_` the name of its writer.
 
     channels: their names. "vector": one channel along the axes of the sensor. "attitude": roll and pitch, and heading,
     as a quaternion. "pressure": a depth, as that of the water there. "fix": north and east of a satellite's fix.

@@ -45,7 +45,7 @@ class Noise:
         ]
 
     def read(self, exact: Any) -> Drawn:
-        """The next k readings, (k, m), of what would be read without errors, (k, m): exact ones and their errors.
+        """The next k readings, (k, m): the error-free readings `exact`, (k, m), plus their errors.
 
         Raises ArgumentError for other shapes and for numbers that are not finite.
         """
@@ -81,7 +81,7 @@ class Noise:
 
 
 class _Channel:
-    """The errors of a channel: those that are drawn once, and where its biases stand."""
+    """The errors of a channel: those drawn once, and the current values of its biases."""
 
     def __init__(self, channel: Channel, errors: Errors, rate: float, drawing: dict[str, np.random.Generator]):
         self.channel, self.errors, self.size = channel, errors, len(channel.components)
@@ -120,7 +120,7 @@ class _Channel:
 
     def _wandered(self, normal: np.ndarray, before: int) -> np.ndarray:
         """b_0 = σζ_0, b_k = φ b_{k−1} + σ√(1 − φ²) ζ_k, the exact law of the Gauss–Markov process."""
-        from scipy.signal import lfilter  # a tenth of what a set-up takes
+        from scipy.signal import lfilter  # its import takes a tenth of the set-up time
 
         driven = self.wandering * np.sqrt(1 - self.kept**2) * normal
         if before == 0:

@@ -1,4 +1,4 @@
-"""What a sensor is: a pure function of the motion, with a place on the vehicle, a rate, and errors."""
+"""A sensor: a pure function of the motion, with a place on the vehicle, a rate, and errors."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Sensor(Numbers, ABC):
     on. latency: s from the time of a reading until it is there. position: r in the body, (3,) m. euler_zyx: yaw, pitch
     and roll of its axes in those of the body, (3,) rad. dropout: the share of readings that never come. outliers: the
     share of those that come with the error `outlier` of their channel. Fields that hold numbers are its parameters:
-    `measured(motion, own)` takes others. Raises ArgumentError for what no sensor can have.
+    `measured(motion, own)` takes others. Raises ArgumentError for impossible values.
     """
 
     kind: ClassVar[str] = ""

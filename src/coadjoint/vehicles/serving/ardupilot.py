@@ -29,7 +29,7 @@ MOST_RATES = 4
 TOLD = 10
 """How many restarts are logged as warnings."""
 LATE = 10
-"""By how many frames a packet may be late; one that is further back is of an autopilot that has started anew."""
+"""By how many frames a packet may be late; one that is further back is of an autopilot that has restarted."""
 
 _log = logger(__name__)
 
@@ -38,7 +38,7 @@ _MAGIC = struct.Struct("<H")
 
 
 class Packet(NamedTuple):
-    """What ArduPilot sends: the rate, Hz, and the number of its frame, and a pulse, µs, for each output."""
+    """A packet of ArduPilot: the rate, Hz, and the number of its frame, and a pulse, µs, for each output."""
 
     rate: int
     number: int
@@ -73,7 +73,7 @@ def line(reading: Reading) -> bytes:
 class Rates:
     """The craft for a frame rate, Hz: made once for each, for at most `MOST_RATES`; others raise ArgumentError.
 
-    make: the craft to be stepped so many times a second. only: the rate that is taken whatever a packet says.
+    make: the craft for a number of steps per second. only: a fixed rate that overrides that of packets.
     """
 
     def __init__(self, make: Callable[[float], Served], only: float | None = None):
@@ -106,7 +106,7 @@ class Lockstep:
     """Answers packets: one step for each new frame, the same answer again for a frame that comes twice.
 
     begin: a craft to be stepped by a frame rate, Hz, as `Rates` is; it is called at the first packet, and when the
-    count goes back by more than a few: an autopilot that has started anew, with which the craft begins anew, too. A
+    count goes back by more than a few: an autopilot that has restarted, with which the craft restarts, too. A
     frame that comes late gets the last answer. Where a step fails the craft stays at the last good node, and the next
     frame tries again. `counts` has the frames, duplicates, late, lost and failed ones, and restarts.
     """
@@ -144,7 +144,7 @@ class Lockstep:
         return self._answer
 
     def _start(self, packet: Packet) -> None:
-        """Begin anew, as if the frame before this packet had been the last one."""
+        """Restart, as if the frame before this packet had been the last one."""
         served = self.begin(packet.rate)
         served.reset()
         self.served, self._last = served, packet.number - 1

@@ -1,4 +1,4 @@
-"""The frames of ArduSub: what its motors are meant to do, and which thruster of a vehicle does it."""
+"""The frames of ArduSub: the roles of its motors, and the thruster of a vehicle for each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.thrusters import Thrusters
 
 PWM_NEUTRAL, PWM_SPAN = 1500.0, 400.0
-"""The pulse of a motor that stands, µs, and how far from it full thrust is."""
+"""The pulse of a motor at rest, µs, and its distance from the pulse of full thrust."""
 
 FRAMES: dict[str, tuple[tuple[float, ...], ...]] = {
     "bluerov1": (
@@ -113,7 +113,7 @@ def _motor(frame: str, number: int, factors: np.ndarray, signs: np.ndarray) -> M
 def commands(motors: Sequence[Motor], thrusters: Thrusters, pulses: Sequence[int]) -> np.ndarray:
     """The commands (n,) of pulses, µs: as they are where commands are µs, otherwise shares of the ends of the range.
 
-    A pulse of 0, which is none, is neutral.
+    A pulse of 0 means no pulse, and is neutral.
     """
     found = np.full(thrusters.count, float(thrusters.curve.neutral))
     for motor, pulse in zip(motors, pulses, strict=False):

@@ -1,4 +1,4 @@
-"""What an inertial measurement unit on a craft would read at a node: its angular velocity and specific force."""
+"""The reading of an inertial measurement unit on a craft at a node: angular velocity and specific force."""
 
 from __future__ import annotations
 

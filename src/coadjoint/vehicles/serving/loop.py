@@ -22,7 +22,7 @@ _EDGES = np.logspace(-7, 2, 901)
 
 
 class Answering(Protocol):
-    """What answers datagrams: with bytes, or with None for no answer. An error says that one cannot be used."""
+    """An object that answers datagrams: with bytes, or with None for no answer; raises for an unusable one."""
 
     def answer(self, data: bytes) -> bytes | None: ...
 
@@ -121,7 +121,7 @@ class Loop:
         self.answers += 1
 
     def _pace(self, before: float, t: float) -> None:
-        """Wait until the craft's time; its clock begins anew at the first answer and when the craft goes back."""
+        """Wait until the craft's time; its clock restarts at the first answer and when the craft goes back."""
         now = time.monotonic()
         self._first = now if self._first is None else self._first
         self.seconds = now - self._first

@@ -44,9 +44,9 @@ class Service:
     they began. A request with the `id` of the last one, an integer or a text, gets the same answer and is not carried
     out again, so that it can be sent again after a loss. An answer has `id`, and `error`, a sentence, where a request
     cannot be carried out: then nothing has moved. Where a step fails without a reset, the craft stays at the last good
-    node until `reset`. At most `MOST_ERRORS` errors are answered within a second, and what has the key `error` is not
-    answered, so that two services never answer each other's errors. `counts` has the requests, those with errors, the
-    errors that were not answered, and the errors of others. clock: seconds.
+    node until `reset`. At most `MOST_ERRORS` errors are answered within a second, and a message with the key `error` is
+    not answered, so that two services never answer each other's errors. `counts` has the requests, those with errors,
+    the errors that were not answered, and the errors of others. clock: seconds.
     """
 
     def __init__(self, served: Served, start: Callable[..., State], clock: Callable[[], float] = time.monotonic):
@@ -58,7 +58,7 @@ class Service:
         self._errors: deque[float] = deque(maxlen=MOST_ERRORS)
 
     def answer(self, data: bytes) -> bytes | None:
-        """The answer to a request, a line; None where there is none."""
+        """The answer to a request, a line; None for no answer."""
         number = None
         try:
             request = _parsed(data)

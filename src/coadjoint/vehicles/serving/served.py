@@ -26,7 +26,7 @@ class Reading(NamedTuple):
 
     t: s. position, velocity: of the body origin in space, (3,) m and m/s. rotation: R, (3, 3), from body to space.
     body_velocity: Rᵀ of the velocity over ground, (3,). angular_velocity, specific_force: as a gyroscope and an
-    accelerometer would read them, (3,) rad/s and m/s². actuators: where they stand, by the names of their parts.
+    accelerometer would read them, (3,) rad/s and m/s². actuators: their actual values, by the names of their parts.
     """
 
     t: float
@@ -49,7 +49,7 @@ class Served:
     start: of the craft. imu: r, where the inertial unit sits, body axes, (3,) m. accuracy: as of `co.Stepper`. Without
     a controller the commands are those of the parts, which begin neutral; with one they are its set points, which the
     first call must give.
-    Raises ArgumentError for what does not fit.
+    Raises ArgumentError for arguments that do not fit.
     """
 
     def __init__(self, craft: Craft, start: State, dt: float, imu: Any = (0.0, 0.0, 0.0), accuracy: bool = True):
@@ -128,7 +128,7 @@ def _commands(craft: Craft) -> dict[str, Any]:
 
 
 def standing(name: str, state: State) -> Any:
-    """Where an actuator stands: a number, an array, or the numbers of its state one after another."""
+    """The actual value of an actuator: a number, an array, or the numbers of its state one after another."""
     found = getattr(state.internal, name)
     leaves: Sequence[Any] = list(found.asdict().values()) if isinstance(found, Named) else [found]
     return leaves[0] if len(leaves) == 1 else jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])

@@ -219,7 +219,7 @@ class SteadyFlight:
 
     @property
     def _remedy(self) -> str:
-        """What to do where no motion is found, in terms of the actuators that move and of those that do not."""
+        """The remedy if no motion is found, in terms of the actuators that move and of those that do not."""
         moving = [path.partition(".")[0] for path in self.free]
         staying = [part.name for part in self.vehicle.commanded if part.name not in moving]
         moved = f"To hold it moved {', '.join(moving) or 'no actuator'}"
@@ -239,7 +239,7 @@ class SteadyFlight:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        """What the conditions are about."""
+        """The conditions, in words."""
         if self._vertical:
             return ("the surge", "the sway", "the heave")
         return ("the speed", "the rate of climb", "the roll rate", "the pitch rate", "the yaw rate")

@@ -14,9 +14,9 @@ STATES = 4096
 ROUNDS = 12
 """States that are tried at random, and how often again, ever nearer to the worst."""
 ROUND_OFF = 1e-9
-"""1/s: what puts less in is round-off."""
+"""1/s: smaller inputs of energy are round-off."""
 SLIP = np.radians(30.0)
-"""The largest angle between bow and motion of what counts as going ahead."""
+"""The largest angle between bow and motion that counts as going ahead."""
 
 
 class Driven(NamedTuple):

@@ -14,7 +14,7 @@ from coadjoint.vehicles.model.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Trim:
-    """What an engineer reads of a steady motion; SI, rad."""
+    """The summary of a steady motion; SI, rad."""
 
     speed: float
     climb: float

@@ -1,4 +1,4 @@
-"""The linearised motion of a vehicle that goes straight ahead: what its controllers' gains are proposed from."""
+"""The linearised motion of a vehicle that goes straight ahead: the basis of its controllers' proposed gains."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Level:
 
     @cached_property
     def mass(self) -> np.ndarray:
-        """M = ∂(p, π)/∂(v, ω), (6, 6): body, what its parts hold, and added mass."""
+        """M = ∂(p, π)/∂(v, ω), (6, 6): body, parts, and added mass."""
 
         def momenta(motion: Array) -> Array:
             at = self._at(motion, self.rest)
@@ -168,7 +168,7 @@ def steady(motion: UnderWay, across: int, row: int, shares: np.ndarray, most: fl
 
 
 def propulsion_at(level: Level, speed: float) -> np.ndarray:
-    """The commands at which what pushes ahead balances the drag: all else stays as it starts."""
+    """The commands at which the propulsion balances the drag; all other actuators keep their starting values."""
     parts, rest = level.vehicle.commanded, level.rest
     limits = _each(parts, "limit", np.inf)
     turning = np.array([part.command.unit == "rad" for part in parts for _ in range(size(part))], dtype=bool)

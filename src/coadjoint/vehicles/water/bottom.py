@@ -18,7 +18,7 @@ MOST = 4_000_000
 """The most nodes of a grid."""
 METRES = ("m", "metre", "metres", "meter", "meters", "")
 NAMES = ("depth", "bottom", "elevation", "z")
-"""What the depths are called in netCDF files; `elevation` is counted up."""
+"""The names of depths in netCDF files; `elevation` is positive up."""
 
 
 class Bottom:
@@ -69,8 +69,8 @@ class Bottom:
     def from_netcdf(cls, path: str | os.PathLike[str], between: Literal["bilinear", "bicubic"] = "bilinear") -> Bottom:
         """The bottom of a netCDF file with a variable depth, or elevation, over the coordinates north and east, m.
 
-        What counts up says so by its name, `elevation`, or by the attribute `positive = "up"`, which `z` needs.
-        Raises FileError for a file that cannot be read or holds no such grid.
+        Heights are marked by the name `elevation`, or by the attribute `positive = "up"`, which `z` needs.
+        Raises FileError for a file that cannot be read or does not contain such a grid.
         """
         import xarray
 
@@ -181,7 +181,7 @@ def _cubic(s: Array) -> tuple[Array, ...]:
 
 
 def _sign(positive: Any, name: str, path: Any) -> float:
-    """By what values are multiplied to be depths; raises FileError for `z` without a direction."""
+    """The factor from values to depths; raises FileError for `z` without a direction."""
     if positive is None and name == "z":
         raise FileError(
             f'The file {path} does not say whether z counts up: give it the attribute positive = "up" or "down".'

@@ -22,7 +22,7 @@ class Columns(NamedTuple):
     values: dict[str, np.ndarray]
 
     def refuse(self, row: int, column: str, why: str) -> FileError:
-        """What to raise for a value."""
+        """The error for a value."""
         return self.sheet.refuse(row, self.sheet.names.index(column), why)
 
     def require_growth(self, axes: Sequence[str]) -> None:

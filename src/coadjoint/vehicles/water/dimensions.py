@@ -1,4 +1,4 @@
-"""What the numbers of waters, densities and profiles measure."""
+"""The dimensions of the numbers of waters, densities and profiles."""
 
 from __future__ import annotations
 

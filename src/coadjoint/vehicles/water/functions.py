@@ -1,4 +1,4 @@
-"""Functions of the user's own in water: what goes wrong in them, as one sentence."""
+"""User's functions in water: their failures, each as one sentence."""
 
 from __future__ import annotations
 

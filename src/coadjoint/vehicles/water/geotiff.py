@@ -17,7 +17,7 @@ _SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 421
 _MODEL, _RASTER, _LINEAR_UNITS = 1024, 1025, 3076
 _PROJECTED, _POINT, _METRE = 1, 2, 9001
 _UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
-"""What unpacks the compressions that tifffile unpacks without a bound: deflate, old and new, and LZMA."""
+"""Decompressors for compressions that tifffile unpacks without a bound: deflate, old and new, and LZMA."""
 _BOUNDED = (1, 5)
 """Others that are read: none, and LZW, which imagecodecs unpacks to the size of the pixels at most."""
 SMALL = 64_000_000
@@ -30,8 +30,8 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Northings (n,), eastings (m,), rising, m, and the values (n, m) at the centres of pixels, NaN where none are.
 
     Tags as of the OGC's GeoTIFF 1.1 (19-008r4): scale 33550, tie point 33922, keys 34735. Raises FileError for files
-    that are none, of several bands, turned, in degrees or in feet, and for more than `most` pixels, before these are
-    read; ArgumentError where tifffile is not installed.
+    that are not GeoTIFF, of several bands, rotated, in degrees or in feet, and for more than `most` pixels, before
+    reading these; ArgumentError where tifffile is not installed.
     """
     try:
         tifffile = import_module("tifffile")

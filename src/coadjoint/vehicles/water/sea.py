@@ -63,7 +63,7 @@ class Sea(Water):
 
     @property
     def owners(self) -> dict[str, Water | Density]:
-        """What has its parameters, by name."""
+        """The owners of its parameters, by name."""
         return {**self.currents, **({} if self.own_density is None else {"density": self.own_density})}
 
     def parameters(self) -> dict[str, Any]:

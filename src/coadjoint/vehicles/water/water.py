@@ -18,7 +18,7 @@ STRATIFIED = "A water with a density of its own gives both `density` and `pressu
 
 @dataclass(frozen=True, eq=False)
 class Water(Numbers, ABC):
-    """What surrounds a craft. Axes of the space frame: north, east, down.
+    """The water around a craft. Axes of the space frame: north, east, down.
 
     Fields that hold numbers are parameters: `velocity` of a water is `p.water.velocity` of the system, and its methods
     get `p.water` as `own`.
@@ -41,7 +41,7 @@ class Water(Numbers, ABC):
         return own.density is not Water.density or own.pressure_head is not Water.pressure_head
 
     def start(self) -> dict[str, Any]:
-        """What the water remembers at the start, as of a random current; {} if nothing."""
+        """The internal state of the water at the start, as of a random current; {} if it has none."""
         return {}
 
     def seeded(self, seed: Any) -> Water:
