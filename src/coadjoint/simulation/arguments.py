@@ -88,7 +88,7 @@ def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool =
 
     The start keeps the momenta that it has with its own inputs, whatever drives the run; with `by_velocities` it keeps
     ξ₀, ν₀. In an ensemble the held inputs are those of the first member: each member takes its own when it starts.
-    Raises ArgumentError and LagrangianError for what cannot be an input.
+    Raises ArgumentError and LagrangianError for values that cannot be inputs.
     """
     if isinstance(inputs, Each):
         raise ArgumentError("Argument `inputs` must be the same for all members: let it depend on their parameters.")

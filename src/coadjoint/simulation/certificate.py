@@ -137,7 +137,7 @@ def failure(run: Result, member: int) -> str:
 
 
 def accuracy_line(found: Accuracy | None) -> list[tuple[str, str]]:
-    """The accuracy in words: what dt leaves out, or that it does not resolve the motion."""
+    """The line on accuracy: the local error, or that dt does not resolve the motion."""
     if found is None:
         return []
     if found.trajectory is not None:
@@ -158,7 +158,7 @@ def accuracy_line(found: Accuracy | None) -> list[tuple[str, str]]:
 
 
 def order(method: Method, system: System) -> str:
-    """The order of convergence in words; velocities taken for discrete ones are off by O(h)."""
+    """The order of convergence as text; start velocities used as discrete ones have an error of O(h)."""
     if method.start == "velocity" and method.order > 1:
         return "order 1, because it starts by velocities"
     with_internal = method.claims.order_with_internal
@@ -168,7 +168,7 @@ def order(method: Method, system: System) -> str:
 
 
 def _solution(run: Result) -> Lines:
-    """How the equations of a step were solved, where that is not Newton's method in machine code."""
+    """The line on the solver of a step, if it is not Newton's method in machine code."""
     if run.plan.solution:
         renewals = factor_renewals(run)
         anew = "" if renewals is None else f", computed anew {renewals:,} times"
@@ -176,7 +176,7 @@ def _solution(run: Result) -> Lines:
 
 
 def factor_renewals(run: Result) -> int | None:
-    """How many times factors that go on from step to step were computed, by all members; None where there are none."""
+    """How many times factors that pass from step to step were computed, over all members; None without factors."""
     memory = run.position.state.memory
     return int(np.sum(memory.renewals)) if isinstance(memory, Factors) else None
 

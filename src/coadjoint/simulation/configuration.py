@@ -1,4 +1,4 @@
-"""What the files of a run's folder say: how to set it up again, its fingerprint, and its checkpoints."""
+"""The content of a run's folder: the configuration to set it up again, its fingerprint, and its checkpoints."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class Unwritable(ValueError):
 
 
 def versions() -> dict[str, str]:
-    """The versions of what decides the last bits of a result."""
+    """The versions of the packages that determine the last bits of a result."""
     return {name: metadata.version(name) for name in ("coadjoint", "jax", "numpy", "llvmlite")}
 
 
 def method_form(method: Method) -> Any:
-    """A method as class names and fields; None where it is not one of the library's own."""
+    """A method as class names and fields; None if it is not one of the library."""
     try:
         form = _form(method)
         return form if method_from(form) == method else None
@@ -74,7 +74,7 @@ def _class(name: str) -> Any:
 
 
 def method_from(form: Any) -> Any:
-    """What `method_form` described; raises ValueError, AttributeError or TypeError for what it does not write."""
+    """The method that `method_form` described; raises ValueError, AttributeError or TypeError for other forms."""
     if isinstance(form, list):
         return tuple(method_from(item) for item in form)
     if not isinstance(form, Mapping):
@@ -178,7 +178,7 @@ def fingerprint(
 
 
 def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
-    """The digests of the equations, and of the monitors with what they observe with."""
+    """The digests of the equations, and of the monitors with their constants."""
     program, h, whole = plan.program, np.float64(plan.h), np.float64(1.0)
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state, h))]

@@ -54,7 +54,7 @@ _MEANINGS_RIGHT = {
 
 
 def _told(system: System) -> dict[str, str]:
-    """What each variable means."""
+    """The meaning of each variable."""
     if not is_right(system.places):
         return _MEANINGS | {one.name: one.meaning for one in watched()}
     return _MEANINGS_RIGHT | {one.name: one.meaning.replace("body frame", "space frame") for one in watched()}
@@ -201,7 +201,7 @@ def variables(
 
 
 def reported(system: System, records: State) -> Variables:
-    """What the rule of the internal state reports of every record in addition to that state."""
+    """The values that the rule of the internal state reports for every record in addition to that state."""
     if not isinstance(system.internal, InternalRule):
         return {}
     report = system.internal.report

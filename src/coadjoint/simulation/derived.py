@@ -20,15 +20,15 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
 
 BATCH = 1024
-"""Records that are looked at together. Always this many, so that no value depends on which others were."""
+"""The number of records evaluated together. It is constant, so that no value depends on the other records."""
 MOST_NUMBERS = 1 << 21
-"""And fewer where the matrices of the Legendre transforms of so many would hold more numbers than these."""
+"""The most numbers in the matrices of their Legendre transforms; fewer records are evaluated if they exceed it."""
 
 
 class Derivation:
     """Functions of records of a system, traced once for each shape of them.
 
-    skeleton: the system without parameters. most: records that are looked at together.
+    skeleton: the system without parameters. most: the most records evaluated together.
     """
 
     def __init__(self, skeleton: System, most: int = BATCH):

@@ -1,4 +1,4 @@
-"""Steps and substeps that go backwards amplify what forces or the method damp."""
+"""Checks of backward steps and substeps, which amplify motions that forces or the method damp."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def damping_rate(system: System, state: State) -> float:
 
 
 def _rate(slope: np.ndarray, mass: np.ndarray) -> float:
-    """The fastest rate of decay; 0 where it is round-off, or where nothing can be said at these velocities."""
+    """The fastest rate of decay; 0 if it is round-off, or if it cannot be computed at these velocities."""
     if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(mass))) or np.linalg.cond(mass) > 1e15:
         return 0.0
     rates = np.linalg.eigvals(-np.linalg.solve(mass, slope))

@@ -16,10 +16,10 @@ from coadjoint.simulation.plan import AnyPosition, Plan, Sink
 from coadjoint.simulation.progress import Progress, compiling
 
 PATIENCE = 0.25
-"""Seconds between two updates of progress: what chunks are sized for."""
+"""Seconds between two updates of progress, which determine the size of chunks."""
 
 LONGEST = 5.0
-"""Seconds of a part of a block of many members at most: what an interrupt may cost."""
+"""The most seconds for a part of a block of many members: the longest delay of an interrupt."""
 
 
 class Driver:
@@ -28,7 +28,7 @@ class Driver:
     def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
         self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
         self.taking = False
-        """Whether a sink is taking up records: an interrupt then finds it between the one and the other."""
+        """Whether a sink is taking records: an interrupt then finds it in an incomplete state."""
 
     def run(self, state: State, records: int, every: int) -> Any:
         """A chunk of so many records, each `every` steps: a `Chunk`, or of members an `EnsembleChunk`."""
@@ -39,7 +39,7 @@ class Driver:
         return kernels.run_ensemble(*given, axes=(plan.axes, True))
 
     def drive(self, position: AnyPosition) -> None:
-        """Move `position` to the end of the plan; it says whether a step failed."""
+        """Move `position` to the end of the plan; its `failed` shows whether a step failed."""
         # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
         with compiling(self.title, self.plan.solution, self.progress):
             self.run(position.state, 1, 1)
@@ -98,7 +98,7 @@ class Driver:
         return min(PATIENCE * max(self.plan.members // (lanes() * cores()), 1), LONGEST)
 
     def _close(self, position: AnyPosition) -> None:
-        """One solve more gives the last node the velocities of the step that starts there."""
+        """Record the last node; one more solve gives it the velocities of the step that starts there."""
         chunk = self._last(position)
         self.taking = True
         if position.closed(chunk):

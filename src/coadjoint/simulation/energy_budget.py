@@ -14,7 +14,7 @@ from coadjoint.mechanics.work_balance import energy_lines
 from coadjoint.simulation.result import Result
 
 POORLY = 0.1
-"""The relative gap of a budget from which on the card warns."""
+"""The relative gap of a budget above which the certificate warns."""
 
 
 def budget(run: Result) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def _widest(run: Result, name: str) -> float:
 
 
 def in_words(run: Result) -> str:
-    """The budget in words."""
+    """The budget as text."""
     found = budget(run)
     parts = []
     for line in energy_lines(run.system):
@@ -83,7 +83,7 @@ def energy_known(run: Result) -> bool:
 
 
 def energy_warnings(run: Result) -> list[str]:
-    """A sentence each for an energy that is not known, and for one that changed."""
+    """One warning for an unknown energy, or warnings for an energy that changed."""
     if not energy_known(run):
         much = float(np.max(run.extrema["legendre_residual"][1]))
         return [
@@ -111,9 +111,9 @@ def _changed(run: Result) -> list[str]:
 
 
 class _Gain(NamedTuple):
-    """Energy that passive forces have put in: whose, how much at least, and from when on, s.
+    """Energy put in by passive forces: the names of the forces, a lower bound, and the first time, s.
 
-    `first` is None where records show nothing of it.
+    `first` is None if records do not show the gain.
     """
 
     names: str
@@ -130,7 +130,7 @@ class _Watched(NamedTuple):
 
 
 def driven(run: Result) -> list[str]:
-    """A sentence where passive forces have put energy in, also of a run whose step failed."""
+    """A warning if passive forces have put energy in, also for a run whose step failed."""
     rows = run.rows_of(_asked(run))
     extrema = {name: (float(run.extrema[name][0]), float(run.extrema[name][1])) for name in rows}
     gain = _gain(run.system, run.system.parameters, _Watched(rows, extrema, run.node_times())) if rows else None
@@ -138,7 +138,7 @@ def driven(run: Result) -> list[str]:
 
 
 def members_driven(ensemble: Result) -> list[str]:
-    """A sentence where passive forces have put energy into members: that of the most, and the others by number."""
+    """A warning if passive forces have put energy into members: it describes the largest gain and lists the others."""
     asked = _asked(ensemble)
     if not asked or ensemble.members is None:
         return []
@@ -179,10 +179,10 @@ def _told(system: System, gain: _Gain) -> str:
 
 
 def _gain(system: System, parameters: Any, watched: _Watched) -> _Gain | None:
-    """What passive forces have put in.
+    """The energy that passive forces have put in.
 
-    A force is one if it has an attribute `passive`, a function of the parameters that is true of those of the run. The
-    work of all of them together is looked at, since the lift of one may do work on the drag of another.
+    A force is passive if its attribute `passive`, a function of the parameters, is true for those of the run. The total
+    work of these forces is examined, because the lift of one may do work on the drag of another.
     """
     names = [name for name, force in system.forces or () if getattr(force, "passive", _active)(parameters)]
     if not names or len(watched.times) == 0:
@@ -200,11 +200,11 @@ def _gain(system: System, parameters: Any, watched: _Watched) -> _Gain | None:
 
 
 def _between(system: System, names: list[str], work: np.ndarray, extrema: Mapping[str, tuple[float, float]]) -> float:
-    """What passive forces have put in by the extrema of their work over every step, at least; 0 where that is little.
+    """A lower bound of the energy put in by passive forces, by the extrema of their work over all steps; 0 if small.
 
-    work: of all of them together at the nodes, (nodes,). The extrema of W are those of the one passive force, or, where
-    nothing else changes the energy E, follow from those of E and of the budget E − W: W ≥ E − max(E − W) at the step
-    where E is largest, W ≤ E − min(E − W) where it is smallest. Elsewhere they are not known.
+    work: the total at the nodes, (nodes,). The extrema of W are those of a single passive force. If nothing else
+    changes the energy E, they follow from those of E and of the budget E − W: W ≥ E − max(E − W) at the step where E is
+    largest, W ≤ E − min(E − W) at the step where E is smallest. Otherwise they are unknown.
     """
     if len(names) == 1:
         low, high = extrema[f"work_{names[0]}"]

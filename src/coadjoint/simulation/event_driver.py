@@ -112,7 +112,7 @@ class MembersEvents(EventDriver):
         self.taking = False
 
     def _members(self, position: MembersPosition, chunk: EnsembleChunk, ahead: EnsembleChunk) -> dict[int, int]:
-        """How many records of the chunk are kept of members that have ended; takes up all events until then."""
+        """The number of records of the chunk kept for each ended member; collects all events up to its end."""
         kept: dict[int, int] = dict.fromkeys(self.ended, 0)
         for index in map(int, np.flatnonzero((position.codes == 0) & np.isnan(self.times))):
             here, there = (part.monitors[EVENTS][index, : part.rows[index]] for part in (chunk, ahead))
@@ -170,7 +170,7 @@ def found_in(plan: Plan, records: State, values: np.ndarray, index: int) -> Iter
 
 
 def up_to(states: list[State], time: float, plan: Plan) -> list[State]:
-    """Those of the records that a run has come to at a time."""
+    """The records that a run has reached by a time."""
     return [state for state in states if (float(state.t) - time) * np.sign(plan.h) <= 0]
 
 

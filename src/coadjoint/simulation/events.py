@@ -1,4 +1,4 @@
-"""Functions of the motion whose zeros are events: what they must be, and their values between two nodes."""
+"""Functions of the motion whose zeros are events: their requirements, and their values between two nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Direction = Literal["rising", "falling", "both"]
 
 @dataclass(frozen=True)
 class Event:
-    """The zeros of a function of the state, f(state) = 0, those alone where it rises or falls if `direction` says so.
+    """The zeros of a function of the state, f(state) = 0, or only those where it rises or falls, by `direction`.
 
         co.Event(lambda state: state.mu[2], direction="rising")
 
@@ -44,7 +44,7 @@ class Event:
 
 
 def as_event(given: Event | Callable[[State], Any] | None, what: str = "Argument `until`") -> Event | None:
-    """An event of what `until`, or a name in `events`, was given."""
+    """The event for the value of `until`, or of a name in `events`."""
     if given is None or isinstance(given, Event):
         return given
     if not callable(given):

@@ -1,4 +1,4 @@
-"""A run driven from where it is to its end, and what remains of one that an interrupt has ended."""
+"""A run driven from its position to its end, and the remainder of an interrupted run."""
 
 from __future__ import annotations
 
@@ -93,13 +93,13 @@ def _solved(run: Result) -> str:
             fraction = 0.5**halvings
             if not part_of_step(run.plan, state, fraction, monitors=True).code:
                 return f", and a step of {fraction * run.plan.h:.6g} s is solved there"
-    except (Exception, KeyboardInterrupt):  # the sentence of what failed is what counts
+    except (Exception, KeyboardInterrupt):  # the message about the failed step matters more
         forget()
     return ""
 
 
 def _sentence(run: Result) -> str:
-    """What happened, where, and the remedy."""
+    """The failure, its place, and the remedy."""
     index, code = run.good_steps, run.position.code
     unsolved, beyond = run.method.remedies
     where = f"Step {index} of {run.plan.steps} (t = {float(run.position.state.t):.6g} s)"

@@ -20,7 +20,7 @@ from coadjoint.simulation.store_reader import CHECKPOINTS, CONFIGURATION, requir
 def create(path: Path, run: Result, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
     """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
 
-    Until then it has a hidden name; what a process that was killed left under this name is made anew.
+    Until then it has a hidden name; files that a killed process left under this name are replaced.
     """
     made = disk.partial(path)
     lock: Lock | None = None

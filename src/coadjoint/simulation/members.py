@@ -50,7 +50,7 @@ def count_of(system: System, start: State) -> int | None:
 
 
 def require_one_time(start: State) -> None:
-    """Raise ArgumentError where what should be states of members are records at several times, as those of one run."""
+    """Raise ArgumentError if the states given for members are records at several times, such as those of one run."""
     t = np.asarray(start.t)
     known = t[np.isfinite(t)]
     if t.ndim and known.size and np.ptp(known) > ROUND_OFF * np.max(np.abs(known)):

@@ -1,4 +1,4 @@
-"""What runs observe at every step: energies, Kelvin–Noether quantities, budgets and the distance from the group."""
+"""The monitors of every step: energies, Kelvin–Noether quantities, budgets and the distance from the group."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from coadjoint.methods.step import Step
 
 @dataclass(frozen=True)
 class Watched:
-    """A variable that a monitor gives, or several whose names begin alike, as `work` stands for `work_drag`.
+    """A variable that a monitor gives, or several with a common beginning of their names, as `work` for `work_drag`.
 
-    meaning: what datasets say of it. unit: a unit, or with `like` that of another variable of the system. line: how the
-    card shows it under its `title`: how much it changed, how well a budget closes, or its largest value, which is
-    `largest`; empty where it has none. axis: the dimension of its components in datasets.
+    meaning: its description in datasets. unit: a unit, or with `like` that of another variable of the system. line: the
+    kind of line in the certificate under its `title`: its change, the gap of a budget, or its largest value, described
+    by `largest`; empty without a line. axis: the dimension of its components in datasets.
     """
 
     name: str
@@ -233,16 +233,16 @@ def watching(system: System, method: Method, state: State, noether: Monitor | No
 
 
 def changing(system: System) -> list[tuple[str, str]]:
-    """Names and titles of what the card shows the change of, the system's own quantities last."""
+    """Names and titles of variables whose change the certificate shows, the system's own quantities last."""
     named = {one.name: one.title for one in watched() if one.line == "change"}
     return [*named.items(), *((name, name.replace("_", " ")) for name, _ in system.quantities)]
 
 
 def budgets() -> list[Watched]:
-    """What the card shows as a budget."""
+    """The variables that the certificate shows as budgets."""
     return [one for one in watched() if one.line == "budget"]
 
 
 def residuals() -> list[Watched]:
-    """What the card shows the largest value of."""
+    """The variables whose largest value the certificate shows."""
     return [*SOLVED, *(one for one in reversed(watched()) if one.line == "residual")]

@@ -1,7 +1,7 @@
 """A trajectory by native code inside JAX's transformations, with a forward and a reverse rule.
 
 The value and the pullback of a native run are called back on the host. Forward mode has no native code: its tangent is
-that of the XLA path. A primitive of our own stands for the tangent, a linear map whose transpose is the native
+that of the XLA path. A custom primitive represents the tangent, a linear map whose transpose is the native
 pullback, so that reverse mode runs native code only.
 """
 

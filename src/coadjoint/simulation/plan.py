@@ -23,12 +23,12 @@ Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 CAPACITY = 8192
-"""The most records of a chunk by machine code, so that what a call costs is lost among them."""
+"""The most records of a chunk by machine code, enough that the cost of a call is negligible."""
 
 
 @dataclass
 class Position:
-    """Where a run stands: all that going on from here needs, and the certificate so far.
+    """The position of a run: all values needed to continue from here, and the certificate so far.
 
     `state` is the state after `steps` good steps; `extrema` are (minimum, maximum) of the monitors and certificates
     over those steps, `iterations` Newton's; `code`: how the last step ended; `event` when an event ended the run;
@@ -109,7 +109,7 @@ class Sink(Protocol):
         ...
 
     def checkpoint(self, position: AnyPosition) -> None:
-        """All records up to `position` have been appended: make sure that a run can go on from there."""
+        """All records up to `position` have been appended: make sure that a run can continue from there."""
         ...
 
     def finish(self, position: AnyPosition, complete: bool = True) -> None:
@@ -153,7 +153,7 @@ class Plan:
 
     @property
     def solution(self) -> str:
-        """How XLA solves the equations of a step, in words; empty for machine code, which is Newton's method."""
+        """A text on how XLA solves the equations of a step; empty for machine code, which uses Newton's method."""
         if self.backend == "native":
             return ""
         return "by XLA, " + "; ".join(dict.fromkeys(stage.structure.words for stage in self.program.stages))
@@ -206,7 +206,7 @@ class Memory:
         self.monitors.append(monitors)
 
     def cut(self, step: int) -> None:
-        """Forget what came from a step on, and what an interrupt has left by halves."""
+        """Discard the records from a step on, and incomplete records left by an interrupt."""
         good = min(len(self.steps), len(self.records), len(self.monitors))
         good = sum(bool(steps[0] < step) for steps in self.steps[:good])
         for rows in (self.steps, self.records, self.monitors):
@@ -224,10 +224,10 @@ class Memory:
 
 @dataclass
 class MembersPosition:
-    """Where an ensemble stands: as `Position`, with an axis of members in all but `steps`, the grid's.
+    """The position of an ensemble: as `Position`, with an axis of members in all fields but `steps`, the grid's.
 
-    A member that failed keeps the state before its bad step, with how far it came in `steps_done` and why it stopped
-    in `codes`.
+    A member that failed keeps the state before its bad step, the number of its steps in `steps_done` and the reason in
+    `codes`.
     """
 
     state: State
@@ -255,7 +255,7 @@ class MembersPosition:
 
     @property
     def failed(self) -> bool:
-        """False: members that fail are masked, and the others go on."""
+        """False: members that fail are masked, and the others continue."""
         return False
 
     @property

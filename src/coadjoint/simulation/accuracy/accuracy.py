@@ -38,11 +38,11 @@ class Accuracy:
 
     @property
     def resolved(self) -> bool:
-        """Whether nothing speaks against dt."""
+        """Whether dt resolves the motion."""
         return not self.reasons
 
     def numbers(self) -> dict[str, Any]:
-        """What goes into a summary and into a file, under plain names."""
+        """The values for a summary and a file, under plain names."""
         found = {key: getattr(self, name) for name, key in NAMES.items() if getattr(self, name) is not None}
         return {**found, "unresolved": "; ".join(self.reasons), "resolved": int(self.resolved)}
 
@@ -59,11 +59,11 @@ NAMES = {
     "trajectory": "trajectory_error_max",
     "holds": "trajectory_holds_until",
 }
-"""What the fields of an `Accuracy` are called in a summary."""
+"""The names of the fields of an `Accuracy` in a summary."""
 
 
 def accuracy_from(numbers: Mapping[str, Any]) -> Accuracy | None:
-    """The accuracy that `Accuracy.numbers` wrote; None where there is none."""
+    """The accuracy that `Accuracy.numbers` wrote; None if `numbers` lack it."""
     if "local_error_max" not in numbers:
         return None
     reasons = tuple(filter(None, str(numbers.get("unresolved", "")).split("; ")))

@@ -53,10 +53,10 @@ class Difference(NamedTuple):
 
 
 def differences(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
-    """What separates rows `one` (k, size) from rows `other`, both a step away from `begun`.
+    """The differences between rows `one` (k, size) and rows `other`, both one step after `begun`.
 
-    Group elements and positions q in space are relative to the way from `begun`; momenta μ and π to their own size, or
-    to the way from `begun` where nothing else moves, as of a fluid whose method leaves g out.
+    Group elements and positions q in space are relative to the displacement from `begun`, momenta μ and π to their own
+    size. If nothing else moves, as for a fluid whose method leaves g out, momenta are relative to their change.
     """
     found = []
     for name, numbers in ruler.configuration:
@@ -124,12 +124,12 @@ HALVES = (0.5, 0.5)
 
 
 UNEVEN = (0.382, 0.618)
-"""Parts in no simple ratio: what repeats at h and at h/2 alike, such as a sampled signal, does not repeat here."""
+"""Parts in no simple ratio: a signal that repeats at both h and h/2, such as a sampled one, does not repeat here."""
 
 
 class StepTaker(Protocol):
-    """What takes steps: to where they led, a row of numbers a state, the record of the first step, and 0 where all went
-    well; members: whose parameters a row has."""
+    """A function that takes steps: it gives the states reached, one row each, the record of the first step, and 0 where
+    all steps succeeded; members: the members whose parameters the rows have."""
 
     def __call__(
         self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None
@@ -137,9 +137,9 @@ class StepTaker(Protocol):
 
 
 class InternalPlaces(NamedTuple):
-    """Where an internal state is in a row: whether its rule is due, None without one; what of it follows the motion or
-    a command, at the node, on the mean of the step and at its end; what jumps at the node, there and at the end; and
-    all means and ends."""
+    """The places of an internal state in a row: whether its rule is due, None without a rule; the numbers that follow
+    the motion or a command, at the node, on the mean of the step and at its end; the numbers that jump at the node,
+    there and at the end; and all means and ends."""
 
     due: int | None = None
     begin: Numbers = ()
@@ -156,7 +156,7 @@ class InternalPlaces(NamedTuple):
 
 
 def recorded(rows: np.ndarray, after: np.ndarray, course: InternalPlaces) -> np.ndarray:
-    """The rows with what the steps that led to `after` need of the internal state: its course, and what has jumped."""
+    """The rows with the internal state of the steps that led to `after`: its course, and the values that jumped."""
     if course.due is None:
         return rows
     record = rows.copy()
@@ -176,10 +176,10 @@ class Errors(NamedTuple):
 
 
 class PartsOfSteps:
-    """Compares steps with parts of them: inputs, noise and sampled controllers stay as they are over a step.
+    """Compares steps with parts of them: inputs, noise and sampled controllers stay constant over a step.
 
-    An actuator that follows a command moves on between the parts of a step, as the rule of the internal state says.
-    probe: what takes the steps. order: of the method. memory: which numbers the method of variable steps remembers.
+    An actuator that follows a command moves between the parts of a step by the rule of the internal state. probe: the
+    function that takes steps. order: of the method. memory: the numbers that a method of variable steps remembers.
     """
 
     def __init__(self, probe: StepTaker, ruler: Ruler, course: InternalPlaces, order: int, memory: Sequence[int] = ()):
@@ -204,7 +204,7 @@ class PartsOfSteps:
         return rows, good
 
     def _followed(self, rows: np.ndarray, h: np.ndarray, members: Any) -> np.ndarray:
-        """The rows as records of steps of h, with the rule applied to what follows the motion or a command."""
+        """The rows as records of steps of h, with the rule applied to numbers that follow the motion or a command."""
         due, kept = self.course.due, np.array(rows)
         if self._following:
             kept[:, due] = 1.0
@@ -216,9 +216,9 @@ class PartsOfSteps:
     def errors(
         self, rows: np.ndarray, h: np.ndarray, members: Any = None, sizes: Any = None, at_least: bool = False
     ) -> tuple[Errors, dict[str, float]]:
-        """Local errors of the steps of h (rows,) from every row, and what they are relative to.
+        """Local errors of the steps of h (rows,) from every row, and the sizes to which they are relative.
 
-        These are `sizes`, by default those of these steps; `at_least`: or those of these steps, where larger.
+        sizes: by default those of these steps. at_least: whether larger sizes of these steps replace the given ones.
         """
         whole, good = self.over(rows, h, (1.0,), members)
         by_halves, good_halves = self.over(rows, h, HALVES, members)
@@ -237,11 +237,11 @@ class PartsOfSteps:
         return Errors(local, np.maximum(local, other), part, good), sizes
 
     def compare(self, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
-        """What separates rows."""
+        """The differences between rows."""
         return differences(self.ruler, begun, other, one)
 
     def shrinks(self, parts: Sequence[float]) -> float:
-        """1 − Σ part^{p+1}: what the difference to steps of the parts is of the local error, of order p + 1."""
+        """1 − Σ part^{p+1}: the difference to steps of the parts, divided by the local error of order p + 1."""
         order = min(self.order, 2) if self._following else self.order
         return 1.0 - sum(part ** (order + 1) for part in parts)
 
@@ -274,7 +274,7 @@ class Frequencies(NamedTuple):
 
 
 def to_plain(parts: PartsOfSteps, ruler: Ruler) -> dict[str, Any]:
-    """What `from_plain` needs, for JSON; ruler: one whose functions are those above."""
+    """The values for `from_plain`, as JSON; ruler: one whose functions are those above."""
     found = {name: value for name, value in ruler._asdict().items() if name not in ("q", "turning")}
     for name in ("q", "turning"):
         made: Any = getattr(ruler, name)
@@ -283,7 +283,7 @@ def to_plain(parts: PartsOfSteps, ruler: Ruler) -> dict[str, Any]:
 
 
 def from_plain(given: Mapping[str, Any], probe: StepTaker) -> PartsOfSteps:
-    """What compares steps that `probe` takes."""
+    """The comparison of steps that `probe` takes."""
     known = dict(given["ruler"])
     for name in ("configuration", "points", "momenta"):
         known[name] = tuple((one[0], *map(_numbers, one[1:])) for one in known[name])

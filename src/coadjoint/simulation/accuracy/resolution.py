@@ -34,7 +34,7 @@ def chosen_members(run: Result) -> np.ndarray | None:
 
 
 def accuracy_warnings(run: Result) -> list[str]:
-    """A sentence where the steps do not resolve the motion."""
+    """A message if the steps do not resolve the motion."""
     found = run.accuracy
     if found is None or found.resolved:
         return []
@@ -160,7 +160,7 @@ def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: Any) -> f
 
 
 def _excited(flow: np.ndarray, moved: np.ndarray, short: float) -> float | None:
-    """The largest |λ|h of the flow over short·h whose mode has a share in what moved."""
+    """The largest |λ|h of the flow over short·h whose mode has a share in the motion."""
     values, modes = np.linalg.eig(flow)
     # The flow of every method of order 1 and more is (1 + z/2)/(1 − z/2) up to small terms, z = short·hλ.
     z = 2 * (values - 1) / (values + 1)

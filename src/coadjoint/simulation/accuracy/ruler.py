@@ -87,7 +87,7 @@ def _acting(places: Places, rows: int) -> Any:
 
 
 def course_of(layout: Layout, rule: Any) -> InternalPlaces:
-    """Where the internal state is that the rule of a system advances; rule: None where there is none."""
+    """The places of the internal state that the rule of a system advances; rule: None if the system has none."""
     at = numbered(layout)
     if rule is None or at.internal_due is None:
         return InternalPlaces()
@@ -109,7 +109,7 @@ def plain(ruler: Ruler, layout: Layout, places: Places) -> Ruler:
 
 
 MOST = 4096
-"""Of how many products of g and n their action is looked at."""
+"""The most products of g and n for which the action is examined."""
 
 
 def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
@@ -144,7 +144,8 @@ def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
 def following(places: Any, rule: Any) -> list[int]:
     """The numbers of an internal state that follow the motion or a command, rather than jump at nodes.
 
-    What `co.mechanics.sampled` advances jumps, and what the rule names in its attribute `jumping`, such as noise.
+    The numbers that `co.mechanics.sampled` advances jump, and so do those that the rule names in its attribute
+    `jumping`, such as noise.
     """
     jumping = set(getattr(rule, "jumping", ()))
     found: list[int] = []

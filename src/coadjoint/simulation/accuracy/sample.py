@@ -37,7 +37,7 @@ class Kept(NamedTuple):
 
 
 class Before(NamedTuple):
-    """The last record that was looked at, the last one of `records`, and its step."""
+    """The last examined record, the last one of `records`, and its step."""
 
     step: int
     records: State
@@ -79,7 +79,7 @@ class Sampler:
         self.sink.append(steps, records, monitors)
 
     def _flush(self) -> None:
-        """Look at what has come since; the places of records are counted over all chunks that waited."""
+        """Examine the records since the last call; their places are counted over all waiting chunks."""
         chunks, self._waiting = self._waiting, []
         if not chunks:
             return
@@ -177,13 +177,13 @@ class Sampler:
         return {"steps": steps, "rows": rows, "largest": np.array(largest), "before": np.array(self._before.step)}
 
     def _go_on(self, numbers: Mapping[str, np.ndarray], last: State) -> None:
-        """Take up the sample of a checkpoint; `last` is the record before it."""
+        """Continue the sample of a checkpoint; `last` is the record before it."""
         self._kept = [Kept(numbers["steps"], numbers["rows"])]
         found = zip(CHANGING, numbers["largest"], strict=True)
         self._largest = {field: Largest(float(x), int(step)) for field, (x, step) in found if step >= 0}
         self._before = Before(int(numbers["before"]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], last))
 
-    # What else a sink does is done by the other one.
+    # The other sink does all other tasks.
 
     @property
     def seconds(self) -> float:

@@ -15,7 +15,7 @@ from coadjoint.simulation.accuracy.ruler import Doubling
 from coadjoint.simulation.result import Result
 
 PARTS = np.array([0.0, 0.173, 0.382, 0.594, 0.809, 1.0])
-"""Where in a step a signal is looked at, in no simple ratios."""
+"""The places in a step at which a signal is examined, in no simple ratios."""
 
 
 BENT = 0.2
@@ -143,11 +143,11 @@ def _table_at(table: Held | Linear, times: np.ndarray, values: np.ndarray, at: n
 
 
 SHORT = 1e-3
-"""The part of a step over which a momentum changes by what moves it at one time."""
+"""The part of a step over which a momentum changes by the forces at one time."""
 
 
 ROWS, ROWS_BY_XLA = 6, 2
-"""From how many records it is looked at."""
+"""The number of records from which it is examined."""
 
 
 ROUND_OFF = 1e-9
@@ -155,7 +155,7 @@ ROUND_OFF = 1e-9
 
 
 def unresolved_time(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any = None) -> float | None:
-    """The dt that would resolve what depends on t, with everything else held; None where it is resolved already."""
+    """A dt that resolves the dependence on t, with everything else held; None if the steps already resolve it."""
     native = doubling.plan.backend == "native"
     some = np.unique(np.linspace(0, len(rows) - 1, ROWS if native else ROWS_BY_XLA).astype(int))
     rows, step, members = rows[some], np.abs(h[some]), None if members is None else np.asarray(members)[some]
@@ -186,7 +186,7 @@ def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any) -
 
 
 def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, short: np.ndarray, whose: Any) -> bool:
-    """Whether what an internal state follows, such as a command of an actuator, varies within a step."""
+    """Whether the targets of an internal state, such as a command of an actuator, vary within a step."""
     at_node, at_end = (list(numbers) for numbers in (doubling.course.begin, doubling.course.end))
     if not at_node:
         return False

@@ -1,4 +1,4 @@
-"""What speaks against the length of some steps: their local error, and how far they turn. NumPy alone."""
+"""The reasons against the length of some steps: their local error, and how far they turn. NumPy alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint.simulation.accuracy.local_error import KEPT, Errors, PartsOfSteps, larger, sizes_of
 
 TOO_MUCH, TOO_MUCH_OF_ORDER_ONE = 0.05, 0.1
-"""The local error, relative to the motion over a step, from which on a motion is not resolved."""
+"""The local error, relative to the motion over a step, above which a motion is not resolved."""
 
 
 ENVELOPE = 1.0
@@ -22,12 +22,12 @@ EXACT = 0.02
 
 
 HALVINGS = 24
-"""How often dt is halved at most in search of one that would do."""
+"""How often dt is halved at most in search of one that resolves the motion."""
 
 
 class Verdict(NamedTuple):
-    """The worst of some steps: its local error, of which part of the state, when, and which it is among the good ones;
-    the largest turn of a step, rad; what speaks against dt, and for each reason a dt that would do."""
+    """The worst of some steps: its local error, the part of the state with this error, its time, and its index among
+    the good steps; the largest turn of a step, rad; the reasons against dt, and for each reason a dt that avoids it."""
 
     size: float
     part: str
@@ -44,7 +44,7 @@ def verdict(
 ) -> Verdict:  # fmt: skip
     """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name.
 
-    turns: whether the turn is wanted where nothing depends on it, which costs eigenvalues of large groups.
+    turns: whether to compute the turn even if nothing depends on it; it costs eigenvalues of large groups.
     """
     good, order = errors.good, parts.order
     worst = int(np.argmax(errors.largest))
@@ -128,7 +128,7 @@ class SampledSteps:
         return self.next > LAST
 
     def due(self) -> bool:
-        """Whether the step that comes next belongs to the sample, which it then has been asked for."""
+        """Whether the next step belongs to the sample; a call that returns True moves on to the next one."""
         if self.count < self.next:
             return False
         self.next = self.count + 1 if self.count + 1 < FIRST else 1 << max(self.count, 2).bit_length()
