@@ -5,8 +5,8 @@
     craft = co.vehicles.Craft(vehicle, controller=vehicle.controller, water=water)
     run = co.vehicles.load_mission("square.toml").run()
 
-The rooms: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`, `files`,
-`importing` (from other simulators), `logs`, `figures`, `missions`, `serving` (for other programs, over UDP),
+The packages: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`,
+`files`, `importing` (from other simulators), `logs`, `figures`, `missions`, `serving` (for other programs, over UDP),
 `environments` (for learning, by Gymnasium). Axes are north, east, down and forward,
 starboard, down; see `axes`.
 """

@@ -14,7 +14,7 @@ from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way
 
 DAMPING_RATIO = 0.9
 LENGTHS = 1.5
-"""A turn is meant to take about U/L·LENGTHS rad/s, where fins and sampling allow it."""
+"""The intended pole frequency of a turn is about U/L·LENGTHS rad/s, as far as fins and sampling allow."""
 FULL_FIN = 0.25
 """rad: errors of pitch, roll or heading that may use the fins up."""
 TURNING = 0.6

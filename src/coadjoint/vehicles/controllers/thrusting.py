@@ -120,7 +120,7 @@ def poles(square: float, late: float) -> np.ndarray:
 
 
 def accelerations(part: Thrusters, M: np.ndarray) -> np.ndarray:
-    """The largest acceleration along each axis (surge … yaw) by itself, m/s² and rad/s²; 0 where there is none."""
+    """The largest acceleration along each axis (surge … yaw) by itself, m/s² and rad/s²; 0 without one."""
     B = part.nominal_matrix
     inverse, (low, high) = np.linalg.pinv(B), part.extremes
     found = np.zeros(6)

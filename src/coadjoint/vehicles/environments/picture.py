@@ -56,6 +56,6 @@ def _draw(axes: Axes, x: np.ndarray, y: np.ndarray, turn: float) -> None:
 
 
 def _room(values: np.ndarray) -> tuple[float, float]:
-    """The ends of an axis with room around all values."""
+    """The ends of an axis with a margin around all values."""
     middle, half = 0.5 * (values.min() + values.max()), 0.6 * (values.max() - values.min())
     return middle - max(half, 1.0), middle + max(half, 1.0)

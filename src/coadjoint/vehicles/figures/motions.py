@@ -99,7 +99,7 @@ def _look(component: int) -> dict[str, Any]:
 
 
 def key(axes: Axes, labels: Sequence[str]) -> None:
-    """Which colour is which component, and which curve a set point, in as few lines above the axes as have room."""
+    """The key of components and set points above the axes, in as few lines as possible."""
     handles = [Line2D([], [], label=text, **_look(i)) for i, text in enumerate(labels)]
     others = {str(line.get_label()): line for line in axes.get_lines() if not str(line.get_label()).startswith("_")}
     axes.yaxis.get_offset_text().set_horizontalalignment("right")  # a power of ten is next to the key, not in it

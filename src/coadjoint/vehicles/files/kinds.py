@@ -1,4 +1,4 @@
-"""The kinds of parts and controllers in files: every class of their rooms that has a word for it."""
+"""The kinds of parts and controllers in files: every class of their packages with a word for it."""
 
 from __future__ import annotations
 

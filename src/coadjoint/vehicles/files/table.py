@@ -160,7 +160,7 @@ class Section:
                 raise self.fail(f"has no key `{name}`: {hint}")
 
     def _instead(self, name: str) -> str:
-        """The end of a sentence on a key that is missing: the key that may have been meant as it."""
+        """The end of a message on a missing key: a given key that may be a misspelling of it."""
         found = get_close_matches(name, [key for key in self.given if key not in self.asked], n=1, cutoff=0.8)
         return f", but has `{found[0]}`: did you mean `{name}`?" if found else "."
 

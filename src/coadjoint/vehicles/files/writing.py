@@ -179,7 +179,7 @@ def _value(value: Any) -> str:
 
 
 def _diagonal(value: Any) -> Any:
-    """The diagonal of a matrix that has nothing else, for people to read."""
+    """The diagonal of a diagonal matrix, for readability."""
     found = np.asarray(value)
     return np.diag(found) if found.ndim == 2 and np.array_equal(found, np.diag(np.diag(found))) else found
 

@@ -115,6 +115,6 @@ def _known(links: Mapping[str, Link]) -> str:
 
 
 def require_mass(body_links: list[tuple[Link, Placement]], name: str) -> None:
-    """Raise FileError where nothing has a mass."""
+    """Raise FileError if no link has a mass."""
     if not sum(link.mass for link, _ in body_links) > 0:
         raise FileError(f"{name}: no link that belongs to the vehicle has a mass: give its <inertial> a <mass>.")

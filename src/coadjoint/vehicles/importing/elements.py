@@ -39,7 +39,7 @@ class Element:
 
     @property
     def label(self) -> str:
-        """How a sentence names it: its tag with its name, if it has one."""
+        """Its name in messages: its tag with its name, if it has one."""
         name = self.attributes.get("name") or self.attributes.get("reference")
         return f"<{self.tag}> {name!r}" if name else f"<{self.tag}>"
 

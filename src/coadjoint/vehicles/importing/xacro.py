@@ -62,7 +62,7 @@ class Xacro:
     macros: dict[str, Element] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
-    """Sentences on includes and macros that are not there."""
+    """Sentences on missing includes and macros."""
     made: int = 0
     written: int = 0
     bytes: int = 0

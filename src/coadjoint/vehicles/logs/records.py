@@ -93,7 +93,7 @@ class VehicleRecords:
 
     @property
     def current(self) -> np.ndarray | None:
-        """The velocity of the water, space axes, (nodes, 3), m/s; None where the run has none."""
+        """The velocity of the water, space axes, (nodes, 3), m/s; None if the run has no record of it."""
         return self._values("current") if "current" in self.dataset else None
 
     @cached_property

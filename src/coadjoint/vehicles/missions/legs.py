@@ -105,7 +105,7 @@ class MissionSection:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """The way points (k, 3): north, east, depth, m; none where it has none."""
+        """The way points (k, 3): north, east, depth, m; empty without way points."""
         given = np.zeros((0, 3)) if self.way_points is None else self.way_points
         if given.ndim != 2 or given.shape[1] != 3:
             names = "[north, east, depth]" if self.axes == "NED/FRD" else "[east, north, up]"
@@ -203,7 +203,7 @@ class MissionSection:
         return min(near, key=near.__getitem__)
 
     def until(self, grid: Bottom | None, arrived: Any = None) -> Any:
-        """The event that ends the mission before its time, None where nothing does; raises ArgumentError.
+        """The event that ends the mission before its time, None without one; raises ArgumentError.
 
         grid: that of [water.bottom]. arrived: the event that the last way point is reached, where there are way points.
         """

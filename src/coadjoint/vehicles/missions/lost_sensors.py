@@ -1,4 +1,4 @@
-"""Sensors that fail, tables [faults.NAME] with `sensor`: from a time, or a depth, on nothing more is read."""
+"""Sensors that fail, tables [faults.NAME] with `sensor`: no readings from a time, or a depth, on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LostSensor:
-    """A sensor that reads nothing from `time`, s, or from the first node at `depth`, m, on, up to `until`, s."""
+    """A sensor without readings from `time`, s, or from the first node at `depth`, m, on, up to `until`, s."""
 
     name: str
     sensor: str = key("the sensor")

@@ -111,7 +111,7 @@ class MissionOutputSection(OutputSection):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionSections(Runnable):
-    """The sections of a mission file. `parameters`, `water` and `controller` are tables as they are in the file.
+    """The sections of a mission file. `parameters`, `water` and `controller` are tables as in the file.
 
     axes: those of [initial], [mission] and [water], "NED/FRD" or "ENU/FLU", the key above all sections.
     """

@@ -73,7 +73,7 @@ def volumes(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Ar
 
 
 def actual_of(part: Part, internal: Any) -> Any:
-    """Where the actuator of a part is; None where it has none."""
+    """The actual value of a part's actuator; None without one."""
     return None if part.command is None else getattr(internal, part.name)
 
 

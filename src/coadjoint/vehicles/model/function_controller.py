@@ -173,7 +173,7 @@ def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
 
 
 def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The same structure in numbers: level and at rest, and parameters as they are, or 1 where they are traced."""
+    """The same structure in numbers: level and at rest, and parameters unchanged, or 1 where they are traced."""
     feedback, *others = arguments
     still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), feedback)
     still = still._replace(down=np.array([0.0, 0.0, 1.0]), north=np.array([1.0, 0.0, 0.0]))
@@ -184,7 +184,7 @@ def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _numbers(found: Any) -> Any:
-    """Dictionaries of float64 arrays, and nothing else that JAX would not know."""
+    """Dictionaries of float64 arrays, without types unknown to JAX."""
     if isinstance(found, tuple):
         return tuple(_numbers(part) for part in found)
     if isinstance(found, (Mapping, Named)):

@@ -25,7 +25,7 @@ class ForceCurve(Numbers, ABC):
 
     @property
     def neutral(self) -> float:
-        """The command that pushes nothing."""
+        """The command of zero thrust."""
         return 0.0
 
     @property

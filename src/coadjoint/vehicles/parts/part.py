@@ -107,7 +107,7 @@ class Part(Numbers, ABC):
         """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
 
     def travel(self, own: Any) -> tuple[Any, Any] | None:
-        """The range of the actuator, (lowest, highest), None where it has none."""
+        """The range of the actuator, (lowest, highest), None without one."""
         if "low" in own:
             return own.low, own.high
         if "limit" not in own:
@@ -164,7 +164,7 @@ def towards(x: Array, wanted: Array, h: Array, own: Any) -> Course:
     left = gap - moved
     share = jnp.where(late, -jnp.expm1(-(h - first) / jnp.where(late, lag, 1.0)), at_once)
     total = (gap - 0.5 * moved) * first + left * lag * share
-    # What has arrived is there to the last bit, and so is what stays.
+    # A finished motion ends exactly at its command; a part at rest keeps its exact value.
     arrived = (share == 1) | (~late & (left == 0))
     end = jnp.where(arrived, wanted, x + (moved + left * share))
     begin = x if "rate" in own else jnp.where(late, x, wanted)

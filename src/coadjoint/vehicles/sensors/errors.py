@@ -21,7 +21,7 @@ class Channel(NamedTuple):
     """Components of a reading with one unit and one set of errors.
 
     name: that of the field with its errors. components: their names. dimension, unit: of the components. vector: a
-    vector of the body (3,), which a misalignment turns. angle: angles, of which 2π are nothing.
+    vector of the body (3,), which a misalignment turns. angle: angles, equal modulo 2π.
     """
 
     name: str

@@ -58,7 +58,7 @@ class Motor(NamedTuple):
 
 
 def thrusters_of(vehicle: Vehicle) -> Thrusters:
-    """The one part of a vehicle that is thrusters; raises ArgumentError where there is none, or several."""
+    """The one part of a vehicle that is thrusters; raises ArgumentError for none or several."""
     found = [part for part in vehicle.commanded if isinstance(part, Thrusters)]
     if len(found) != 1:
         raise ArgumentError(
@@ -111,7 +111,7 @@ def _motor(frame: str, number: int, factors: np.ndarray, signs: np.ndarray) -> M
 
 
 def commands(motors: Sequence[Motor], thrusters: Thrusters, pulses: Sequence[int]) -> np.ndarray:
-    """The commands (n,) of pulses, µs: as they are where commands are µs, otherwise shares of the ends of the range.
+    """The commands (n,) of pulses, µs: unchanged if commands are µs, otherwise fractions of the ends of the range.
 
     A pulse of 0 means no pulse, and is neutral.
     """

@@ -81,7 +81,7 @@ class Loop:
         return self._socket.getsockname()
 
     def run(self, answering: Answering, answers: int | None = None, idle: float | None = None) -> None:
-        """Answer until interrupted, until so many `answers`, or until nothing has come for `idle` seconds."""
+        """Answer until interrupted, until so many `answers`, or until no datagram has arrived for `idle` seconds."""
         heard = time.monotonic()
         try:
             while answers is None or self.answers < answers:

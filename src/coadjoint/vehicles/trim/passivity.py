@@ -33,7 +33,7 @@ class Driven(NamedTuple):
 
 
 def driven(vehicle: Any, speed: float = 1.0, *, ahead: bool = False) -> Driven | None:
-    """Where parts drive a vehicle in still water with its actuators as they start; None where none was found.
+    """Where parts drive a vehicle in still water with its actuators as they start; None if none was found.
 
     P = F·v + T·ω of all parts together, which a passive vehicle has below zero in every motion; Coriolis terms do no
     work. Of STATES motions at random and then ROUNDS times as many ever nearer to the worst, with one seed: an active

@@ -63,7 +63,7 @@ def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
 
 
 def travel(part: Any) -> tuple[Any, Any] | None:
-    """The range of an actuator, (lowest, highest), None where it has none."""
+    """The range of an actuator, (lowest, highest), None without one."""
     return part.travel(named(part.parameters()))
 
 

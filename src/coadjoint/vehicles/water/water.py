@@ -45,7 +45,7 @@ class Water(Numbers, ABC):
         return {}
 
     def seeded(self, seed: Any) -> Water:
-        """The same water with random numbers of another seed, or co.each of seeds; itself where nothing is random."""
+        """The same water with random numbers of another seed, or co.each of seeds; unchanged if it is not random."""
         return self
 
     def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
