@@ -129,7 +129,7 @@ class SimulationProblem:
         if before is None:
             checked = require_internal(one, first, h) + one.check(first, method.regular)
             checked += require_forward(one, method, first, h)
-            method.begin(one, first, h)  # what a method checks of a start, it checks of one that is not traced
+            method.begin(one, first, h)  # a method checks only starts that are not traced
         members = begin_members(system, start, method, h, count, self.monitors)
         first, state = first_member(system, members.states)
         if before is None:
@@ -156,7 +156,7 @@ class SimulationProblem:
         return Plan(backend, program, constants, *grid, self.monitors, self.watched, self.until is not None, *members)
 
     def _read(self, system: System, start: State) -> setup_cache.Reading | None:
-        """Read all functions once, and what observes."""
+        """Read all functions and monitors once."""
         observed = (*observe.BEFORE, *observe.AFTER, *self.noether) if self.monitors else tuple(self.noether)
         return setup_cache.read(system, start, self._functions(system), self.watched, observed, self.method, self.h)
 
@@ -169,7 +169,7 @@ class SimulationProblem:
         return [*functions, *(event.function for _, event in self.watched)]
 
     def _checked(self, system: System, start: State, reading: setup_cache.Reading | None) -> setup_cache.Known:
-        """The results of all checks of a run and its start; raises what they raise."""
+        """The results of all checks of a run and its start; raises the errors of the checks."""
         before, warnings = setup_cache.verdict(reading, "run"), []
         if before is None:
             require_internal(system, start, self.h)
@@ -225,7 +225,7 @@ def watched_events(until: Any, events: Any) -> Watched:
 
 
 def require_events(method: Method, state: State, watched: Watched) -> None:
-    """Raise ArgumentError and LagrangianError for what cannot be monitored."""
+    """Raise ArgumentError and LagrangianError for events that cannot be monitored."""
     for name, event in watched:
         require_event(event, name, state)
         if method.variable:
@@ -235,7 +235,7 @@ def require_events(method: Method, state: State, watched: Watched) -> None:
 
 
 def require_fit(system: System, start: State, method: Method, h: float, inputs: Any = None, until: Any = None) -> None:
-    """Raise what `simulate` raises for a method that does not fit the system or its start; nothing is compiled."""
+    """Raise the errors of `simulate` for a method that does not fit the system or its start; compiles nothing."""
     require_kinds(system, start, method)
     together = count_of(system, start) is not None
     system, start = with_inputs(system, start, inputs, method.start == "velocity")

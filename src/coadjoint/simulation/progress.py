@@ -21,7 +21,7 @@ LOGGED_SECONDS = 10.0
 
 @contextmanager
 def compiling(title: str, what: str, wanted: bool | None) -> Iterator[None]:
-    """A line on the terminal while a step is compiled for longer than a second; nothing where `what` is empty."""
+    """A line on the terminal while a step is compiled for longer than a second; nothing if `what` is empty."""
     if not what or not (sys.stderr.isatty() if wanted is None else wanted):
         yield
         return

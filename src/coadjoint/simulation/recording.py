@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 NETCDF = ("", ".nc", ".nc4", ".netcdf")
-"""Endings of names that stand for netCDF."""
+"""Endings of names that mean netCDF."""
 
 
 class Recording:
@@ -36,11 +36,11 @@ class Recording:
         raise NotImplementedError
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        """What a notebook shows: the certificate."""
+        """The certificate, for notebooks."""
         printer.text("…" if cycle else str(self))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the certificate, and the bodies moving in space where it has any."""
+        """The certificate, and the moving bodies if there are any, for notebooks."""
         from coadjoint.plotting.player import cell
 
         return cell(str(self), self)

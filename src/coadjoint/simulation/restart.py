@@ -30,7 +30,7 @@ _FREE = ("inputs", "internal", "internal_mean", "internal_end")
 
 
 def written(record: State, system: System) -> dict[str, Any]:
-    """The last record, without what a method remembers, and the parameters of the run.
+    """The last record, without the memory of the method, and the parameters of the run.
 
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
     """

@@ -1,4 +1,4 @@
-"""The result of a run, of one system or of the members of an ensemble: what the driver left behind."""
+"""The result of a run, of one system or of the members of an ensemble, after the driver has finished."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Result(Recording):
 
     @property
     def title(self) -> str:
-        """The system and the method in words."""
+        """The system and the method as text."""
         many = "" if self.members is None else f"{self.members:,} × "
         return f"{many}{self.system.name}, {self.method.title}"
 

@@ -45,7 +45,7 @@ class _OnDisk(Result):
 
     @property
     def store(self) -> Store:
-        """Where the records are: what this run has in place of `memory`."""
+        """The store of the records, which this run has as its `memory`."""
         return cast(Store, self.memory)
 
     @property
@@ -95,7 +95,7 @@ class _OnDisk(Result):
 
 
 class StreamedRun(_OnDisk, Run):
-    """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
+    """The result of `co.simulate(…, store=DIR)` and `co.resume(DIR, …)`: a `Run` that is read from disk when used."""
 
     @property
     def last_record(self) -> State:
@@ -103,7 +103,7 @@ class StreamedRun(_OnDisk, Run):
 
 
 class StreamedEnsemble(_OnDisk, Ensemble):
-    """The same for many members: as `Ensemble`, but read from the disk when used."""
+    """The same for many members: an `Ensemble` that is read from disk when used."""
 
 
 _log = logger(__name__)
@@ -112,7 +112,7 @@ _log = logger(__name__)
 def streamed(
     run: Result, path: str | os.PathLike[str], chosen: Any, accuracy: bool, traces: Traced
 ) -> StreamedRun | StreamedEnsemble:
-    """A run that has not begun, put into a new folder, or taken up where a folder holds the same run.
+    """A run that has not begun, put into a new folder, or continued if the folder holds the same run.
 
     `chosen` are the Kelvin–Noether quantities of the user; accuracy: whether it is judged; traces: those of its kernel.
     """
@@ -219,7 +219,7 @@ def resume(
 
 
 def _taken_up(run: Result, folder: Path) -> StreamedRun | StreamedEnsemble:
-    """A run that was set up again, at the place where the folder stands; a finished one is only read."""
+    """A run that was set up again, at the position in its folder; a finished one is only read."""
     complete = run_manifest(folder).facts["complete"]
     sweep_beside(folder)
     if complete:

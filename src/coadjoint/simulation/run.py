@@ -42,7 +42,7 @@ class _Shown(Result):
 
 
 class Run(_Shown):
-    """What `co.simulate` returns; `print` it for the certificate.
+    """The result of `co.simulate`; `print` it for the certificate.
 
     records: the saved states, with a leading axis of nodes in every leaf; ξ and ν are those of the step that starts at
     the node. final: the last of them, with ξ and ν at the node itself, as in the dataset. monitors: name →
@@ -120,7 +120,7 @@ class Run(_Shown):
         return written(last, self.system)
 
     def size(self, name: str) -> float:
-        """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off of what X becomes."""
+        """|X₀| of a monitored X, to which its changes are relative; 0 if it is round-off of later values of X."""
         return float(self.sizes(name))
 
     def relative_change(self, name: str) -> float:
@@ -136,10 +136,10 @@ class Run(_Shown):
 
 
 class Ensemble(_Shown):
-    """What `co.simulate` returns for many members; `print` it for the certificate.
+    """The result of `co.simulate` for many members; `print` it for the certificate.
 
-    `records` have axes (member, node, …); members that failed are NaN from there on, with `steps_done` and `codes`
-    saying where and why. `extrema` are (minimum, maximum) over every step, one row a member.
+    `records` have axes (member, node, …); members that failed are NaN from there on, and `steps_done` and `codes` give
+    the step and the reason. `extrema` are (minimum, maximum) over every step, one row a member.
     """
 
     @property

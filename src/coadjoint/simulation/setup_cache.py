@@ -69,10 +69,10 @@ _lock = threading.Lock()
 def read(
     system: System, start: State, functions: list[Callable[[State], Any]], events: Any, observed: Any, *more: Any
 ) -> Reading | None:
-    """Read all functions once; None where they cannot be read, which the checks put into words, or compared.
+    """Read all functions once; None if they cannot be read, which the checks report, or cannot be compared.
 
-    functions: those of a state, events, Events by names, among them. observed: objects that observe. more: what else
-    the checks depend on.
+    functions: those of a state, including those of `events`, Events by names. observed: the monitors. more: further
+    values on which the checks depend.
     """
     try:
         numbers, structure = jax.tree_util.tree_flatten((system.parameters, start))
@@ -105,7 +105,7 @@ def found(reading: Reading | None) -> Known | None:
 
 
 def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
-    """What checks for this purpose found for the reading before, here or in another process, as a copy."""
+    """A copy of the earlier results of checks for this purpose and reading, from this or another process."""
     if reading is None:
         return None
     with _lock:
@@ -118,7 +118,7 @@ def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
 
 
 def remember_verdict(reading: Reading | None, purpose: str, found: dict[str, Any]) -> None:
-    """Keep what checks found, lists of texts and arrays of float64, here and for other processes."""
+    """Keep the results of checks, lists of texts and arrays of float64, here and for other processes."""
     if reading is None:
         return
     _remember_verdict(reading, purpose, found)

@@ -76,9 +76,9 @@ def simulate(
             observed at every step; by default True. `system.watching({name: function})` adds quantities.
         kelvin_noether: a `co.mechanics.KelvinNoether(c0)` or several; by default one for each c₀ of a basis of
             {c₀ ∈ 𝔤 : c₀·a₀ = 0}.
-        inputs: what forces and ℓ read as `inputs`, by default nothing: a signal such as `co.Linear(times, values)`,
-            evaluated at the method's own nodes; a number or an array, constant; a function of the
-            `co.mechanics.NodeMotion`, held over each step; or a dictionary of these, read as `inputs.name`.
+        inputs: the values that forces and ℓ read as `inputs`, by default none: a signal such as
+            `co.Linear(times, values)`, evaluated at the method's own nodes; a number or an array, constant; a function
+            of the `co.mechanics.NodeMotion`, held over each step; or a dictionary of these, read as `inputs.name`.
         until: a function of the state to a number, or a `co.Event` with a direction: the run ends where it crosses
             zero, located on the dense output, and `run.event` is that time in s, or None; by default it runs to its
             end. It is evaluated on records: ξ and ν are those of the step that starts there, μ and π those of the time
@@ -86,8 +86,8 @@ def simulate(
         events: name → function of the state or `co.Event`, by default none; `run.events[name]` are the records
             where it crosses zero. Needs fixed steps; neither `events` nor `until` of an ensemble goes with `store`.
         progress: None, a progress bar on a terminal for runs over a second (the default); False, never.
-        backend: "native", machine code, for small systems; "xla", JAX's compiler, for what cannot be traced to machine
-            code; "auto", native where it can be (the default).
+        backend: "native", machine code, for small systems; "xla", JAX's compiler, for steps that cannot be traced to
+            machine code; "auto", native where possible (the default).
         store: a folder to which records are written during the run, in constant memory; by default they stay in
             memory. Repeating the call continues an interrupted run, and returns a finished one; so does
             `co.resume(store, system)`.
@@ -151,7 +151,7 @@ def simulate(
 
 
 def _judge_by(run: Run, finer: Any, progress: bool | None, began: float) -> None:
-    """Do the run again with half its steps, and say on its card how far the two are from one another."""
+    """Repeat the run with half its step size, and give the difference of the two in its certificate."""
     try:
         with_trajectory_error(run, execute(finer, progress, began, False))  # type: ignore[arg-type]
     except KeyboardInterrupt:

@@ -53,7 +53,7 @@ FLUSH_BYTES = 32 << 20
 """The most memory for the chunks of all members of an ensemble, written together, unless they hold one node."""
 
 PERIOD, BURDEN = 2.0, 20.0
-"""Seconds between checkpoints: PERIOD, or BURDEN times what writing the last one took, whichever is more."""
+"""Seconds between checkpoints: PERIOD, or BURDEN times the time for writing the last one, whichever is more."""
 
 
 class Store:
@@ -96,7 +96,7 @@ class Store:
 
     @property
     def complete(self) -> bool:
-        """Whether the run has ended and all that is to be said of it is written."""
+        """Whether the run has ended and its complete certificate is written."""
         return bool(self.manifest.facts.get("complete"))
 
     # A new folder, or one that holds a run.
@@ -148,9 +148,9 @@ class Store:
         self._due = time.monotonic() + PERIOD
 
     def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: Any) -> Any:
-        """Go on where a checkpoint stands; raises FileError where records that it counts are damaged.
+        """Continue from a checkpoint; raises FileError if records that it counts are damaged.
 
-        `begun` is where the run stood at its start.
+        `begun` is the position of the run at its start.
         """
         position = configuration.position_at(header, arrays, begun)
         self._due, self._kept = time.monotonic() + PERIOD, header["records"]
@@ -186,7 +186,7 @@ class Store:
             self.finish(position, complete=False)
 
     def finish(self, position: AnyPosition, complete: bool = True) -> None:
-        """Write all records and a checkpoint; `complete`, the last one, with all that is to be said of the run."""
+        """Write all records and a checkpoint; `complete`: the last one, with the complete certificate."""
         began = time.monotonic()
         with self._writing():
             self._absorb()
@@ -218,7 +218,7 @@ class Store:
         return {**grid, **member_variables(self.system, records, monitors, self._derive, members_of(records, 1))}
 
     def _of_first(self, records: State) -> dict[str, Any]:
-        """What follows from records of a run, or of the first member."""
+        """Quantities derived from the records of a run, or of the first member."""
         return self._derive(self.system.parameters, records)
 
     def _absorb(self) -> None:
@@ -230,7 +230,7 @@ class Store:
         self._chunks.place({name: values for name, (_, values) in found.items()}, len(steps))
 
     def write_checkpoint(self, position: AnyPosition, complete: bool = False) -> None:
-        """Write where the run stands, and the manifest that counts it."""
+        """Write the position of the run, and the manifest that counts it."""
         header, arrays = configuration.position_numbers(position)
         header |= {"records": self.count, "monitors": list(self.ends)}
         header["attributes"] = {name: _plain(value) for name, value in self.attributes().items()}

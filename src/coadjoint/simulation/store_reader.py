@@ -29,7 +29,7 @@ CODECS = ("bytes", "crc32c")
 
 
 NUMBERS = ("bool", "int32", "int64", "float64", "complex128")
-"""What arrays may hold."""
+"""The types of numbers that arrays may hold."""
 
 
 LARGEST = 1 << 20
@@ -222,7 +222,7 @@ CHECKPOINTS = "checkpoint-*.npz"
 
 
 OLD_CHECKPOINT = "checkpoint.npz"
-"""What a folder of format 1 holds."""
+"""The checkpoint in a folder of format 1."""
 
 
 _AGAIN = 20
@@ -281,7 +281,7 @@ def require_run(folder: Path) -> None:
 
 
 def run_manifest(folder: Path) -> Manifest:
-    """The manifest of the run that streamed to a folder; raises FileError where there is none."""
+    """The manifest of the run that streamed to a folder; raises FileError if the folder holds no run."""
     require_run(folder)
     found = Manifest.read(folder)
     if found.facts["kind"] != "records":

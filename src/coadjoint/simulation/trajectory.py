@@ -1,4 +1,4 @@
-"""Trajectories as pure functions: what grad, jit and vmap go through."""
+"""Trajectories as pure functions, for grad, jit and vmap."""
 
 from __future__ import annotations
 
@@ -92,18 +92,18 @@ def trajectory(
         dt: h, s; one number, traced or not, not 0; a negative one goes back in time.
         steps: the number of steps, at least 1.
         save_every: every how many steps a record is kept, by default 1; it must divide `steps`.
-        accuracy: whether a sample of the steps is judged, each against steps of parts of it, by default True: it warns
-            where dt does not resolve the motion, with one that would. Inside jit, grad or vmap nothing is judged: call
-            it with plain numbers first.
+        accuracy: whether a sample of the steps is judged, each by comparison with shorter steps over the same time; by
+            default True: it warns if dt does not resolve the motion, and gives a dt that does. Inside jit, grad or
+            vmap no step is judged: call it with plain numbers first.
         backend: "native", with reverse mode in machine code and forward mode by XLA; "xla", for derivatives of any
             order; "auto" (the default), native on processors where the step can be traced.
 
     Returns a `Trajectory`. Called with plain numbers its arrays are NumPy's, and StepError is raised for a step that
     fails. Inside jit, grad or vmap, which need `with co.float64():`, `code` reports failure instead; the derivative of
-    a failed run does not exist, and reverse mode by native code returns NaN for it. Numbers are not known
-    there, so that the symmetry of Λ for `co.Variational(symmetric=True)` is not checked: call it with plain ones first.
+    a failed run does not exist, and reverse mode by native code returns NaN for it. Numbers are unknown there, so that
+    the symmetry of Λ for `co.Variational(symmetric=True)` is not checked: call it with plain ones first.
 
-    Raises ArgumentError, GroupError and LagrangianError as `co.simulate` does; StepError as said above.
+    Raises ArgumentError, GroupError and LagrangianError as `co.simulate` does, and StepError as described above.
     """
     method = Midpoint() if method is None else method
     require_kinds(system, start, method)
@@ -144,10 +144,10 @@ def computed(
     *,
     last: bool = False,
 ) -> Trajectory:
-    """blocks = (records, save_every) of a program from a state that was begun: what `trajectory` returns.
+    """blocks = (records, save_every) of a program from a state that was begun: the result of `trajectory`.
 
-    last: whether a record of the last node follows, for whose ξ and ν the step from there is solved, too. Where it has
-    no solution they are those of the step before.
+    last: whether a record of the last node follows, for whose ξ and ν the step from there is also solved. If it has no
+    solution, they are those of the step before.
     """
     inside = traced(constants, begun, h)
     if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
@@ -172,7 +172,7 @@ def computed(
 
 
 def _failed(code: Code, program: StepProgram) -> str:
-    """What happened in a step that ended with this code, and the remedy."""
+    """The failure of a step that ended with this code, and the remedy."""
     unsolved, beyond = program.method.remedies
     if code is Code.NOT_CONVERGED:
         return f"it did not converge; {unsolved}."
@@ -195,7 +195,7 @@ def _require_room(state: State, blocks: Blocks) -> None:
 def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:
     """Native code where JAX computes on this processor anyway, the step can be traced and the state is not XLA's.
 
-    Inside a transformation numbers are not known: others of their shapes stand for them. Steps that may fail have no
+    Inside a transformation numbers are unknown: others of the same shapes replace them. Steps that may fail have no
     derivative in native code.
     """
     if backend == "auto" and (jax.default_backend() != "cpu" or isinstance(state.memory, Factors)):
@@ -260,7 +260,7 @@ def _of_chunk(chunk: Chunk) -> Trajectory:
 
 
 def _interrupted(chunk: Any, blocks: Blocks) -> KeyboardInterrupt:
-    """What to raise for a trajectory that was interrupted: with the steps that were done, if there are any."""
+    """The exception for an interrupted trajectory, with the steps that were done, if there are any."""
     if not chunk.steps:
         return KeyboardInterrupt()
     done, steps = chunk.steps, blocks[0] * blocks[1]

@@ -42,7 +42,7 @@ class Chunks:
         self._empty()
 
     def take_up(self, count: int) -> None:
-        """Go on after `count` rows, those of a chunk that is not full read back."""
+        """Continue after `count` rows; the rows of a chunk that is not full are read back."""
         self.open()
         self.count = count
         if filled := count % self.length:
@@ -50,7 +50,7 @@ class Chunks:
                 block[:filled] = _read(self._arrays[name], count - filled, count)
 
     def sweep(self) -> None:
-        """Remove what an interrupted writer left under hidden names."""
+        """Remove the hidden files of an interrupted writer."""
         root = self.manifest.folder
         for place in (root, *(path for path in (root / RECORDS).rglob("*") if path.is_dir())):
             disk.sweep(place)
@@ -69,7 +69,7 @@ class Chunks:
                 self._empty()
 
     def write(self, complete: bool = False) -> None:
-        """Write the chunk of every variable that holds the last row; `complete`: no more rows will come."""
+        """Write the chunk of every variable that holds the last row; `complete`: no rows will follow."""
         index = (self.count - 1) // self.length
         rows = self.count - index * self.length
         growing = rows < self.length and not complete
@@ -107,7 +107,7 @@ class Chunks:
 
 
 def unset(dtype: Any) -> Any:
-    """What stands in rows that are not written yet: it is never shown."""
+    """The value of rows that are not written yet, which is never shown."""
     return np.nan if np.dtype(dtype).kind == "f" else -1
 
 

@@ -1,4 +1,4 @@
-"""Where a stepper stands: its memory, its states and commands, and how to go elsewhere."""
+"""The state of a stepper: its memory, its states and commands, and the moves to other states."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from coadjoint.simulation.steppers.judging import StepperWarnings
 class StepperBase(StepperWarnings):
     """The memory of a stepper and all that can be done without a step. Knows NumPy and an engine only.
 
-    `command` and `observation` are dictionaries of views into memory that stays: writing into
-    `stepper.command["thrust"][...]` before `step()` is the fastest way in, and what `observation` shows changes with
-    the next step. Of many members every array has a first axis of members.
+    `command` and `observation` are dictionaries of views into permanent memory: writing into
+    `stepper.command["thrust"][...]` before `step()` is the fastest way to command, and the arrays of `observation`
+    change with the next step. With many members every array has a first axis of members.
     """
 
     def __init__(self, face: StepperInterface, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int):
@@ -42,7 +42,7 @@ class StepperBase(StepperWarnings):
     def _stand(
         self, face: StepperInterface, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int, kin: str
     ) -> None:
-        """kin: what clones and saved steppers have in common with the one they are of."""
+        """kin: an identifier that clones and saved steppers share with their original."""
         self.face, self._engine, self.threads, self._kin = face, engine, threads, kin
         self._pace, self._turn, self._origin = PieceLength(), StepperLock(), origin
         """The state that `reset` goes back to, (groups, size, lanes)."""
@@ -100,12 +100,12 @@ class StepperBase(StepperWarnings):
 
     @property
     def failures(self) -> dict[int, str]:
-        """What happened to the members that failed, by their index."""
+        """The failures of members by their index."""
         return {int(i): self._sentence(int(i)) for i in np.flatnonzero(np.atleast_1d(self.failed))}
 
     @property
     def failure(self) -> str | None:
-        """What happened to a single one that failed."""
+        """The failure of a single one; None if it has not failed."""
         return self.failures.get(0) if self.face.members is None else None
 
     # Moving to another state.
@@ -156,7 +156,7 @@ class StepperBase(StepperWarnings):
             return self._go(which, self._rows(of_lanes(self._buffers.state)[which], state, which))
 
     def _follow(self, other: StepperBase, which: np.ndarray) -> dict[str, np.ndarray]:
-        """Go on as these members of a clone would."""
+        """Continue as these members of a clone would."""
         if other._kin != self._kin:
             raise ArgumentError("A stepper can be restored to where a clone of it stands, but this is another one.")
         status = of_lanes(other._buffers.status)[which]
@@ -257,12 +257,12 @@ class StepperBase(StepperWarnings):
     def __deepcopy__(self, memo: Any) -> Self:
         return self.clone()
 
-    # What goes wrong.
+    # Failures.
 
     def _judge(self, flags: int, n: int = 0) -> None:
-        """Raise where an observation is not finite, and where a single one has failed or has ended; n: steps asked for.
+        """Raise if an observation is not finite, or if a single one has failed or ended; n: the requested steps.
 
-        A single one that has just come to its event goes there.
+        A single one that has just reached its event moves there.
         """
         if flags & (StatusFlag.CLIPPED | StatusFlag.DUE):
             self._heed(flags, n)
@@ -286,7 +286,7 @@ class StepperBase(StepperWarnings):
         return f" at t = {float(np.atleast_1d(self.t)[member]):.6g} s"
 
     def _sentence(self, member: int) -> str:
-        """What happened to a member, where, and the remedy."""
+        """The failure of a member, its place, and the remedy."""
         code, done = (int(np.atleast_1d(x)[member]) for x in (self.status, self.steps))
         whose = "" if self.face.members is None else f" of member {member}"
         where = f"Step {done}{whose} (t = {float(np.atleast_1d(self.t)[member]):.6g} s)"

@@ -105,7 +105,7 @@ class Beginning:
         return packing.rows(states, count)
 
     def carrying(self, state: State) -> State:
-        """A state with what steps by XLA carry over, or without it: runs and other steppers have it or not."""
+        """A state of a run or stepper with the values that XLA steps carry over, or without them for machine code."""
         return self.method.begin_by_xla(self.skeleton, state) if self.by_xla else in_records(state)
 
     def _require_like(self, states: State) -> None:

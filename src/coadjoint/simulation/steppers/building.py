@@ -1,4 +1,4 @@
-"""What a stepper is built of: commands, members, checks, parameters that are compiled in, and the end at an event."""
+"""The parts of a stepper: commands, members, checks, compiled-in parameters, and the end at an event."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Commands(NamedTuple):
 def commands_from(given: Any) -> Commands:
     """From names, of numbers that start at 0, or name → start, or one start; raises ArgumentError.
 
-    Signals and functions of the motion stay what they are for `co.simulate`.
+    Signals and functions of the motion are inputs as for `co.simulate`.
     """
     if given is None or (isinstance(given, (tuple, list, Mapping)) and not given):
         return Commands(None, None, Fields.of({}))

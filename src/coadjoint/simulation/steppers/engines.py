@@ -40,9 +40,9 @@ Observe = Mapping[str, Callable[..., Any]]
 
 
 class Watch(NamedTuple):
-    """(parameters, state) → what each function observes, as arrays in their order; for tracing, hashable.
+    """(parameters, state) → the observations of the functions, as arrays in their order; hashable, for tracing.
 
-    The state that functions see has the velocities of its momenta, where `moving`: where one of them reads these.
+    If `moving`, that is if a function reads velocities, the state that functions see has the velocities of its momenta.
     """
 
     skeleton: System
@@ -141,7 +141,7 @@ class XlaEngine:
 
 
 def _told(buffers: Buffers, before: np.ndarray) -> int:
-    """What `StatusFlag` says after a call, from the status of members before it."""
+    """The `StatusFlag` after a call, from the status of members before it."""
     low, high = buffers.limits[..., 0]
     beyond = np.any((buffers.commands < low) | (buffers.commands > high), axis=1)
     taken, now = before[:, 0], buffers.status[:, 0, 0]

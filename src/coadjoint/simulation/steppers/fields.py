@@ -56,7 +56,7 @@ class Fields(NamedTuple):
         return {name: rows[..., place].reshape((*rows.shape[:-1], *shape)) for name, shape, place in self.places()}
 
     def unknown(self, name: Any, what: str) -> str:
-        """The sentence about a name that is none."""
+        """The message about an unknown name."""
         if path := respelled(str(name), self.names):
             return f"There is no {what} `{name}`: it is `{path}`."
         return f"There is no {what} `{name}`; there is: {', '.join(self.names) or 'none'}."

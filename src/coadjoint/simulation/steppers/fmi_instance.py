@@ -1,6 +1,6 @@
-"""A saved stepper as the slave of a co-simulation by FMI 2.0: what runs inside a functional mock-up unit.
+"""A saved stepper as the slave of a co-simulation by FMI 2.0, which runs inside a functional mock-up unit.
 
-Knows NumPy, llvmlite and PythonFMU; JAX is not imported.
+Imports NumPy, llvmlite and PythonFMU, but not JAX.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class FmiInstance(Fmi2Slave):
 
     @contextmanager
     def _logging(self) -> Iterator[None]:
-        """Warnings are for the log, of which there is none yet at the start."""
+        """Collect warnings for the log, which does not exist yet at the start."""
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             yield

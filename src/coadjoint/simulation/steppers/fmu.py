@@ -32,7 +32,7 @@ def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool
 
         co.simulation.save_fmu(stepper, "remus.fmu")
 
-    stepper: a `co.Stepper`, or what `co.load_stepper` has loaded. path: the file. overwrite: whether to replace one.
+    stepper: a `co.Stepper`, or one loaded by `co.load_stepper`. path: the file. overwrite: whether to replace one.
 
     Commands are its inputs and observations its outputs; arrays are split into numbers with indices from 1. A
     communication step is an integer multiple of dt. The unit starts from the current state of the stepper, can save and

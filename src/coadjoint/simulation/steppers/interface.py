@@ -1,4 +1,4 @@
-"""What a stepper shows and holds: its names and shapes, its memory, its lock, and the messages of a failed step."""
+"""The interface of a stepper: its names and shapes, its memory, its lock, and the messages of a failed step."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Buffers(NamedTuple):
         return self._replace(limits=np.repeat(ends[..., None], len(self.h), axis=2))
 
     def with_parameters(self, rows: np.ndarray, shared: bool | None = None) -> Buffers:
-        """The same memory with parameters (members, size); shared where all are the same, if not said otherwise."""
+        """The same memory with parameters (members, size); shared if all are equal, unless `shared` is given."""
         groups, _, lanes = self.state.shape
         shared = bool(np.all(rows == rows[0])) if shared is None else shared
         return self._replace(parameters=in_lanes(rows[:1] if shared else rows, lanes, 1 if shared else groups))
@@ -69,7 +69,7 @@ class Buffers(NamedTuple):
         return Buffers(*(array.copy() for array in self))
 
     def context(self) -> np.ndarray:
-        """What machine code is given: `kernels.emit.online.CONTEXT`."""
+        """The arguments of machine code: `kernels.emit.online.CONTEXT`."""
         p = self.parameters
         stride = 0 if len(p) == 1 else p.shape[1] * p.shape[2]
         arrays = (self.h, self.state, self.status, self.commands, self.observations, self.limits)
@@ -89,7 +89,7 @@ def put(grouped: np.ndarray, members: np.ndarray, rows: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class StepperInterface:
-    """What a stepper shows: names and shapes of all it holds, its step, and what to do about a step that fails.
+    """The public face of a stepper: names and shapes of its numbers, its step size, and remedies for a failed step.
 
     `members` is None for a single one. `commanded` are the places of the commands in a state, `time` that of t.
     """
@@ -138,7 +138,7 @@ class Prepared(NamedTuple):
 
 
 def failed_step(where: str, code: int, dt: float, remedies: tuple[str, str], commands: Mapping[str, np.ndarray]) -> str:
-    """What happened in a step that ended with this code, and the remedy."""
+    """The failure of a step that ended with this code, and the remedy."""
     unsolved, beyond = remedies
     if bad := [name for name, value in commands.items() if not np.all(np.isfinite(value))]:
         return f"{where} could not be taken: the command `{bad[0]}` is not finite."
@@ -155,9 +155,9 @@ BUSY = "Another thread is stepping this stepper: give each thread a clone() of i
 
 
 class StepperLock:
-    """A lock that refuses a second thread that steps or changes, and lets those that only read wait.
+    """A lock that raises for a second thread that steps or changes, and makes threads that only read wait.
 
-    `lock.acquire(False)` and `lock.release()` are the fast way in and out; where it fails, `wait()` decides.
+    `lock.acquire(False)` and `lock.release()` are the fast path; if acquiring fails, `wait()` decides.
     """
 
     def __init__(self) -> None:
@@ -175,7 +175,7 @@ class StepperLock:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """For what changes the memory."""
+        """Hold the lock while the memory changes."""
         lock = self.lock
         if not lock.acquire(False):
             self.wait()
@@ -186,7 +186,7 @@ class StepperLock:
 
     @contextmanager
     def reading(self) -> Iterator[None]:
-        """For what only copies the memory: waits for the end of a call in another thread."""
+        """Hold the lock while memory is only copied: waits for the end of a call in another thread."""
         me = threading.get_ident()
         self._readers.add(me)
         try:

@@ -1,4 +1,4 @@
-"""What a stepper warns of while it steps: a dt that does not resolve the motion, commands that are clipped."""
+"""The warnings of a stepper while it steps: a dt that does not resolve the motion, and clipped commands."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from coadjoint.simulation.steppers.interface import Buffers, Engine, StepperInte
 from coadjoint.simulation.steppers.native_engine import NativeEngine
 
 AHEAD_BY_XLA = (4,)
-"""How many steps ahead of one by XLA it is looked for how far a step moves."""
+"""How many steps ahead the judgement looks, by XLA, to find how far a step moves."""
 
 
 class EngineSteps:
     """Steps of a stepper's engine from rows of numbers (rows, size); parameters (members or 1, size).
 
-    The records have what a step needs of its internal state: its course, and what jumps at the node.
+    The records hold the internal state of a step: its course, and the values that jump at the node.
     """
 
     def __init__(self, engine: Engine, face: StepperInterface, course: InternalPlaces, parameters: np.ndarray):
@@ -47,7 +47,7 @@ class EngineSteps:
 
 
 def sample_of(engine: Engine, parts: PartsOfSteps) -> SampledSteps:
-    """A sample of steps that begins; parts: what compares them."""
+    """A new sample of steps; parts: their comparison."""
     return SampledSteps(parts, AHEAD if isinstance(engine, NativeEngine) else AHEAD_BY_XLA)
 
 
@@ -65,8 +65,8 @@ def judged_steps(sample: SampledSteps, face: StepperInterface, memory: Buffers) 
 class StepperWarnings:
     """The sample of steps that are judged for their accuracy, and the limits of commands.
 
-    While the first steps are sampled, they are taken one call of the engine after the other. After that, the engine
-    says when a step is due, and which calls clip a command, so that neither costs anything in Python.
+    While the first steps are sampled, each takes one call of the engine. After that, the engine reports when a step is
+    due, and which calls clip a command, so that neither costs anything in Python.
     """
 
     face: StepperInterface
@@ -77,7 +77,7 @@ class StepperWarnings:
     _sample: SampledSteps | None = None
     """The sample of the first steps while it lasts."""
     _later: SampledSteps | None = None
-    """What judges the steps after those; None where nothing is judged any more."""
+    """The sample of later steps; None when no step is judged any more."""
     _straight: int = FIRST
     """The most steps that are taken by one call of the engine."""
 
@@ -86,7 +86,7 @@ class StepperWarnings:
     def _begin_sample(self, parts: PartsOfSteps, depth: int = 3) -> None:
         """Judge the step from here, and some of those that will be taken, and warn once.
 
-        parts: what compares them. depth: how many calls below the user's this one is.
+        parts: their comparison. depth: how many calls below the user's this one is.
         """
         self._parts, self._sample, self._straight = parts, sample_of(self._engine, parts), 0
         if sentence := self._judgement(self._sample):
@@ -117,10 +117,10 @@ class StepperWarnings:
         sample.parts.probe = self._steps(sample.parts.course)
         return judged_steps(sample, self.face, self._buffers)
 
-    # What the engine says of a call.
+    # The reports of the engine on a call.
 
     def _heed(self, flags: int, n: int) -> None:
-        """Warn of what the engine says of a call of n steps, `StatusFlag`."""
+        """Warn about the reports of the engine, `StatusFlag`, on a call of n steps."""
         if flags & StatusFlag.CLIPPED:
             for sentence in self._clipped(n):
                 warn(sentence, stacklevel=4)
@@ -129,7 +129,7 @@ class StepperWarnings:
             warn(sentence, stacklevel=4)
 
     def _clipped(self, n: int) -> list[str]:
-        """A sentence for each command that has just gone beyond its limits for the first time; n: steps taken."""
+        """A warning for each command that has just exceeded its limits for the first time; n: steps taken."""
         face, buffers, found = self.face, self._buffers, []
         commands, (low, high) = buffers.commands[: face.count], buffers.limits[..., 0].copy()
         codes, times = of_lanes(buffers.status[:, [1]])[:, 0], of_lanes(buffers.state[:, [face.time]])[:, 0]

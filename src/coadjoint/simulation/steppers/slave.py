@@ -1,4 +1,4 @@
-"""What functional mock-up units import that version 0.1.0 wrote, by the names that it had."""
+"""Names imported by functional mock-up units that version 0.1.0 wrote."""
 
 from coadjoint.simulation.steppers.fmi_instance import FmiInstance as StepperSlave
 from coadjoint.simulation.steppers.fmi_instance import hold

@@ -77,7 +77,7 @@ class Stepper(Stepping):
             none.
         until: a function of the state to a number, or a `co.Event` with a direction: a single one stops where it
             crosses zero, and `stepper.event` is that time in s; of many, each stops at the node before. By default
-            none. It reads what `stepper.state` shows: ξ and ν are those of the step that ended there, where
+            none. It reads `stepper.state`: ξ and ν are those of the step that ended there, where
             `co.simulate` reads those of the step that starts there. Two zeros within one step are not seen.
         changing: names of parameters that `change` may set to any value without compiling: those that are 0 or 1 are
             otherwise compiled in. By default none.
@@ -173,7 +173,7 @@ class Stepper(Stepping):
         seen: Fields,
         compiled_in: tuple[tuple[int, float], ...],
     ) -> StepperInterface:
-        """What the stepper is from outside: names and places of its numbers."""
+        """The interface of the stepper: names and places of its numbers."""
         begun, method = self._beginning, self._program.method
         return StepperInterface(
             title=f"{self._program.skeleton.name}, {method.title}",
@@ -234,7 +234,7 @@ class Stepper(Stepping):
         return self._beginning.constants.unpack(rows[0]) if parameters is None else Constants(parameters, None)
 
     def _end(self, n: int) -> None:
-        """Take the part of a step that leads to the event, as `co.simulate` takes it; or go on from a start at one."""
+        """Take the part of a step that leads to the event, as `co.simulate` does; or continue from a start at one."""
         until, direction = self._program.until, self._program.direction
         assert until is not None
         backend: Backend = "native" if isinstance(self._engine, NativeEngine) else "xla"

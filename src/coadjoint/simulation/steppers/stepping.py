@@ -100,7 +100,7 @@ class Stepping(StepperBase):
                 if mark[0] >= n or np.all(memory.status[:, 1] != 0):
                     return flags | due
         except KeyboardInterrupt:
-            # Threads may have come to several nodes.
+            # Threads may have reached different nodes.
             done, memory.state[...], memory.status[...] = mark
             self._look()
             raise _interrupted(before + done, of or n) from None
@@ -128,7 +128,7 @@ class Stepping(StepperBase):
                 self._pack(self._fast, 0, *command)
                 return
             except (struct.error, OverflowError):
-                pass  # the sentence follows
+                pass  # the error message follows
         if command.__class__ is dict or isinstance(command, Mapping):
             for name, value in command.items():
                 if value.__class__ is float and name in self._slots:
@@ -227,7 +227,7 @@ class Stepping(StepperBase):
         raise ArgumentError('A saved stepper does not know how momenta belong to velocities: pass keep="momentum".')
 
     def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
-        """Compile anew, with these places of the parameters free."""
+        """Recompile with these places of the parameters free."""
         raise ArgumentError(
             f"Parameter {self._called(columns)} is compiled into this stepper: name it in `changing` of co.Stepper "
             "before saving."
