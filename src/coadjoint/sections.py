@@ -121,8 +121,8 @@ def in_si(
 ) -> dict[str, Any]:
     """The values of a table under their known names, in SI units.
 
-    measured: what those measure of which it is known, None for what has SI units only. Raises ArgumentError for an
-    unknown key, naming the nearest known one, for a unit of another kind, and for a value given twice.
+    measured: name → physical dimension, where known; None for values in SI units only. Raises ArgumentError for an
+    unknown key, naming the nearest known one, for a unit of another dimension, and for a value given twice.
     """
     found: dict[str, Any] = {}
     for name_in_file, value in given.items():

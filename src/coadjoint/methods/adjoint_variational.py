@@ -19,7 +19,7 @@ from coadjoint.methods.variational import LagrangianSlopes, Variational
 class AdjointVariational(Variational, adjoint_of=Variational):
     """Φ*_h = Φ₋ₕ⁻¹ of `Variational`: Λ*(ξ, n, s, a; h) = −Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h).
 
-    Λ is that of `System(discrete_lagrangian=…)`. Its forces stand where those of Φ₋ₕ do, at the right node: T⁺ = hT,
+    Λ is that of `System(discrete_lagrangian=…)`. Its forces act where those of Φ₋ₕ do, at the right node: T⁺ = hT,
     φ⁺ = hf at (ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h).
     """
 
@@ -46,7 +46,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
         return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *nothing)
 
     def _end(self, system: System, record: State, h: Array) -> State:
-        """(ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h), where the forces stand."""
+        """(ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h), where the forces act."""
         group, Q, V = system.places
         back = group.inverse(self.relative(system, record, h))
         n, a = Q.act(group, back, record.n + h * record.nu), V.act(group, back, record.a)

@@ -57,7 +57,7 @@ class _OverBase(Method):
 
     @property
     def claims(self) -> Claims:
-        """What the base keeps, at this order."""
+        """The claims of the base, at this order."""
         return self.base.claims._replace(order=self.order, symmetric=True)
 
     @property
@@ -100,11 +100,11 @@ class Symmetrised(_OverBase):
 class Composition(_OverBase):
     """Φ_{γ_s h} ∘ … ∘ Φ_{γ_1 h} of a symmetric method Φ, with γ_i = γ_{s+1−i} and Σγ = 1.
 
-    coefficients: γ, (s,). order: a claim, refused unless the coefficients meet it; by default none. The order itself is
-    that of the conditions which they meet, found in the free algebra of the base's error terms. negative_substeps:
-    "refuse" (the default) or "allow". A negative γ is a substep backwards, which amplifies what forces damp: runs with
-    dissipation are refused unless this says "allow". Raises ArgumentError for a base that is not symmetric and for
-    coefficients that do not add up to 1, that do not read the same backwards, or whose order is less than claimed.
+    coefficients: γ, (s,). order: a claim, which the coefficients must meet; by default none. The order itself follows
+    from the order conditions that they meet, in the free algebra of the base's error terms. negative_substeps:
+    "refuse" (the default) or "allow". A negative γ is a backward substep, which amplifies motions that forces damp:
+    runs with dissipation raise ArgumentError unless this is "allow". Raises ArgumentError for a base that is not
+    symmetric, and for coefficients that do not add up to 1, are not palindromic, or have a lower order than claimed.
     """
 
     coefficients: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""Whether the links of a system act on each other as `coupling` of `co.Power` says."""
+"""A check that the links of a system act on each other as `coupling` of `co.Power` declares."""
 
 from __future__ import annotations
 

@@ -190,7 +190,7 @@ class EnergyMomentum(Method, Halved):
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 
     def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Array) -> Motion:
-        """The motion that forces read in the middle, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
+        """The motion that forces read in the middle, with the velocity ½(H + H⁻¹)ρ that gives their power."""
         group, Q, _ = system.places
         nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, group.inverse(half), n, record.nu))
         return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.over_step)
@@ -215,12 +215,12 @@ class EnergyMomentum(Method, Halved):
         return source, jnp.zeros_like(source)
 
     def work(self, system: System, record: State, h: Array) -> Array:
-        """h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩) of each force, then −h mean ∂_tℓ: what ℋ changes by, to round-off."""
+        """h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩) of each force, then −h mean ∂_tℓ: the change of ℋ, to round-off."""
         leap, (_, weights) = self._leap(system, record, h), self._means()
         forces = system.body_forces(system.motion(*leap.middle))
         along_t = sum(w * at.along_t for w, at in zip(weights, leap.slopes, strict=True))
         return h * power(forces, record.xi, leap.middle.nu, [along_t] if system.depends_on_time else [])
 
     def energy(self, system: System, record: State, h: Array) -> Array:
-        """ℋ at the node: what this method keeps; it has no Λ."""
+        """ℋ at the node, which this method keeps; it has no Λ."""
         return energy(system, record)

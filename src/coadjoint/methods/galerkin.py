@@ -20,7 +20,7 @@ from coadjoint.methods.step import Step
 
 
 class _Node(NamedTuple):
-    """What a node gives: p = ∂ℓ/∂Ω and r = ∂ℓ/∂Θ in the chart, and D/h, Δ, P = ∂_νℓ, κ/h in the middle's frame."""
+    """The values at a node: p = ∂ℓ/∂Ω and r = ∂ℓ/∂Θ in the chart, and D/h, Δ, P = ∂_νℓ, κ/h in the middle's frame."""
 
     at: Node
     p: Array
@@ -174,7 +174,7 @@ class Galerkin(Method, Step):
         )
 
     def _sum(self, curve: _Curve, name: str) -> Array:
-        """Σ b_i of what every node gives."""
+        """Σ b_i of the values at the nodes."""
         return gauss(self.degree).b @ jnp.stack([getattr(at, name) for at in curve.nodes])
 
     def _momenta(self, system: System, record: State, h: Array, curve: _Curve) -> tuple[Array, Array, Array]:

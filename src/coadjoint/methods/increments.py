@@ -1,4 +1,4 @@
-"""What steps have in common by the way that their increment F depends on ξ."""
+"""Base classes of steps by the dependence of their increment F on ξ."""
 
 from __future__ import annotations
 

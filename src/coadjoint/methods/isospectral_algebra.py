@@ -1,4 +1,4 @@
-"""Momenta of U(n), SU(n) and SO(n) as matrices, and what isospectral steps do with them."""
+"""Momenta of U(n), SU(n) and SO(n) as matrices, and the operations of isospectral steps on them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Algebra(abc.ABC):
 
     @abc.abstractmethod
     def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
-        """The coordinates (unknowns,) of [B, Θ] and of BΘP + PΘB, of matrices (n, n): what B does to W."""
+        """The coordinates (unknowns,) of [B, Θ] and of BΘP + PΘB, of matrices (n, n): the action of B on W."""
 
     @abc.abstractmethod
     def turn(self, xi: Array, epsilon: Array) -> Any:

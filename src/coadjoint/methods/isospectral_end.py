@@ -20,17 +20,17 @@ SINGLE = 1e-10
 """The largest tolerance with which corrections are exact to round-off in single precision."""
 
 LARGE = 128**2
-"""How many unknowns of a copy there are where products in single precision take less time."""
+"""The number of unknowns of a copy from which products in single precision take less time."""
 
 MOST = 100
-"""The most iterations; with a contraction by 0.7 all of them do."""
+"""The most iterations; with a contraction by 0.7 this number suffices."""
 
 
 class RightSides(NamedTuple):
     """The equations evaluated at some unknowns: the slopes there, and the right sides that follow from them.
 
-    at: the unknowns z, (unknowns,). xi, along_a: ∂ℋ/∂μ and ∂ℋ/∂a, (dim G,) and (ambient V*,). off: z less the right
-    sides, by which the equations are missed, (unknowns,). odd: the part of the right sides that is odd in ε,
+    at: the unknowns z, (unknowns,). xi, along_a: ∂ℋ/∂μ and ∂ℋ/∂a, (dim G,) and (ambient V*,). off: the residual, z less
+    the right sides, (unknowns,). odd: the part of the right sides that is odd in ε,
     (unknowns,).
     """
 
@@ -53,11 +53,11 @@ class _Correction(NamedTuple):
 def correction(
     system: System, slopes: tuple[Array, Array], off: Array, z: Array, epsilon: Array, precision: Any
 ) -> tuple[Array, Array]:
-    """Lδ and the part of it that is odd in ε, (unknowns,) each, of δ with δ − Lδ = −r, where P̃ stays.
+    """Lδ and the part of it that is odd in ε, (unknowns,) each, of δ with δ − Lδ = −r, for fixed P̃.
 
-    L δ = ε[P̃, δ] + ε² P̃δP̃, by `moves`. off: r, (unknowns,), what the equations are off at W̃, of
-    unknowns z. By δ = −(r + Lr + L²r + …) until the next is round-off, with products in a precision; NaN where that
-    diverges.
+    L δ = ε[P̃, δ] + ε² P̃δP̃, by `moves`. off: r, (unknowns,), the residual of the equations at W̃, of
+    unknowns z. δ = −(r + Lr + L²r + …), up to a term that is round-off, with products in the given precision; NaN if
+    the series diverges.
     """
     rows = rows_of(system)
     unit, until = jnp.max(jnp.abs(off)), ROUND_OFF * scales(z, rows)

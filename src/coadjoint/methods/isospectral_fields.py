@@ -55,7 +55,7 @@ def momenta_of(system: System, z: Array) -> tuple[Array, Array]:
 
 
 class Moves(NamedTuple):
-    """What moves the unknowns, (unknowns,) each: all of it, and the part that is odd in ε."""
+    """The increments of the unknowns, (unknowns,) each: the total, and the part that is odd in ε."""
 
     whole: Array
     odd: Array
@@ -64,9 +64,9 @@ class Moves(NamedTuple):
 def moves(
     system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
 ) -> Moves:
-    """`moved` and `brackets`, of one conversion to a precision.
+    """`moved` and `brackets`, from one conversion to a precision.
 
-    precision: the type of the numbers that are multiplied.
+    precision: the type of the multiplied numbers.
     """
     algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
     (odd, even), others = algebra.products(P, W), []
@@ -79,7 +79,7 @@ def moves(
 
 
 def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float) -> Array:
-    """What moves the unknowns z, (unknowns,) both, by ξ (dim G,) and ∂ℋ/∂a (ambient V*,).
+    """The increment of the unknowns z, (unknowns,) both, by ξ (dim G,) and ∂ℋ/∂a (ambient V*,).
 
     ε[P, W] + ε² PWP + Σ (ε[B, Θ] + ε²(BΘP + PΘB)) and ε[P, Θ] + ε² PΘP of every Θ. epsilon: half a step, one number.
     """

@@ -25,22 +25,22 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 LONG_AGO = 1e30
-"""How long ago, in s, a step is taken to be that has not happened: in extrapolations it has no weight."""
+"""The age, in s, assigned to a step that was not taken, so that it has no weight in extrapolations."""
 
 STEPS = 7
-"""How many steps before say where the iteration begins."""
+"""The number of previous steps from which the first guess is extrapolated."""
 
 WILD = 150.0
-"""The most that the weights of an extrapolation come to in size; those of seven equal steps come to 127."""
+"""The largest sum of the sizes of the weights of an extrapolation; that of seven equal steps is 127."""
 
 
 class LastSteps(NamedTuple):
-    """The memory of the method: the unknowns z of the step that starts at a record, and how fast they came about.
+    """The memory of the method: the unknowns z of the step that starts at a record, and the rates of past unknowns.
 
     middle: z, (unknowns,). along_a: ∂ℋ/∂a at them, (ambient V*,). rates: (z − z_k)/h of the last seven steps, the last
-    one first, z_k made of μ_k and a_k, (7, unknowns), 1/s. times: the middles of these steps, (7,), s. shrinks: what an
-    iteration of the last step left of its equations, over |h|, one number, 1/s. found: within a step, what its
-    iteration found last.
+    one first, with z_k from μ_k and a_k, (7, unknowns), 1/s. times: the middles of these steps, (7,), s. shrinks: the
+    contraction factor of the iteration of the last step, over |h|, one number, 1/s. found: within a step, the last
+    result of its iteration.
     """
 
     middle: Array
@@ -73,7 +73,7 @@ class IsospectralMidpoint(Method, Whole):
         W̃ = W_k + ε([P̃, W̃] + [B̃, Θ̃]) + ε²(P̃W̃P̃ + B̃Θ̃P̃ + P̃Θ̃B̃),
         W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]).
 
-    The spectrum of Θ and all tr W f(Θ), its Casimirs, stay to round-off; the spectrum of W is none then.
+    The Casimirs, the spectrum of Θ and all tr W f(Θ), are kept to round-off; the spectrum of W is not a Casimir then.
     A dictionary of such spaces adds up [B_i, Θ_i]; co.Adjoint() is the same. `co.mechanics.trace_casimirs` watches
     Casimirs. With invariance="right" all brackets have the other sign and g_{k+1} = Cg_k. On co.Power and on products
     of equal factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
@@ -137,7 +137,7 @@ class IsospectralMidpoint(Method, Whole):
         return (algebra_of(system.group).unknowns,) * (1 + fields(system))
 
     def carried(self, state: State) -> Array:
-        """What an iteration left of the equations of the last step, over |h|, one number, 1/s."""
+        """The contraction factor of the iteration of the last step, over |h|, one number, 1/s."""
         return state.memory.shrinks
 
     def carry(self, after: State, carried: Array) -> State:
@@ -181,7 +181,7 @@ class IsospectralMidpoint(Method, Whole):
         return state.replace(g=state.g if self.carry_g else None, memory=evaluate(memory, state.mu, state.a, state.t))
 
     def guess(self, system: System, state: State, h: Array) -> Array:
-        """z_k and what the polynomial through the rates of the last steps adds to it."""
+        """z_k plus the increment from the polynomial through the rates of the last steps."""
         last = state.memory
         return lifted(system, state.mu, state.a) + h * (_weights(last.times, state.t + 0.5 * h) @ last.rates)
 

@@ -27,13 +27,13 @@ Energy = Literal["bounded", "exact", "quadratic", "discrete", "changed"]
 
 
 class Claims(NamedTuple):
-    """What a method claims of every smooth system; `coadjoint audit` measures each claim.
+    """The claims of a method for every smooth system; `coadjoint audit` measures each claim.
 
-    order: that of convergence, with forces too; `order_with_internal`, 2 at most, is that with actuators and sampled
-    controllers. symmetric: step(−h) undoes step(h). The others are about unforced motion. symplectic: the two-form is
-    kept. momentum: m of every isotropy direction is kept to round-off. energy: "bounded" for an error without drift,
-    "exact" for Legendre's to round-off, "quadratic" for that where ℋ is quadratic and nothing elsewhere,
-    "discrete" for −∂_hΛ to round-off, "changed" where the method itself damps or drives.
+    order: that of convergence, also with forces; `order_with_internal`, at most 2, is that with actuators and sampled
+    controllers. symmetric: step(−h) undoes step(h). The other claims concern unforced motion. symplectic: the two-form
+    is kept. momentum: m of every isotropy direction is kept to round-off. energy: "bounded" for an error without drift,
+    "exact" for Legendre's to round-off, "quadratic" for the same if ℋ is quadratic and else no claim,
+    "discrete" for −∂_hΛ to round-off, "changed" if the method itself damps or drives.
     """
 
     order: int
@@ -49,7 +49,7 @@ class Claims(NamedTuple):
 
 
 _ADJOINTS: dict[type[Method], type[Method]] = {}
-"""Methods and their adjoints, each way."""
+"""Methods and their adjoints, in both directions."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +88,12 @@ class Method(ABC):
 
     @property
     def symmetric(self) -> bool:
-        """Whether step(−h) undoes step(h): what compositions of even order need."""
+        """Whether step(−h) undoes step(h), as compositions of even order require."""
         return False
 
     @property
     def claims(self) -> Claims:
-        """What the method keeps: a variational method with fixed steps keeps all of it, and energy within a band."""
+        """The quantities it keeps: a variational method with fixed steps keeps all, and energy within a band."""
         return Claims(self.order, self.symmetric)
 
     @property
@@ -116,7 +116,7 @@ class Method(ABC):
 
     @property
     def remedies(self) -> tuple[str, str]:
-        """What to do about a step that Newton could not solve, and about one that left the chart."""
+        """The remedies for a step that Newton could not solve, and for one that left the chart."""
         return "take a smaller dt", "take a smaller dt, or co.Exponential()"
 
     @property
@@ -151,7 +151,7 @@ class Method(ABC):
 
     @property
     def title(self) -> str:
-        """The method in words, for cards and figures."""
+        """The method as text, for certificates and figures."""
         return f"{type(self).__name__}({shown(self.difference_map)})"
 
     def begin(self, system: System, state: State, h: float) -> State:
@@ -169,7 +169,7 @@ class Method(ABC):
         return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=None))
 
     def begin_by_xla(self, system: System, begun: State) -> State:
-        """What `begin` has found with what steps by XLA carry over in addition to those of native code."""
+        """The state from `begin` with the values that steps by XLA carry over in addition to those of native code."""
         return reduce(lambda state, step: step.remember_by_xla(system, state), [step for step, _ in self.stages], begun)
 
 

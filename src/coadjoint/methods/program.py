@@ -31,11 +31,11 @@ EVENTS = "values of events"
 
 @dataclass(frozen=True)
 class Constants:
-    """What a program takes besides h and the state: the system's parameters and what the monitors observe with.
+    """The arguments of a program other than h and the state: the system's parameters and the constants of monitors.
 
-    `renewal` is what every step takes new at the node where it starts: RENEWED, inputs and internal state;
-    INPUTS_HELD, the internal state alone, with the inputs that the state holds; ALL_HELD, neither. None stands for the
-    first, in a program that does without the others.
+    `renewal` selects the values that every step renews at the node where it starts: RENEWED, inputs and internal state;
+    INPUTS_HELD, the internal state alone, with the inputs that the state holds; ALL_HELD, neither. None means the
+    first, in a program without the others.
 
     renewal: one number.
     """
@@ -79,7 +79,7 @@ _current: ContextVar[str | None] = ContextVar("current", default=None)
 
 @contextmanager
 def as_read(version: str) -> Iterator[None]:
-    """Here functions do what they did when this version was read of them, just before."""
+    """A context in which functions are unchanged since this version was read from them, just before."""
     token = _current.set(version)
     try:
         yield
@@ -127,7 +127,7 @@ class StepProgram:
     def prepare(self, parameters: Constants, state: State, h: Array) -> State:
         """The state with the inputs and the internal state over the step of h, one number.
 
-        A ledger takes up by how much they change ℋ; the rule for the internal state reads the new inputs.
+        A ledger records their change of ℋ; the rule for the internal state reads the new inputs.
         """
         return held(replace_parameters(self.skeleton, parameters.system), state, h, parameters.renewal)
 
@@ -180,11 +180,11 @@ class StepStage:
         return self.step.structure(self.skeleton)
 
     def carried(self, state: State) -> Any:
-        """What the solution of the last step left in the state, () where nothing is carried over."""
+        """The values that the solution of the last step left in the state, () if none are carried over."""
         return self.step.carried(state)
 
     def carry(self, after: State, carried: Any) -> State:
-        """The state with what the solution of its step leaves for the next one."""
+        """The state with the values that the solution of its step leaves for the next one."""
         return self.step.carry(after, carried)
 
     def equations(self, parameters: Constants, state: State, h: Array) -> Callable[[Array], Any]:
@@ -193,7 +193,7 @@ class StepStage:
         return lambda z: self.step.evaluated(system, state, h, z)
 
     def solved(self, state: State, found: Any) -> State:
-        """The state with what its solution found besides the unknowns."""
+        """The state with the further results of its solution."""
         return self.step.solved(state, found)
 
     def _system(self, parameters: Constants) -> System:
@@ -216,9 +216,9 @@ class StepStage:
         return self.step.chart(self._system(parameters), self.record(parameters, state, h, z), h)
 
     def advance(self, parameters: Constants, state: State, h: Array, z: Array, sound: Array) -> State:
-        """The next state, of unknowns z (unknowns,); a ledger, if there is one, takes up what forces do in this stage.
+        """The next state, of unknowns z (unknowns,); a ledger, if any, records the work of forces in this stage.
 
-        sound: one number, 0 where the equations have no solution.
+        sound: one number, 0 if the equations have no solution.
         """
         system, record = self._system(parameters), self.record(parameters, state, h, z)
         if self.step.tolerant:

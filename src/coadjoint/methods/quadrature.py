@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Gauss(NamedTuple):
-    """Nodes c_i and weights b_i on [0, 1], and what Lagrange's polynomials L_j of the nodes give.
+    """Nodes c_i and weights b_i on [0, 1], and values of Lagrange's polynomials L_j of the nodes.
 
     `until` = ∫₀^{c_i} L_j, the a_ij of Butcher; `half` = ∫₀^½ L_j; `centred` = ∫_½^{c_i} L_j;
     `middle` = L_j(½); `ahead` = L_j(1 + c_i).

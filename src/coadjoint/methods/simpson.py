@@ -19,7 +19,7 @@ _END, _MIDDLE = 1 / 6, 4 / 6
 
 
 class _Nodes(NamedTuple):
-    """H, H⁻¹n and the place at the end, and what ℓ gives at the start, in the middle and at the end."""
+    """H, H⁻¹n and the place at the end, and the values of ℓ at the start, in the middle and at the end."""
 
     half: Element
     begin: Array
@@ -40,7 +40,7 @@ class Simpson(Method, Halved):
     H*(π_k + κ⁰) + ½κ^½ = H*∂_νℓ⁰/6 + 4∂_νℓ^½/6 + H⁻*∂_νℓ¹/6; then μ_{k+1} = Ad*_H(Ad*_H(μ_k + D⁰) + D^½) + D¹,
     π_{k+1} = H*(H*(π_k + κ⁰) + κ^½) + κ¹, with the weights in D = wh torque, κ = wh force.
     The quadrature is exact to order 4, so that the action exceeds that of the true motion by half its second variation,
-    Λ − S = h³⟨α, α⟩/24 with the acceleration α off the straight motion: of one sign. This is what `VariableStep` needs.
+    Λ − S = h³⟨α, α⟩/24 with the acceleration α off the straight motion: of one sign, as `VariableStep` requires.
     """
 
     @property

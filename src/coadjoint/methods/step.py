@@ -67,11 +67,11 @@ class Step(ABC):
         return after if carried == () else after.replace(memory=carried)
 
     def evaluated(self, system: System, state: State, h: Array, z: Array) -> Any:
-        """What `structure` is given of the unknowns z (unknowns,): `residual`."""
+        """The function values for `structure` at the unknowns z (unknowns,): `residual`."""
         return self.residual(system, state, h, z)
 
     def solved(self, state: State, found: Any) -> State:
-        """The state with what `structure` found besides the unknowns, for `record` and `advance`."""
+        """The state with the further results of `structure`, for `record` and `advance`."""
         return state
 
     def require_fit(self, system: System) -> None:
@@ -103,7 +103,7 @@ class Step(ABC):
         return
 
     def turn(self, system: System, h: Array, xi: Array) -> Element | None:
-        """X with which ν of the rule's own node stands in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""
+        """X for which ν of the rule's own node is given in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""
         return None
 
     def velocity(self, system: System, state: State, h: Array, xi: Array, y: Array) -> Array:
@@ -145,7 +145,7 @@ class Step(ABC):
         return jnp.concatenate([state.xi, Q.coordinates(group, state.n, nu)])
 
     def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
-        """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and what ℓ gives at a node."""
+        """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and values of ℓ at a node."""
         raise NotImplementedError
 
     def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
@@ -220,10 +220,10 @@ class Step(ABC):
     def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
         """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both, one number.
 
-        |μ| is the largest at both nodes, or what ξ or ν alone would give where these cancel, and so is |π|. Round-off
-        counts as such: 16 ε of the terms that were added up, and the momentum of a velocity under `FLOOR`/h, with
-        which Newton's iteration stops. The torques in the rows of μ carry the round-off of π times a lever. So a body
-        that does not turn, or stays where forces balance, is solved to round-off, too.
+        |μ| is the largest at both nodes, or the momentum of ξ or ν alone if these cancel; |π| likewise. The residual
+        excludes round-off: 16 ε of the added terms, and the momentum of a velocity under `FLOOR`/h, with which Newton's
+        iteration stops. The torques in the rows of μ carry the round-off of π times a lever. Thus a body that does not
+        turn, or stays where forces balance, is also solved to round-off.
         """
         rows, dim = jnp.abs(self.equations(system, record, h)), self.blocks(system)[0]
         of_mu, of_pi = jnp.max(rows[:dim], initial=0.0), jnp.max(rows[dim:], initial=0.0)
@@ -236,7 +236,7 @@ class Step(ABC):
 
 
 class _Sizes(NamedTuple):
-    """Of one kind of momentum: what ξ alone or ν alone would give, and what velocities that count as 0 would."""
+    """Sizes of one kind of momentum: that of ξ alone or ν alone, and that of velocities that count as 0."""
 
     part: Array
     least: Array

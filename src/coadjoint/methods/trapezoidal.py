@@ -17,7 +17,7 @@ from coadjoint.methods.step import Step
 
 
 class _Ends(NamedTuple):
-    """The increment, the points at both ends and what ℓ gives there."""
+    """The increment, the points at both ends and the values of ℓ there."""
 
     F: Element
     first: Point

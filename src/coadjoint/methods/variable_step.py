@@ -26,7 +26,7 @@ Below it E_k = E₀ does not determine h, as at a relative equilibrium: round-of
 
 
 class Pace(NamedTuple):
-    """What a variable step remembers: h/dt of this step, E₀, whether it is known, and how many steps were fixed.
+    """The memory of a variable step: h/dt of this step, E₀, whether it is known, and how many steps were fixed.
 
     One number each.
     """
@@ -229,7 +229,7 @@ class VariableStep(Method):
         return True
 
     def holds(self, records: State) -> Array:
-        """Of the first step, which gives E₀, and of those that are not fixed."""
+        """Whether the claim holds: for the first step, which gives E₀, and for steps that are not fixed."""
         return (np.asarray(records.memory.known) == 0) | (np.asarray(records.memory.ratio) != 1.0)
 
     def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:

@@ -26,7 +26,7 @@ SYMMETRIC = 1e-10
 
 
 class LagrangianSlopes(NamedTuple):
-    """What a step takes from Λ and the forces.
+    """The values that a step takes from Λ and the forces.
 
     `momentum` is D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h; then s, ∂_nΛ, ∂_sΛ, ∂_aΛ; T⁻ and φ⁻.
 
@@ -51,8 +51,8 @@ class Variational(Method, Whole):
     never s. Forces enter at the left node: T⁻ = hT, φ⁻ = hf. μ_{k+1} and π_{k+1} are taken by transport.
 
     symmetric: whether Λ(ξ, n, s, a; h) = −Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h), so that Φ₋ₕ undoes Φ_h, by default False. Then
-    the order is 2 and compositions such as co.Suzuki4 take it; a run checks it of every member and raises ArgumentError
-    where it does not hold, as with forces, which stand at the left node. Inside jit, grad or vmap, and where a
+    the order is 2 and compositions such as co.Suzuki4 take it; a run checks it for every member and raises
+    ArgumentError if it does not hold, as with forces, which act at the left node. Inside jit, grad or vmap, and when a
     stepper changes parameters, it is not checked.
     """
 
