@@ -27,7 +27,7 @@ REACHES = (1.0, 1e-3)
 
 
 def require_coupling(system: System, equations: Callable[..., Any], state: State, how: Coupled) -> None:
-    """Raise ArgumentError where an equation of a step has unknowns of a link that it is not paired with.
+    """Raise ArgumentError if an equation of a step has unknowns of a link that it is not paired with.
 
     equations: the residual of the step, a function of (system, state, h, z).
 

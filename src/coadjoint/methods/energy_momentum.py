@@ -100,7 +100,7 @@ class EnergyMomentum(Method, Halved):
         return ((self, 1.0),)
 
     def require_fit(self, system: System) -> None:
-        """Raise where the straight line between nodes leaves the space, or the map's secant is not known."""
+        """Raise if the straight line between nodes leaves the space, or the map's secant is not known."""
         super().require_fit(system)
         for space in (system.additional, system.advected):
             if not space.flat:

@@ -44,7 +44,7 @@ class GroupVariational(Variational):
     is taken. A step whose increment differs from the last by more than the chart fails with BEYOND_CHART.
     The records' ξ is (F − F⁻¹)ᵛ/2h. The first increment is τ(hξ₀) of the start, which `start="velocity"` keeps;
     with momenta it is Newton's first guess.
-    Raises LagrangianError where F ↦ D^R_FΛ is not invertible at the first increment.
+    Raises LagrangianError if F ↦ D^R_FΛ is not invertible at the first increment.
     """
 
     @property
@@ -142,7 +142,7 @@ def _velocity(system: System, F: Element, h: Array) -> Array:
 
 
 def _require_regular(step: Step, system: System, state: State, h: float) -> None:
-    """Raise LagrangianError where the derivative of (ξ, y) ↦ (μ_k, π_k) is singular at the first increment."""
+    """Raise LagrangianError if the derivative of (ξ, y) ↦ (μ_k, π_k) is singular at the first increment."""
 
     def derivative(state, parameters, h):
         z = step.guess(system, state, h)

@@ -25,12 +25,12 @@ class Algebra(abc.ABC):
 
     group: LieGroup
     copies = 1
-    """How many copies of one group there are."""
+    """The number of copies of one group."""
 
     @property
     @abc.abstractmethod
     def unknowns(self) -> int:
-        """How many coordinates W̃ has."""
+        """The number of coordinates of W̃."""
 
     @abc.abstractmethod
     def lifted(self, mu: Array) -> Array:

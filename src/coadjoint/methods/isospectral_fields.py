@@ -15,7 +15,7 @@ from coadjoint.spaces import Adjoint, ByInverse, Coadjoint, Links, Several
 
 
 def fields(system: System) -> int:
-    """How many advected parameters Θ there are; raises ArgumentError where one does not move as the momentum does."""
+    """The number of advected parameters Θ; raises ArgumentError if one does not move as the momentum does."""
     V = system.advected
     spaces = V.factors if type(V) is Several else (V,) if V.ambient(system.group) else ()
     for space in spaces:
@@ -31,7 +31,7 @@ def fields(system: System) -> int:
 
 
 def rows_of(system: System) -> tuple[int, int]:
-    """How many fields the unknowns are, μ and every Θ, and of how many copies."""
+    """The number of fields in the unknowns, μ and every Θ, and the number of copies."""
     return 1 + fields(system), algebra_of(system.group).copies
 
 

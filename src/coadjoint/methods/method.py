@@ -44,7 +44,7 @@ class Claims(NamedTuple):
 
     @property
     def order_with_internal(self) -> int:
-        """Of a system whose internal state has a rule: forces have its mean over a step, its course is left out."""
+        """The order with an internal state that has a rule: forces use its mean over a step instead of its course."""
         return min(self.order, 2)
 
 
@@ -67,7 +67,7 @@ class Method(ABC):
     start: Start = "momentum"
 
     def __init_subclass__(cls, adjoint_of: type[Method] | None = None, **more: Any):
-        """adjoint_of: the method of which Φ*_h = Φ₋ₕ⁻¹ this one is; that one is then its adjoint, too."""
+        """adjoint_of: the method whose adjoint Φ*_h = Φ₋ₕ⁻¹ this class is; each is then the adjoint of the other."""
         super().__init_subclass__(**more)
         if adjoint_of is not None:
             _ADJOINTS.update({cls: adjoint_of, adjoint_of: cls})
@@ -121,7 +121,7 @@ class Method(ABC):
 
     @property
     def adjoint(self) -> Method:
-        """Φ*_h = Φ₋ₕ⁻¹, the method itself where it is symmetric; raises ArgumentError where it is not known."""
+        """Φ*_h = Φ₋ₕ⁻¹, the method itself where it is symmetric; raises ArgumentError if unknown."""
         if self.symmetric:
             return self
         kind = next((_ADJOINTS[kind] for kind in type(self).__mro__ if kind in _ADJOINTS), None)

@@ -147,7 +147,7 @@ class StepProgram:
         return self.until is not None
 
     def stop(self, parameters: Constants, before: State, after: State) -> Array:
-        """1 where `until` changes its sign or comes to zero, else 0, one number; itself where it is not finite.
+        """1 if `until` changes its sign or reaches zero, else 0, one number; its own value if that is not finite.
 
         It may start from zero.
         """

@@ -44,7 +44,7 @@ class Step(ABC):
         return True
 
     def blocks(self, system: System) -> tuple[int, ...]:
-        """How many unknowns, in their order, are of one kind and unit: Newton stops by each block's own scale."""
+        """The sizes of blocks of unknowns of one kind and unit, in order: Newton stops by the scale of each block."""
         return system.group.dim, system.additional.dim(system.group)
 
     def structure(self, system: System) -> Structure:
@@ -75,7 +75,7 @@ class Step(ABC):
         return state
 
     def require_fit(self, system: System) -> None:
-        """Raise GroupError or ArgumentError where the step does not fit the system, or its map is wrong."""
+        """Raise GroupError or ArgumentError if the step does not fit the system, or its map is wrong."""
         if system.verify:
             require_own_map(self.difference_map, system.group)
         self.difference_map.require_fit(system.group)
@@ -96,7 +96,7 @@ class Step(ABC):
         return state.replace(memory=how.nothing())
 
     def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
-        """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.
+        """Raise ArgumentError if a member of an ensemble does not fit, as `remember` does where there is one.
 
         parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
         """

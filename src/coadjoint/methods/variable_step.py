@@ -169,7 +169,7 @@ class _Search(Paced):
         return (jnp.abs(slope * pace.ratio) > BLUNT * size) | (pace.known == 0)
 
     def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
-        """The state itself, with h/dt of the step that starts there: 1 where none was found, and counted."""
+        """The same state with h/dt of its step; without a solution h/dt is 1, and the step is counted as fixed."""
         pace = record.memory
         ratio = jnp.where(sound > 0, pace.ratio, 1.0)
         return record.replace(memory=pace._replace(ratio=ratio, fixed=pace.fixed + 1.0 - sound))

@@ -22,7 +22,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 SYMMETRIC = 1e-10
-"""How far Λ and its adjoint may differ, relative to them, by round-off."""
+"""The difference of Λ and its adjoint, relative to them, that counts as round-off."""
 
 
 class LagrangianSlopes(NamedTuple):

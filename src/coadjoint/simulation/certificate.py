@@ -104,7 +104,7 @@ def _of_run(run: Result) -> Lines:
 
 
 def _of_members(run: Result, count: int) -> Lines:
-    """Those of an ensemble."""
+    """The lines of an ensemble."""
     plan, position = run.plan, run.position
     done, failed = plan.steps if position.complete else position.steps, np.flatnonzero(position.codes)
     each = f"{done:,} steps of {plan.h:g} s each"

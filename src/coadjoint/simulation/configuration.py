@@ -89,7 +89,7 @@ def method_from(form: Any) -> Any:
 
 
 def start_form(start: State) -> tuple[Any, dict[str, np.ndarray]]:
-    """The structure of a start as JSON, None where it holds anything unusual, and its numbers."""
+    """The structure of a start as JSON, None if it holds anything unusual, and its numbers."""
     numbers: dict[str, np.ndarray] = {}
     try:
         form = {name: _tree(getattr(start, name), numbers) for name in _NUMBERS if name != "g"}
@@ -122,7 +122,7 @@ def _tree(tree: Any, numbers: dict[str, np.ndarray]) -> Any:
 
 
 def start_from(form: Any, numbers: Mapping[str, np.ndarray], system: System) -> State:
-    """The start that `start_form` took apart; raises ArgumentError where it could not be written."""
+    """The start that `start_form` took apart; raises ArgumentError if it could not be written."""
     if form is None:
         raise ArgumentError("The start of this run has parts that its folder does not keep: give `start` again.")
     grown = {name: _planted(form.get(name), numbers) for name in _NUMBERS}
@@ -226,7 +226,7 @@ def packed(header: Mapping[str, Any], arrays: Arrays) -> bytes:
 
 
 def unpacked(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The header and the arrays in `path`; raises FileError where it is damaged."""
+    """The header and the arrays in `path`; raises FileError if it is damaged."""
     data = path.read_bytes()
     body, sealed = data[:-32], data[-32:]
     damaged = FileError(f"The file {path} is damaged: {DAMAGED}.")
@@ -277,7 +277,7 @@ def state_numbers(name: str, state: State) -> dict[str, np.ndarray]:
 
 
 def state_like(name: str, arrays: Arrays, like: State) -> State:
-    """The state whose leaves are in `arrays`, in the structure of `like`; raises FileError where they do not fit."""
+    """The state whose leaves are in `arrays`, in the structure of `like`; raises FileError if they do not fit."""
     leaves, structure = jax.tree.flatten(like)
     found = [arrays.get(f"{name}/{i}") for i in range(len(leaves))]
     shapes = [None if leaf is None else leaf.shape for leaf in found]

@@ -50,7 +50,7 @@ _MEANINGS_RIGHT = {
     "pi": "π = ∂ℓ/∂ν, space frame",
     "euler_angles": _MEANINGS["euler_angles"],
 }
-"""Of right-invariant systems."""
+"""The meanings of the variables of right-invariant systems."""
 
 
 def _told(system: System) -> dict[str, str]:

@@ -44,7 +44,7 @@ def part_of_step(plan: Plan, state: State, fraction: float, monitors: bool = Fal
 
 
 def sound(chunk: Chunk) -> Chunk:
-    """The chunk itself; raises StepError where its step failed."""
+    """The chunk itself; raises StepError if its step failed."""
     if chunk.code:
         what = chunk.code.name.lower().replace("_", " ")
         raise StepError(f"A step to a time between two nodes failed ({what}): take a smaller dt.")

@@ -123,7 +123,7 @@ def _derived(system: System, state: State) -> dict[str, Any]:
 
 
 def _split(parameters: Any, members: np.ndarray | None) -> tuple[Any, dict[int, Any]]:
-    """The parameters that all records share, with None for the others, and these by their places, a row a record."""
+    """The parameters that all records share, with None for the others, and the others by place, one row per record."""
     if members is None:
         return member_of(parameters, 0), {}
     leaves, structure = jax.tree.flatten(parameters)

@@ -27,7 +27,7 @@ ALLOW, REFUSE = "allow", "refuse"
 
 
 def require_forward(system: System, method: Method, state: State, h: float) -> list[str]:
-    """Raise ArgumentError where substeps go backwards and something damps; a warning where it is allowed but unsafe.
+    """Raise ArgumentError if substeps go backwards and something damps; a warning where it is allowed but unsafe.
 
     A method allows it by `negative_substeps="allow"`. Steps may damp by themselves (`Step.damping_rate`). Forces
     dissipate where their fastest rate λ, the largest real part of an eigenvalue of −M⁻¹ ∂F/∂v with v = (ξ, ν),
@@ -57,7 +57,7 @@ def require_forward(system: System, method: Method, state: State, h: float) -> l
 
 
 def require_reversible(system: System, method: Method, h: float, steps: int) -> None:
-    """Raise ArgumentError where steps h < 0 of a method that damps amplify round-off, by exp(λ|h| steps), too much."""
+    """Raise ArgumentError if steps h < 0 of a damping method amplify round-off excessively, by exp(λ|h| steps)."""
     rate = max(step.damping_rate(system) for step, _ in method.stages)
     if h >= 0 or rate * -h * steps <= np.log(AMPLIFIED):
         return
@@ -70,7 +70,7 @@ def require_reversible(system: System, method: Method, h: float, steps: int) -> 
 
 
 def damping_rate(system: System, state: State) -> float:
-    """max Re eig(−M⁻¹ ∂F/∂v), 1/s, at the start and at random velocities of its size; 0 where nothing is damped."""
+    """max Re eig(−M⁻¹ ∂F/∂v), 1/s, at the start and at random velocities of its size; 0 if nothing is damped."""
     group, Q, _ = system.places
     size = group.dim + Q.dim(group)
 

@@ -46,7 +46,7 @@ class EventDriver(driver.Driver):
         self._advance(position, self.run(position.state, length, 1), length, began)
 
     def _advance(self, position: Any, chunk: Any, length: int, began: float) -> None:
-        """Take up a chunk, as far as the event that ends the run."""
+        """Process a chunk up to the event that ends the run."""
         ahead = None if chunk.code else self.run(chunk.final, AHEAD, 1).monitors[EVENTS]
         end, crossed = look(self.plan, chunk.records, values(position, chunk.monitors[EVENTS], ahead))
         for name, states in crossed.items():
@@ -100,7 +100,7 @@ class MembersEvents(EventDriver):
         super().drive(position)
 
     def _advance(self, position: Any, chunk: EnsembleChunk, length: int, began: float) -> None:
-        """Take up a chunk, no further than the end of the last member."""
+        """Process a chunk up to the end of the last member."""
         rows_kept = self._members(position, chunk, self.run(chunk.final, AHEAD, 1))
         chunk = without_events(chunk, self.plan, rows_kept)
         position.seconds += time.perf_counter() - began
@@ -144,7 +144,7 @@ def values(position: Any, here: np.ndarray, ahead: np.ndarray | None) -> np.ndar
 
 
 def look(plan: Plan, records: State, seen: np.ndarray) -> tuple[Found | None, dict[str, list[State]]]:
-    """The event that ends a run, None where it does not happen at these records, and the states at all before it."""
+    """The event that ends a run, None if it does not occur at these records, and the states at all events before it."""
     end = next(found_in(plan, records, seen, 0), None) if plan.until else None
 
     def before(found: Found) -> bool:

@@ -74,7 +74,7 @@ def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
 
 def require_event(event: Event, what: str, state: State) -> None:
     """Raise LagrangianError unless an event is a function of a state whose value is one finite number, and
-    ArgumentError where it needs a g that the method does not compute.
+    ArgumentError if it needs a g that the method does not compute.
     """
 
     def value(state: State) -> Any:

@@ -91,7 +91,7 @@ def tidy(folder: Path) -> None:
 
 
 def holds_run(path: Path) -> bool:
-    """Whether a folder holds a run already; raises FileError where it holds something else, or cannot be made."""
+    """Whether a folder holds a run already; raises FileError if it holds something else, or cannot be made."""
     try:
         other = path.exists() and (not path.is_dir() or any(path.iterdir()))
         # After that, for another process may have moved a run to this place meanwhile.

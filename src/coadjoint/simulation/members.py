@@ -28,7 +28,7 @@ class Members:
 
     parameters: Any
     axes: Any
-    """Like `parameters`: 0 where a leaf has a member axis, None elsewhere."""
+    """Like `parameters`: 0 for a leaf with a member axis, None elsewhere."""
     states: State
     count: int
 
@@ -115,7 +115,7 @@ def with_own_directions(
 
 
 def require_room(run: Result) -> None:
-    """Raise ArgumentError where the records would not fit in memory."""
+    """Raise ArgumentError if the records would not fit in memory."""
     plan = run.plan
     size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(run.position.state)) * plan.nodes
     if size > MEMORY_LIMIT:

@@ -31,8 +31,8 @@ class Position:
     """The position of a run: all values needed to continue from here, and the certificate so far.
 
     `state` is the state after `steps` good steps; `extrema` are (minimum, maximum) of the monitors and certificates
-    over those steps, `iterations` Newton's; `code`: how the last step ended; `event` when an event ended the run;
-    `complete` that the last node has been recorded too.
+    over those steps, `iterations` Newton's; `code`: how the last step ended; `event`: when an event ended the run;
+    `complete`: whether the last node has also been recorded.
     """
 
     state: State
@@ -117,7 +117,7 @@ class Sink(Protocol):
         ...
 
     def release(self) -> None:
-        """Nothing more will come."""
+        """End the use of the sink; no records follow."""
         ...
 
 
@@ -240,7 +240,7 @@ class MembersPosition:
     extrema: Extrema = field(default_factory=dict)
     complete: bool = False
     event: np.ndarray | None = None
-    """When an event ended each member, NaN where none has; None where none may."""
+    """The time at which an event ended each member, NaN where none did; None without such an event."""
 
     @classmethod
     def at_start(cls, states: State, count: int) -> Self:

@@ -191,7 +191,7 @@ class SimulationProblem:
         return found
 
     def _watching(self, system: System, state: State) -> dict[str, Any]:
-        """The constants of monitors; raises where they cannot observe a quantity."""
+        """The constants of monitors; raises if they cannot observe a quantity."""
         found: dict[str, Any] = {}
         if not self.monitors:
             return found
@@ -260,7 +260,7 @@ def _constants(system: System, watching: dict[str, Any]) -> Constants:
 
 
 def require_chart(system: System, method: Method, state: State, h: float) -> None:
-    """Raise where already the first step leaves the chart of the difference map."""
+    """Raise if already the first step leaves the chart of the difference map."""
     for step, fraction in method.stages:
         reach = float(evaluate(lambda s, step=step, f=fraction: step.chart(system, s, np.float64(h) * f), state))
         if reach >= 1:
@@ -271,7 +271,7 @@ def require_chart(system: System, method: Method, state: State, h: float) -> Non
 
 
 def require_quantities(system: System, state: State) -> None:
-    """Raise ArgumentError where a quantity has a name that a dataset has already; LagrangianError unless a number."""
+    """Raise ArgumentError if a quantity has a name that a dataset has already; LagrangianError unless a number."""
     from coadjoint.simulation.dataset import reserved
 
     for name, function in system.quantities:

@@ -53,8 +53,9 @@ class Recording:
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, **options: Any) -> Path:
         """Write the dataset as netCDF, or in the format of the name's ending, atomically.
 
-        A name that ends in .csv writes the log of a vehicle, with the option `axes` (`coadjoint.vehicles.logs`), of
-        another system a line a node and a column a number; one that ends in .nc, or in nothing, netCDF.
+        A name that ends in .csv writes the log of a vehicle, with the option `axes` (`coadjoint.vehicles.logs`), or for
+        another system one line per node and one column per number; a name that ends in .nc, or without an ending,
+        writes netCDF.
         Raises FileError rather than replace a file, ArgumentError for another ending and for options that the format
         does not have.
         """
@@ -87,7 +88,7 @@ class Recording:
         return {}
 
     def _text(self, ending: str, options: dict[str, Any]) -> str | bytes | None:
-        """The file in a format that a package above adds; None where it is netCDF."""
+        """The file in a format that a package above adds; None if it is netCDF."""
         if ending == ".csv" and not {"a_down", "a_north"} <= set(self.dataset) and not options:
             return csv_table(self.dataset)
         if ending not in FORMATS:

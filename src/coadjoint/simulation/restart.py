@@ -48,7 +48,7 @@ def _row(name: str, tree: Any) -> tuple[str, np.ndarray, dict[str, str]]:
 def read(found: Mapping[str, Any], dataset: xarray.Dataset, system: System | None) -> State:
     """The record that `written` put into the file of a dataset, with the velocities at its node.
 
-    Raises ArgumentError without a system and for another one, and FileError where the file lacks the record.
+    Raises ArgumentError without a system and for another one, and FileError if the file lacks the record.
     """
     if any(name not in found for name in LAST_RECORD):
         raise FileError(

@@ -73,7 +73,7 @@ class Result(Recording):
 
     @property
     def event(self) -> Any:
-        """When `until` crossed zero and ended the run, s; None where it did not, or NaN of a member, (members,)."""
+        """When `until` crossed zero and ended the run, s; None if it did not, or NaN of a member, (members,)."""
         return self.position.event if self.plan.until else None
 
     @property
@@ -127,7 +127,7 @@ class Result(Recording):
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
     def sizes(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, ([members]), to which changes are relative; 0 where it is round-off of X later on."""
+        """|X₀| of a monitored X, ([members]), to which changes are relative; 0 if it is round-off of X later on."""
         low, high, first = self._bounds(name)
         size = np.linalg.norm(first, axis=-1)
         return np.where(size > 1e-9 * np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=-1), size, 0.0)

@@ -189,7 +189,7 @@ def resume(
 
     Returns a `Run` or an `Ensemble` that reads from the folder.
 
-    Raises ArgumentError where the system or a function is not that of the run; FileError for a folder that holds no
+    Raises ArgumentError if the system or a function is not that of the run; FileError for a folder that holds no
     run, is damaged, or is in use; StepError as `co.simulate` does.
     """
     began = time.perf_counter()

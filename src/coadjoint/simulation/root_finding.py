@@ -16,11 +16,11 @@ AT_START = 1e-9
 
 
 LOCATED = 1e-13
-"""Up to which part of a step a crossing is located."""
+"""The accuracy of the location of a crossing, as a part of a step."""
 
 
 AHEAD = 3
-"""How many nodes behind an interval are examined: the cubic through four nodes shows where it may turn."""
+"""The number of nodes examined after an interval: the cubic through four nodes shows where it may turn."""
 
 
 Function = Callable[[float], float]
@@ -134,7 +134,7 @@ def _turning_point(f: Function, theta: float, ends: list[tuple[float, float]]) -
 
 
 def _vertex(*points: tuple[float, float]) -> float:
-    """Where the parabola through three points turns; NaN where it is a line."""
+    """Where the parabola through three points turns; NaN if it is a line."""
     (a, fa), (b, fb), (c, fc) = points
     p, q = (b - a) * (fb - fc), (b - c) * (fb - fa)
     return b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q) if p != q else float("nan")

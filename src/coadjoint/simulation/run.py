@@ -144,7 +144,7 @@ class Ensemble(_Shown):
 
     @property
     def steps_done(self) -> np.ndarray:
-        """How many good steps each member did, (members,)."""
+        """The number of good steps of each member, (members,)."""
         return self.position.steps_done
 
     @property
@@ -198,7 +198,7 @@ class Ensemble(_Shown):
 
 
 def stacked_records(states: list[State], like: State) -> State:
-    """Records as one State with a leading axis, of length 0 where there are none."""
+    """Records as one State with a leading axis, of length 0 if there are none."""
     if not states:
         return jax.tree.map(lambda leaf: np.zeros((0, *np.shape(leaf))), like)
     return jax.tree.map(lambda *leaves: np.stack(leaves), *states)

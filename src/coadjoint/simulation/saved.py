@@ -54,7 +54,7 @@ class SavedRun(Recording):
 
     @property
     def event(self) -> float | None:
-        """When `until` crossed zero and ended the run, s; None where it did not."""
+        """When `until` crossed zero and ended the run, s; None if it did not."""
         found = self.dataset.attrs.get("event")
         return None if found is None else float(found)
 
@@ -74,7 +74,7 @@ class SavedRun(Recording):
 
 
 def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun:
-    """The run in a netCDF file written by `save`, or in a folder to which a run streams, as far as it has come.
+    """The run in a netCDF file written by `save`, or in a folder to which a run streams, up to its current position.
 
         run = co.load("top.nc")
         print(run); run.dataset.energy; run.plot.energy()

@@ -33,7 +33,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
 
 KEPT = 64
-"""How many starts are remembered."""
+"""The most starts that are remembered."""
 
 
 class Known(NamedTuple):

@@ -265,7 +265,7 @@ class Store:
             self.seconds += time.monotonic() - began
 
     def _require_there(self) -> None:
-        """Raise FileError where the folder was deleted, or another was put in its place."""
+        """Raise FileError if the folder was deleted, or another was put in its place."""
         if self.lock is not None and not self.lock.held:
             raise FileError(
                 f"The run stops, for its folder {self.folder} was deleted or moved while it ran: begin it again, or "

@@ -237,7 +237,7 @@ def stored_dataset(
     `coordinates` are those of an ensemble's members.
     """
     store = verified(manifest, RECORDS)
-    # Opened with the times, xarray would read all of them, and those to come are not there.
+    # Opened with the times, xarray would read all of them, including times not yet written.
     options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
     found = xarray.open_zarr(store, drop_variables=["time"], **options)
     opened = arrays(manifest, RECORDS)
@@ -251,7 +251,7 @@ def stored_dataset(
 
 
 def saved_dataset(folder: Path) -> xarray.Dataset:
-    """The dataset of the run in a folder, as far as its checkpoint; raises FileError where it is incomplete."""
+    """The dataset of the run in a folder, as far as its checkpoint; raises FileError if it is incomplete."""
     with as_written(folder):
         manifest, header, arrays = standing(folder)
         if type(header["records"]) is not int:
@@ -262,7 +262,7 @@ def saved_dataset(folder: Path) -> xarray.Dataset:
 
 
 def require_run(folder: Path) -> None:
-    """Raise FileError where a folder holds no run, or one that an older version wrote."""
+    """Raise FileError if a folder holds no run, or one that an older version wrote."""
     if not folder.is_dir():
         raise FileError(f"There is no folder {folder}.")
     if (folder / MANIFEST).exists():
@@ -324,7 +324,7 @@ def _read(manifest: Manifest, name: str) -> tuple[dict[str, Any], dict[str, np.n
 
 
 def _require_held(manifest: Manifest, opened: Mapping[str, Any], count: int) -> None:
-    """Raise FileError where the chunks of an array cannot hold so many records."""
+    """Raise FileError if the chunks of an array cannot hold so many records."""
     held: Counter[str] = Counter()
     for name, (size, *_) in manifest.files.items():
         held[name.split("/")[1] if name.startswith(f"{RECORDS}/") else ""] += size
@@ -339,7 +339,7 @@ def _require_held(manifest: Manifest, opened: Mapping[str, Any], count: int) -> 
 
 
 def along_time(array: Any) -> int:
-    """The axis of an array that counts the nodes: 1 where members come first."""
+    """The axis of an array that counts the nodes: 1 if members come first."""
     return array.metadata.dimension_names.index("time")
 
 

@@ -50,7 +50,7 @@ class Trajectory:
 
     records: the states at nodes 0, save_every, …, steps, (k,) on a leading axis, as `run.records`; ξ and ν are those of
     the step that starts there. Those of `Stepper.trajectory` are of the start alone. final: the state after the last
-    step, whose ξ and ν are those of that last step. code: 0 where every step converged, otherwise a
+    step, whose ξ and ν are those of that last step. code: 0 if every step converged, otherwise a
     `kernels.program.Code`; after a failed step the state stays at the last good node. iterations: Newton's iterations
     over all steps.
     """
@@ -182,7 +182,7 @@ def _failed(code: Code, program: StepProgram) -> str:
 
 
 def _require_room(state: State, blocks: Blocks) -> None:
-    """Raise ArgumentError where the records of a trajectory would not fit in memory."""
+    """Raise ArgumentError if the records of a trajectory would not fit in memory."""
     records, save_every = blocks
     size = sum(8.0 * np.size(leaf) for leaf in jax.tree.leaves(state)) * records
     if size > members.MEMORY_LIMIT:

@@ -1,1 +1,1 @@
-"""How accurate a run is: the local error at a sample of its steps, and whether the steps resolve the motion."""
+"""The accuracy of a run: the local error at a sample of its steps, and whether the steps resolve the motion."""

@@ -1,4 +1,4 @@
-"""How accurate a run was found to be."""
+"""The result of judging the accuracy of a run."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The accuracy of a run at the steps that were judged, a row each.
+    """The accuracy of a run at the judged steps, one row each.
 
-    `steps` their indices, `times` in s, `local_errors` relative to the motion of the run over a step (empty where a
-    finished run was read again); `count` how many, `median` and `worst` of the errors, `part` of the state and time
-    `when` of the worst; `turn` the largest h‖ξ‖ as an angle, rad; `rate` h times the fastest rate of the linearised
-    motion that is excited, where known; `resolving` the dt that would do where the motion is not resolved, None where
-    it is; `reasons` why it is not. With accuracy="full": `trajectory` the largest error of the trajectory, relative to
-    how far the run goes, and `holds` the time up to which it is below 10 %, None where it is all along.
+    `steps` are their indices, `times` in s, `local_errors` relative to the motion of the run over a step (empty if a
+    finished run was read again); `count` is their number, `median` and `worst` are of the errors, `part` of the state
+    and time `when` belong to the worst; `turn` is the largest h‖ξ‖ as an angle, rad; `rate` is h times the fastest
+    excited rate of the linearised motion, if known; `resolving` is a dt that resolves the motion, None if dt does;
+    `reasons` say why dt does not. With accuracy="full": `trajectory` is the largest error of the trajectory, relative
+    to the extent of the motion, and `holds` the time up to which it is below 10 %, None if it always is.
     """
 
     count: int

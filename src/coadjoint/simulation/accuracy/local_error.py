@@ -1,4 +1,4 @@
-"""How far two states are apart, part by part, each in its own scale, and so the local error of steps. NumPy alone."""
+"""The distance of two states, part by part in the scale of each, and the local error of steps. NumPy alone."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ROUND_OFF = 1e-9
 
 
 KEPT = "momentum "
-"""How the names of parts begin whose size does not shrink with the step."""
+"""The prefix of names of parts whose size does not shrink with the step."""
 
 Numbers = tuple[int, ...]
-"""Which numbers of a row something is."""
+"""The places of a quantity in a row of numbers."""
 
 
 class Ruler(NamedTuple):
@@ -43,13 +43,13 @@ class Ruler(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """Of one part of the state, a row each: its name, how far two states are apart, and the size it is relative to."""
+    """The difference in one part of the state, row by row: its name, the distance of two states, and its scale."""
 
     name: str
     apart: np.ndarray
     size: np.ndarray
     least: float
-    """A size that counts as none."""
+    """A size that counts as zero."""
 
 
 def differences(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
@@ -170,7 +170,7 @@ class Errors(NamedTuple):
 
     local: np.ndarray
     largest: np.ndarray
-    """The larger of those by halves and by uneven parts."""
+    """The larger of the errors from halves and from uneven parts."""
     part: list[str]
     good: np.ndarray
 

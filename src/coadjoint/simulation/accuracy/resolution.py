@@ -22,11 +22,11 @@ from coadjoint.simulation.plan import Plan
 from coadjoint.simulation.result import Result
 
 STEPS, STEPS_BY_XLA, NODES_OF_MEMBERS, MEMBERS = 20, 6, 5, 8
-"""How many steps are judged: of a run in native code, by XLA, of each member of an ensemble, and of how many."""
+"""The number of judged steps: of a run in native code, by XLA, of each member of an ensemble; and of members."""
 
 
 def chosen_members(run: Result) -> np.ndarray | None:
-    """Which members of an ensemble are judged: the first, the last and a random choice; None of a run."""
+    """The judged members of an ensemble: the first, the last and a random choice; None for a run."""
     if run.members is None:
         return None
     between = np.random.default_rng(0).integers(0, run.members, MEMBERS - 2)
@@ -42,7 +42,7 @@ def accuracy_warnings(run: Result) -> list[str]:
 
 
 def judged_run(run: Result, sampler: Sampler) -> Accuracy | None:
-    """The accuracy of a run at the records that were kept; None where none were, or no step could be judged."""
+    """The accuracy of a run at the kept records; None if no records were kept or no step could be judged."""
     many = sampler.members is not None
     alone = STEPS if run.plan.backend == "native" else STEPS_BY_XLA
     kept = sampler.chosen(NODES_OF_MEMBERS if many else alone)
@@ -127,7 +127,7 @@ SLOWEST = 1e-9
 
 
 EXCITED = 1e-3
-"""How far a mode is from where it rests, relative to the state, to count as excited."""
+"""The distance of a mode from its equilibrium, relative to the state, above which it counts as excited."""
 
 
 LARGEST = 24
@@ -135,9 +135,9 @@ LARGEST = 24
 
 
 def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: Any) -> float | None:
-    """h·max|λ| over the excited modes of ẋ = Ax + f at a record, x = (μ, n, π, a); None where it is not known.
+    """h·max|λ| over the excited modes of ẋ = Ax + f at a record, x = (μ, n, π, a); None if unknown.
 
-    A mode v with eigenvalue λ is excited by |c|/|λ|, f = Σ c v: how far it is from where it would stay.
+    A mode v with eigenvalue λ is excited by |c|/|λ|, f = Σ c v: its distance from its equilibrium.
     """
     places, system = doubling.places, doubling.plan.program.skeleton
     kinds = [np.ravel(x).astype(int) for x in (places.mu, places.n, places.pi, places.a) if np.size(x)]

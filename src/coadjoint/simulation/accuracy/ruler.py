@@ -59,7 +59,7 @@ def _flat(leaf: Any) -> Numbers:
 
 
 FEW = 24
-"""As many rows as fewer are filled up to, so that the action is traced once for all of them."""
+"""The number of rows to which fewer are padded, so that the action is traced once for all of them."""
 
 
 def _positions(layout: Layout, places: Places, rows: np.ndarray) -> np.ndarray:

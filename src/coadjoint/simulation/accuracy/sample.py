@@ -1,4 +1,4 @@
-"""Which steps of a run are judged: its first ones, some spread over it, and those where the motion changes most."""
+"""The judged steps of a run: its first ones, some spread over it, and those where the motion changes most."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BLOCK = 4096
 
 
 PARTS = 64
-"""How many times records are kept before those that are not wanted any more are dropped."""
+"""The number of times that records are kept before unneeded ones are dropped."""
 
 
 class Kept(NamedTuple):
@@ -51,9 +51,9 @@ class Largest(NamedTuple):
 
 
 class Sampler:
-    """A sink that keeps a few records on their way to another one; which, does not depend on how they come in chunks.
+    """A sink that keeps a few records and passes all on to another sink; the choice does not depend on the chunks.
 
-    steps, save_every: those of the run. members: of an ensemble, which of them are kept.
+    steps, save_every: those of the run. members: the kept members of an ensemble.
     """
 
     def __init__(self, sink: RecordSink, steps: int, save_every: int, members: np.ndarray | None = None):
@@ -204,7 +204,7 @@ class Sampler:
 
 
 SHARE = 0.05
-"""How many of a run's steps are run again at most, as a share of them."""
+"""The largest share of a run's steps that are run again."""
 
 
 def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State, members: Any = None) -> Kept:

@@ -19,7 +19,7 @@ PARTS = np.array([0.0, 0.173, 0.382, 0.594, 0.809, 1.0])
 
 
 BENT = 0.2
-"""How far a signal may be from a line, and from its value at the node, over most steps; relative to its range."""
+"""The tolerated distance of a signal from a line, and from its value at the node, relative to its range."""
 
 
 LARGE = 0.1
@@ -98,7 +98,7 @@ def _table(system: Any, structure: Any, shapes: Any) -> Any:
 
 
 HIGH = 0.5
-"""How far a pulse must be beyond the values at both ends of its step, relative to the range of the table."""
+"""The least excess of a pulse over the values at both ends of its step, relative to the range of the table."""
 
 
 ON_GRID = 1e-6

@@ -156,7 +156,7 @@ class SampledSteps:
         return np.where((code == 0)[:, None], record, rows)
 
     def _look_ahead(self, rows: np.ndarray, h: np.ndarray, members: Any) -> None:
-        """Learn how far steps move that come later under the same commands."""
+        """Find how far later steps under the same commands move."""
         place, taken, begun, ended = rows, 0, [rows[:0]], [rows[:0]]
         for steps in self._ahead:
             place, _, code = self.parts.probe(place, h, steps - taken, members)

@@ -78,7 +78,7 @@ def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch,
 
 
 KEPT = 32
-"""How many engines stay in memory."""
+"""The most engines that stay in memory."""
 
 
 _engines: OrderedDict[tuple[Any, ...], NativeEngine] = OrderedDict()

@@ -65,7 +65,7 @@ class Buffers(NamedTuple):
         return self._replace(parameters=in_lanes(rows[:1] if shared else rows, lanes, 1 if shared else groups))
 
     def copy(self) -> Buffers:
-        """The same numbers in memory of their own."""
+        """A copy of all arrays."""
         return Buffers(*(array.copy() for array in self))
 
     def context(self) -> np.ndarray:
@@ -128,7 +128,7 @@ class Engine(Protocol):
 
 
 class Prepared(NamedTuple):
-    """Rows of numbers: states (k, size), and parameters (k, size), None where they stay those of the stepper."""
+    """Rows of numbers: states (k, size), and parameters (k, size), None if the stepper keeps its own."""
 
     states: np.ndarray
     parameters: np.ndarray | None
@@ -169,7 +169,7 @@ class StepperLock:
         self.lock, self._readers = threading.RLock(), set[int]()
 
     def wait(self) -> None:
-        """Have the lock once all have read; raises StepError where another thread is stepping."""
+        """Have the lock once all have read; raises StepError if another thread is stepping."""
         if not self.lock.acquire(bool(self._readers)):
             raise StepError(BUSY)
 

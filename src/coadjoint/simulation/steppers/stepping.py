@@ -79,7 +79,7 @@ class Stepping(StepperBase):
         return self._in_pieces(left, n - left, n)
 
     def _judge_next(self, sample: SampledSteps) -> None:
-        """Judge the step that comes next, if it belongs to the sample, and warn once."""
+        """Judge the next step if it belongs to the sample, and warn once."""
         if sample.due() and (sentence := self._judgement(sample)):
             self._end_sample()
             warn(sentence, stacklevel=5)
@@ -117,7 +117,7 @@ class Stepping(StepperBase):
             raise
 
     def _require_finite(self) -> None:
-        """Raise ArgumentError where a command of a single one is not finite; one of many fails its step instead."""
+        """Raise ArgumentError if a command of a single one is not finite; one of many fails its step instead."""
         for name, value in self.command.items():
             if not np.all(np.isfinite(value)):
                 raise ArgumentError(f"Command `{name}` must be finite, but is {np.asarray(value).tolist()}.")
