@@ -80,7 +80,7 @@ Variables = dict[str, tuple[tuple[str, ...], Any]]
 def dataset(run: Result) -> xarray.Dataset:
     """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`.
 
-    Those of an ensemble have a dimension `member` in front, and are NaN where a member has failed.
+    The variables of an ensemble have a first dimension `member`, and are NaN where a member has failed.
     """
     records, derive, lead = run.records, derivation(run.plan.program), () if run.members is None else ("member",)
     if run.members is None:

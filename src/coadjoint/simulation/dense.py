@@ -97,8 +97,8 @@ SLACK = 1e-9
 def at_times(plan: Plan, records: State, times: Any) -> State:
     """Records at `times` (k,) of a run, by steps of the method itself from the saved node before each.
 
-    From a node the run's own steps are taken again, and then one of the part that is left: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h. So
-    the state is on the group, its momenta are as exact as at the nodes, and the order is that of the method.
+    From a node the steps of the run are repeated, followed by one step of the remaining part: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h.
+    Thus the state is on the group, its momenta are as exact as at the nodes, and the order is that of the method.
     Raises ArgumentError for times outside the run, and for a method that chooses its own step sizes.
     """
     if any(stage.tolerant for stage in plan.program.stages):

@@ -23,7 +23,7 @@ LONGEST = 5.0
 
 
 class Driver:
-    """Runs a plan from a position to its end, or to the first step that fails; of an ensemble, each member so far."""
+    """Runs a plan from a position to its end, or to the first step that fails; in an ensemble, for each member."""
 
     def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
         self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
@@ -31,7 +31,7 @@ class Driver:
         """Whether a sink is taking records: an interrupt then finds it in an incomplete state."""
 
     def run(self, state: State, records: int, every: int) -> Any:
-        """A chunk of so many records, each `every` steps: a `Chunk`, or of members an `EnsembleChunk`."""
+        """A chunk of `records` records, one every `every` steps: a `Chunk`, or for members an `EnsembleChunk`."""
         plan = self.plan
         given = plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.watches
         if plan.members is None:
@@ -91,7 +91,7 @@ class Driver:
     def _patience(self) -> float:
         """Seconds for a part of a block: the cost of loading many members weighs less in longer parts.
 
-        Machine code is interrupted between groups of lanes, so that one group alone has to be short.
+        Machine code is interrupted between groups of lanes, so that only a single group has to be short.
         """
         if self.plan.members is None or self.plan.backend != "native":
             return PATIENCE

@@ -182,7 +182,7 @@ def unwatched(chunk: Any, plan: Plan) -> Any:
 
 
 def without_events(chunk: EnsembleChunk, plan: Plan, rows_kept: dict[int, int]) -> EnsembleChunk:
-    """The chunk without values of events, and of members that have ended with so many rows alone.
+    """The chunk without values of events; members that have ended keep only the rows in `rows_kept`.
 
     The extrema of such a member are those of its records; residuals are those of the complete chunk.
     """

@@ -38,7 +38,7 @@ MEMORY_LIMIT = 8e9
 
 
 ROUND_OFF = 1e-14
-"""By how much, relative, times of members may differ that are the same but for how they were added up."""
+"""The relative difference of times of members that counts as round-off of different sums."""
 
 
 def count_of(system: System, start: State) -> int | None:
@@ -88,7 +88,7 @@ def begin_members(system: System, start: State, method: Method, h: float, count:
 def with_own_directions(
     program: StepProgram, constants: Constants, members: Members, warnings: list[str]
 ) -> tuple[StepProgram, Constants, Constants]:
-    """Constants with the parameters of all members, and with directions c₀ of their own where a₀ differs; with axes.
+    """Constants with the parameters of all members, and separate directions c₀ if a₀ differs; with axes.
 
     Without directions in equal number for all members, Kelvin–Noether quantities are left out, with a warning.
     """

@@ -222,7 +222,7 @@ SOLVED = (
 
 
 def watched() -> list[Watched]:
-    """All variables that monitors give, but for the system's own quantities."""
+    """All variables that monitors give, except the system's own quantities."""
     return [one for made in (*BEFORE, kelvin_noether, *AFTER) for one in made.watched]
 
 

@@ -137,10 +137,10 @@ LAST_RECORD = ("last_record", "run_parameters")
 
 
 def csv_table(dataset: xarray.Dataset) -> str:
-    """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one line a node.
+    """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one line per node.
 
-    Columns are `time` and, of every variable, its name, with the indices behind it where it is an array: mu_0, g_0_2.
-    Numbers have all of their digits; NaN is an empty field.
+    Columns are `time` and the name of every variable, followed by its indices if it is an array: mu_0, g_0_2.
+    Numbers have all their digits; NaN is an empty field.
     """
     leading = [name for name in ("member", "time") if name in dataset.dims]
     count = int(np.prod([dataset.sizes[name] for name in leading]))

@@ -23,7 +23,7 @@ from coadjoint.simulation.recording import Recording
 
 @dataclass(repr=False, eq=False)
 class Result(Recording):
-    """A run, or an ensemble, whose arrays have an axis of members in front.
+    """A run, or an ensemble, whose arrays have a first axis of members.
 
     ended: the records at the events that ended members, by their index.
     """
@@ -104,7 +104,7 @@ class Result(Recording):
         return {name: self.monitors[name][members] for name in names}
 
     def node_times(self) -> np.ndarray:
-        """The times of the saved nodes, s, (nodes,); of a single run those that it took."""
+        """The times of the saved nodes, s, (nodes,); for a single run the times of its records."""
         if self.members is None:
             return np.asarray(self.records.t)
         return self.plan.h * self.steps_saved + np.ravel(self.start.t)[0]
@@ -127,7 +127,7 @@ class Result(Recording):
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
     def sizes(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, ([members]), to which changes are relative; 0 if it is round-off of X later on."""
+        """|X₀| of a monitored X, ([members]), to which changes are relative; 0 if it is round-off of later X."""
         low, high, first = self._bounds(name)
         size = np.linalg.norm(first, axis=-1)
         return np.where(size > 1e-9 * np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=-1), size, 0.0)

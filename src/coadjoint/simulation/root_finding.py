@@ -74,7 +74,7 @@ def crossings(values: np.ndarray, interval: int, f: Function) -> list[Crossing]:
 
 
 def from_zero(values: np.ndarray) -> np.ndarray:
-    """The values of a run from its start: one that starts at a zero but for round-off, as behind an event, is zero."""
+    """The values of a run from its start; the first one is 0 if it is round-off, as after a restart at an event."""
     if len(values) > 1 and abs(values[0]) <= AT_START * abs(values[1] - values[0]):
         return np.concatenate([[0.0], values[1:]])
     return values

@@ -70,8 +70,8 @@ class Run(_Shown):
     def at(self, times: Any) -> State:
         """The records at times between the nodes (k,), s: a State with a leading axis.
 
-        The method's own steps lead from the saved node before: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h, so that momenta are as exact as
-        at the nodes and the order is the method's. Raises ArgumentError for times outside the run.
+        Steps of the method lead there from the saved node before: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h, so that momenta are as
+        exact as at the nodes and the order is the method's. Raises ArgumentError for times outside the run.
         """
         from coadjoint.simulation.dense import at_times
 

@@ -16,8 +16,8 @@ from coadjoint.simulation.store_reader import RECORDS, along_time, arrays, chunk
 class Chunks:
     """The arrays of a folder's records and, of each, the rows of the chunk that is not full yet.
 
-    `count` rows are there, written or in memory. A full chunk is written once; of one that grows the manifest counts
-    the rows that it knew, which later versions of the chunk repeat.
+    There are `count` rows, written or in memory. A full chunk is written once; for a growing chunk the manifest counts
+    the rows known then, which later versions of the chunk repeat.
     """
 
     def __init__(self, manifest: Manifest):
@@ -95,7 +95,7 @@ class Chunks:
             self._block[name] = np.full(shape, unset(array.dtype), array.dtype)
 
     def _write_chunk(self, name: str, values: np.ndarray, blocks: int, rows: int) -> None:
-        """Write a chunk with its checksum; of one that grows the manifest counts `rows` of each of its blocks."""
+        """Write a chunk with its checksum; for a growing chunk the manifest counts `rows` of each of its blocks."""
         data = values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes()
         data += checksum(data)
         used = rows * (len(data) - 4) // (blocks * self.length) if blocks else 0

@@ -174,11 +174,11 @@ def _excited(flow: np.ndarray, moved: np.ndarray, short: float) -> float | None:
 
 
 HOLDS = 0.1
-"""Up to which error, relative to how far the run goes, a trajectory holds."""
+"""The error, relative to the extent of the motion, up to which a trajectory counts as accurate."""
 
 
 def require_full(many: bool, variable: bool, stored: bool, watched: bool) -> None:
-    """Raise ArgumentError for runs whose nodes another run of half the step does not share."""
+    """Raise ArgumentError for runs whose nodes a second run with half the step does not share."""
     for wrong, what in ((many, "an ensemble"), (variable, "a method with steps of its own"), (stored, "`store`")):
         if wrong:
             raise ArgumentError(f'accuracy="full" compares two runs in memory, so it does not go with {what}.')
@@ -187,7 +187,7 @@ def require_full(many: bool, variable: bool, stored: bool, watched: bool) -> Non
 
 
 def with_trajectory_error(run: Result, finer: Result) -> None:
-    """Put the error of the trajectory of `run` into its accuracy, by `finer`, the same run of half the step."""
+    """Put the error of the trajectory of `run` into its accuracy; finer: the same run with half the step."""
     if run.accuracy is None:
         return
     errors, times = trajectory_errors(run, finer.records), np.asarray(run.records.t)
@@ -199,7 +199,7 @@ def with_trajectory_error(run: Result, finer: Result) -> None:
 def trajectory_errors(run: Result, others: State, ratio: float = 2.0) -> np.ndarray:
     """The error at every node, from the difference to records of steps h/ratio: divided by 1 − ratio^{−p}.
 
-    Relative to how far each part of the state is from its start at most, momenta to their own size.
+    It is relative to the largest distance of each part of the state from its start; for momenta to their own size.
     """
     count = min(len(run.records.t), len(others.t))
     ours, theirs = (jax.tree.map(lambda leaf: leaf[:count], records) for records in (run.records, others))

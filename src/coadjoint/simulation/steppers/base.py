@@ -51,7 +51,7 @@ class StepperBase(StepperWarnings):
         self._end_sample()
 
     event: float | None = None
-    """When `until` ended a single one, s; of a saved stepper, the last node before."""
+    """The time at which `until` ended a single one, s; for a saved stepper, that of the last node before."""
 
     def _take_memory(self, buffers: Buffers) -> None:
         face, self._buffers, self._context = self.face, buffers, buffers.context()
@@ -279,7 +279,7 @@ class StepperBase(StepperWarnings):
         self._end(n)
 
     def _end(self, n: int) -> None:
-        """Go to the event that stopped a single one within n steps, as far as one can."""
+        """Move to the event that stopped a single one within n steps, as far as possible."""
         self.event = float(self.t)
 
     def _when(self, member: int) -> str:

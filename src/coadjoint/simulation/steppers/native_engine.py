@@ -59,7 +59,7 @@ class NativeEngine:
 
 
 def _finished(waiting: list[Future[int]]) -> None:
-    """Wait for all, and raise an interrupt that came meanwhile at the end."""
+    """Wait for all threads, then raise an interrupt that occurred in the meantime."""
     interrupt = None
     while not all(future.done() for future in waiting):
         try:

@@ -289,7 +289,7 @@ class Stepper(Stepping):
 
     @property
     def parameters(self) -> Any:
-        """The parameters of the system, as they are now; where members have their own, with a first axis of members."""
+        """The current parameters of the system; if members have different ones, with a first axis of members."""
         rows = self._parameter_rows()
         return self._beginning.constants.unpack(rows[0] if len(rows) == 1 else rows).system
 

@@ -163,7 +163,7 @@ class Stepping(StepperBase):
 
     @property
     def parameters(self) -> Any:
-        """The parameters by their names, copied; where members have their own, with a first axis of members."""
+        """A copy of the parameters by their names; if members have different ones, with a first axis of members."""
         rows = self._parameter_rows()
         return self.face.parameters.views((rows[0] if len(rows) == 1 else rows).copy())
 
