@@ -81,11 +81,11 @@ class Choice:
 
 def chosen(files: Iterable[str], root: Path = ROOT) -> Choice:
     """The tests of changed files, as paths from the root."""
-    trees = modules(root / "src/coadjoint")
+    trees = modules(root / "src/coadjoint", *sorted(root.glob("*/src/coadjoint_*")))
     own: set[str] = set()
     packages: set[str] = set()
     for file in files:
-        if file.startswith("src/coadjoint/"):
+        if _in_library(file):
             packages.add(package(trees, _module(trees, file)))
         else:
             own |= _of_tests(file, root)
@@ -97,9 +97,15 @@ def chosen(files: Iterable[str], root: Path = ROOT) -> Choice:
     return Choice(sorted(packages), sorted(own), sorted(importing - own))
 
 
+def _in_library(file: str) -> bool:
+    return file.startswith("src/coadjoint/") or "/src/coadjoint_" in file
+
+
 def _module(trees: Mapping[str, ast.Module], file: str) -> str:
     """The module of a source file; of data, and of a module that was deleted, the package that it lies in."""
-    name = ".".join(Path(file).relative_to("src").with_suffix("").parts).removesuffix(".__init__")
+    above, _, inside = file.rpartition("src/coadjoint")
+    name = ".".join(Path(f"coadjoint{inside.replace('_', '/', 1) if above else inside}").with_suffix("").parts)
+    name = name.removesuffix(".__init__")
     while name not in trees:
         name = name.rpartition(".")[0]
     return name
@@ -124,7 +130,7 @@ def imported_by(trees: Mapping[str, ast.Module]) -> dict[str, set[str]]:
 
 def tests_of(name: str, root: Path = ROOT) -> set[str]:
     """The files of the tests of a package; where it has none, those of the package that it lies in."""
-    if "." not in name and not (root / "src/coadjoint" / name).is_dir():
+    if "." not in name and not ((root / "src/coadjoint" / name).is_dir() or (root / name / "src").is_dir()):
         file = root / f"tests/test_{name}.py"
         return {_path(file, root)} if name and file.is_file() else set()
     folder = root / "tests" / name.replace(".", "/")

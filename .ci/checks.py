@@ -95,6 +95,8 @@ def all_parts(checks: Checks) -> None:
         checks.run("site", "bash", "-c", words)
         checks.tests("extras", more / "python", *UNTIMED, *EXTRAS)
         checks.tests("other libraries", more / "python", *UNTIMED, "-m", "", OTHER_LIBRARIES)
+    if (alone := environments.make("core", "", above=None)) is not None:
+        checks.run("core: reproduce", alone / "coadjoint", "reproduce", "--out", checks.folder / "reproduction-core")
     command = readme_command((ROOT / "README.md").read_text("utf-8"))
     checks.tests("tests", python, *command[1:], "--budget", "--durations=15", least=LEAST)
     other_versions(checks, environments)

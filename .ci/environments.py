@@ -18,8 +18,10 @@ COMPANIONS = ("numba", "optimistix", "diffrax", "blackjax")
 FOR_OLDEST = ("pytest", "pytest-xdist", "pytest-timeout", "hypothesis", "rosbags", "mcap-ros2-support")
 """What tests need with the oldest dependencies; others of the extra `test` demand newer ones."""
 OWN = "{}.{}".format(*sys.version_info[:2])
-INSTALL = (".venv/bin/pip", "install", ".[test]")
-"""How README.md installs what its tests need; here the wheel is installed instead of the folder."""
+INSTALL = (".venv/bin/pip", "install", ".[test]", "./vehicles")
+"""How README.md installs what its tests need; here the wheels are installed instead of the folders."""
+ABOVE = ("vehicles",)
+"""The folders of the distributions that are built with the library."""
 
 
 def readme_command(readme: str) -> list[str]:
@@ -29,7 +31,7 @@ def readme_command(readme: str) -> list[str]:
         raise ValueError(f"README.md must have one command that installs and runs the tests, but has {len(lines)}.")
     *before, tests = (shlex.split(step) for step in lines[0].split(" && "))
     if before != [["python3", "-m", "venv", ".venv"], [*INSTALL]] or tests[0] != ".venv/bin/python":
-        raise ValueError(f"README.md must install {INSTALL[-1]} and run the tests there, but has: {lines[0]}")
+        raise ValueError(f"README.md must install {' '.join(INSTALL[2:])} and run the tests there, but has: {lines[0]}")
     return tests
 
 
@@ -68,18 +70,31 @@ class Environments:
         self.checks, self.tools, self.dist = checks, checks.folder / "tools", checks.folder / "dist"
 
     def build(self) -> bool:
-        """The tools, and the wheel from the source archive."""
+        """The tools, and the wheels from the source archives."""
         install = (sys.executable, ".ci/install.py")
-        return self.checks.run("tools", *install, "tools", self.tools) and self.checks.run(
-            "archive and wheel", *install, "wheel", self.tools, self.dist
+        return self.checks.run("tools", *install, "tools", self.tools) and all(
+            self.checks.run(part, *install, "wheel", self.tools, self.dist, folder)
+            for part, folder in (("archive and wheel", "."), *((f"{one}: archive and wheel", one) for one in ABOVE))
         )
 
-    def make(self, name: str, extras: str, *more: str, interpreter: str = sys.executable) -> Path | None:
-        """The folder of programs of a new environment with the library and its extras; None where that failed."""
-        (wheel,) = self.dist.glob("*.whl")
+    def make(
+        self, name: str, extras: str, *more: str, above: str | None = "", interpreter: str = sys.executable
+    ) -> Path | None:
+        """The folder of programs of a new environment with the library and its extras; None where that failed.
+
+        above: the extras of the packages above it; None leaves these packages out.
+        """
+        (wheel,) = self.dist.glob("coadjoint-*.whl")
+        others = (
+            []
+            if above is None
+            else [f"{one}[{above}]" if above else str(one) for one in self.dist.glob("coadjoint_*.whl")]
+        )
         home = self.checks.folder / name.replace(" ", "-")
         command = (sys.executable, ".ci/install.py", "environment", self.tools, home, interpreter)
-        made = self.checks.run(f"{name}: install", *command, f"{wheel}[{extras}]", *more)
+        made = self.checks.run(
+            f"{name}: install", *command, f"{wheel}[{extras}]" if extras else str(wheel), *others, *more
+        )
         return home / "bin" if made else None
 
     def others(self) -> Iterator[tuple[str, Path | None]]:
@@ -99,4 +114,4 @@ class Environments:
         done = subprocess.run([sys.executable, ".ci/oldest.py"], cwd=ROOT, capture_output=True, text=True, check=True)
         pins.write_text(done.stdout, "utf-8")
         more = (*FOR_OLDEST, "--constraint", str(pins))
-        yield "oldest", self.make("oldest", "control,learn,cluster,logs", *more, interpreter=oldest)
+        yield "oldest", self.make("oldest", "control,cluster", *more, above="learn,logs", interpreter=oldest)

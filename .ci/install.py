@@ -1,7 +1,7 @@
 """Makes environments and the wheel, by uv where it is to be had, else by pip.
 
     python .ci/install.py tools HOME                          an environment with uv and build
-    python .ci/install.py wheel HOME FOLDER                   source archive and wheel of this folder
+    python .ci/install.py wheel HOME FOLDER SOURCE            source archive and wheel of the folder SOURCE
     python .ci/install.py environment HOME NEW INTERPRETER REQUIREMENT…
 
 HOME is the environment of the tools. REQUIREMENT may be an option that both installers know, as `--constraint`.
@@ -27,13 +27,12 @@ def tools(home: Path) -> bool:
     return done(sys.executable, "-m", "venv", home) and (done(*pip, "build", "uv") or done(*pip, "build"))
 
 
-def wheel(home: Path, folder: Path) -> bool:
-    """The source archive of this folder and the wheel from it."""
+def wheel(home: Path, folder: Path, source: Path) -> bool:
+    """The source archive of a folder and the wheel from it."""
     uv = home / "bin/uv"
-    if uv.exists() and done(uv, "build", "--quiet", "--python", sys.executable, "--out-dir", folder):
+    if uv.exists() and done(uv, "build", "--quiet", "--python", sys.executable, "--out-dir", folder, source):
         return True
-    shutil.rmtree(folder, ignore_errors=True)
-    return done(home / "bin/python", "-m", "build", "--outdir", folder, ".")
+    return done(home / "bin/python", "-m", "build", "--outdir", folder, source)
 
 
 def environment(home: Path, new: Path, interpreter: Path, *requirements: str) -> bool:
@@ -53,4 +52,8 @@ def environment(home: Path, new: Path, interpreter: Path, *requirements: str) ->
 if __name__ == "__main__":
     task, home, *rest = sys.argv[1:]
     made = {"tools": tools, "wheel": wheel, "environment": environment}[task]
-    sys.exit(not made(Path(home), *(Path(word) for word in rest[:2]), *rest[2:]))
+    sys.exit(
+        not made(
+            Path(home), *(Path(word) for word in rest[:2]), *(map(Path, rest[2:]) if task == "wheel" else rest[2:])
+        )
+    )

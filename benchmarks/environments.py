@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+import coadjoint_vehicles as vehicles
 from benchmarks.clock import Contender, interleaved, table_of
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.serving import Lockstep, Loop, Served, motors
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.serving import Lockstep, Loop, Served, motors
 
 NAME, SEED = "bluerov2_heavy_von_benzon", 20
 YARDSTICK = "co.Stepper, commands in, the same observations out"

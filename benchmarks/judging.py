@@ -16,9 +16,9 @@ WITHOUT, WITH = "accuracy=False", "accuracy=True"
 
 def measure(quick: bool) -> dict[str, Any]:
     """Processor time of 10⁴ steps with set-up, code cached, by turns with the line and without."""
+    import coadjoint_vehicles as vehicles
     from benchmarks.stepping import COMMANDS, DT
-    from coadjoint import vehicles
-    from coadjoint.vehicles import Craft
+    from coadjoint_vehicles import Craft
 
     vehicle, top = paper_vehicle(), catalogue["heavy_top"].make()
     craft = Craft(vehicles.load("remus_100"))

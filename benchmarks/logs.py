@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.clock import Contender, interleaved, table_of
-from coadjoint.vehicles.logs import read_bag
-from coadjoint.vehicles.logs.bags.schemas import known, schema
-from coadjoint.vehicles.logs.bags.serializing import serialized
+from coadjoint_vehicles.logs import read_bag
+from coadjoint_vehicles.logs.bags.schemas import known, schema
+from coadjoint_vehicles.logs.bags.serializing import serialized
 
 MCAP, ARDUPILOT = "mcap-ros2-support", "pymavlink"
 SHARE = 20

@@ -17,9 +17,9 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles import Craft, load
-from coadjoint.vehicles.parts.force_curves import Linear
-from coadjoint.vehicles.water import TimeCurrent, UniformWater
+from coadjoint_vehicles import Craft, load
+from coadjoint_vehicles.parts.force_curves import Linear
+from coadjoint_vehicles.water import TimeCurrent, UniformWater
 
 PERIOD, STAGES, STATION, START = 0.1, 40, np.array([0.0, 0.0, 2.0]), (0.5, -0.3, 2.2)
 SPEED, TURN, ERROR, GAIN = 0.3, 120.0, 0.1, 8.0

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 import coadjoint as co
+import coadjoint_vehicles as vehicles
 from benchmarks.clock import Contender, interleaved, table_of
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
+from coadjoint_vehicles import Craft
 
 DT, PERIOD = 0.05, 2
 """s, and steps of a control period."""

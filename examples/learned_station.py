@@ -11,9 +11,9 @@ import time
 import matplotlib.pyplot as plt
 import numpy as np
 
-from coadjoint import vehicles
-from coadjoint.vehicles.environments import HoldStation
-from coadjoint.vehicles.water import UniformWater
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles.environments import HoldStation
+from coadjoint_vehicles.water import UniformWater
 
 iterations = int(sys.argv[1]) if len(sys.argv) > 1 else 80
 policies = int(sys.argv[2]) if len(sys.argv) > 2 else 128  # of an iteration

@@ -14,9 +14,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.control import Bounds, Input, Problem
-from coadjoint.vehicles import water
+from coadjoint_vehicles import water
 
 steps = int(sys.argv[1]) if len(sys.argv) > 1 else 160
 GOAL, COLUMN, RADIUS, DEPTHS = np.array([100.0, -12.0, 8.0]), np.array([52.0, -14.0]), 8.0, (4.0, 12.0)  # m

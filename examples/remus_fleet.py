@@ -11,10 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.controllers import Cruise
-from coadjoint.vehicles.water import UniformWater
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.controllers import Cruise
+from coadjoint_vehicles.water import UniformWater
 
 duration = float(sys.argv[1]) if len(sys.argv) > 1 else 300.0
 members = int(sys.argv[2]) if len(sys.argv) > 2 else 10_000

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import coadjoint as co
-from coadjoint.vehicles.remus import remus_100, remus_start
+from coadjoint_vehicles.remus import remus_100, remus_start
 
 duration = float(sys.argv[1]) if len(sys.argv) > 1 else 300.0
 

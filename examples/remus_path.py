@@ -16,8 +16,8 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.control import Input, Problem, squares
-from coadjoint.vehicles import Craft, load, water
-from coadjoint.vehicles.controllers import Cruise, LineOfSight
+from coadjoint_vehicles import Craft, load, water
+from coadjoint_vehicles.controllers import Cruise, LineOfSight
 
 END = float(sys.argv[1]) if len(sys.argv) > 1 else 148.0
 POINTS = np.array([(0.0, 0.0, 5.0), (50.0, 50.0, 8.0), (100.0, 0.0, 5.0), (150.0, 50.0, 8.0)])  # m

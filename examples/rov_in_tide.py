@@ -15,9 +15,9 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.control import Input, Problem, squares
-from coadjoint.vehicles import Craft, load
-from coadjoint.vehicles.parts.force_curves import Linear
-from coadjoint.vehicles.water import TimeCurrent, UniformWater
+from coadjoint_vehicles import Craft, load
+from coadjoint_vehicles.parts.force_curves import Linear
+from coadjoint_vehicles.water import TimeCurrent, UniformWater
 
 duration, H, STATION, TURN = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0, 0.2, np.array([0.0, 0.0, 2.0]), 60.0
 vehicle = load("bluerov2_heavy_von_benzon")

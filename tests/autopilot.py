@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from threading import Thread
 from typing import Any
 
-from coadjoint.vehicles.serving.loop import Answering, Loop
+from coadjoint_vehicles.serving.loop import Answering, Loop
 
 RATE = 400
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import number, positive
-from coadjoint.vehicles.model.vehicle import Vehicle
-from coadjoint.vehicles.parts.ballast import Ballast
-from coadjoint.vehicles.parts.lifting_body import LiftingBody
-from coadjoint.vehicles.parts.moving_mass import MovingMass
-from coadjoint.vehicles.parts.part import Part
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.ballast import Ballast
+from coadjoint_vehicles.parts.lifting_body import LiftingBody
+from coadjoint_vehicles.parts.moving_mass import MovingMass
+from coadjoint_vehicles.parts.part import Part
 
 Kind = TypeVar("Kind", bound=Part)
 

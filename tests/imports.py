@@ -8,20 +8,38 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
-SOURCE = Path(__file__).parents[1] / "src" / "coadjoint"
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "coadjoint"
 _LIBRARY = ("coadjoint", "co")
 """What the library is called where it is imported as a whole."""
-_IN_TEXT = re.compile(r"\bcoadjoint(?:\.\w+)+")
+_IN_TEXT = re.compile(r"\bcoadjoint(?:_vehicles)?(?:\.\w+)+")
+ABOVE = {"coadjoint_vehicles": "coadjoint.vehicles"}
+"""What packages above the core are called here."""
 
 
-def modules(source: Path = SOURCE) -> dict[str, ast.Module]:
-    """Every module by its name, `coadjoint.groups` for a package."""
+def modules(*sources: Path) -> dict[str, ast.Module]:
+    """Every module by its name, `coadjoint.groups` for a package; by default of the core and of all above it."""
     found = {}
-    for path in sorted(source.rglob("*.py")):
-        parts = (source.name, *path.relative_to(source).with_suffix("").parts)
-        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        found[name] = ast.parse(path.read_text(encoding="utf-8"))
+    for source in sources or (SOURCE, *sorted(ROOT.glob("*/src/coadjoint_*"))):
+        for path in sorted(source.rglob("*.py")):
+            parts = (source.name, *path.relative_to(source).with_suffix("").parts)
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            found[_called(name)] = ast.parse(path.read_text(encoding="utf-8"))
     return found
+
+
+def files() -> dict[str, Path]:
+    """Every Python file of the library and of the packages above it, by its path: `vehicles/axes.py`."""
+    return {
+        str(Path(*_called(source.name).split(".")[1:], path.relative_to(source)).as_posix()): path
+        for source in (SOURCE, *sorted(ROOT.glob("*/src/coadjoint_*")))
+        for path in sorted(source.rglob("*.py"))
+    }
+
+
+def _called(name: str) -> str:
+    first, dot, rest = name.partition(".")
+    return f"{ABOVE.get(first, first)}{dot}{rest}"
 
 
 def named(trees: Mapping[str, ast.Module], module: str) -> set[str]:
@@ -30,7 +48,8 @@ def named(trees: Mapping[str, ast.Module], module: str) -> set[str]:
     Texts for readers, which are docstrings, do not count.
     """
     api = _extension_api(trees.get("coadjoint.extending"))
-    written = (_of_library(trees, api.get(name, name)) for name in _names(trees[module]))
+    called = map(_called, _names(trees[module]))
+    written = (_of_library(trees, api.get(name, name)) for name in called)
     return {name for name in written if name not in ("", module)}
 
 

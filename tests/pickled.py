@@ -16,13 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.audit.shipped import SHIPPED
 from coadjoint.manifest import Manifest
 from coadjoint.models import catalogue
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles import controllers, environments, parts, sensors, serving, water
-from coadjoint.vehicles.missions.example import example
+from coadjoint_vehicles import controllers, environments, parts, sensors, serving, water
+from coadjoint_vehicles.missions.example import example
 from systems import GROUPS, MAPS, WORLDS
 
 PACKAGES = (

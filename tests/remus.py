@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from coadjoint import vehicles
-from coadjoint.vehicles import Vehicle
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles import Vehicle
 
 
 def remus(**changes: Any) -> Vehicle:

@@ -55,7 +55,7 @@ def test_vehicles_import_the_public_names_and_the_extension_api_and_nothing_else
     found = {
         module: taken
         for module, tree in modules().items()
-        if module.startswith("coadjoint.vehicles") and (taken := outside(tree, "coadjoint.vehicles"))
+        if module.startswith("coadjoint.vehicles") and (taken := outside(tree, "coadjoint_vehicles"))
     }
     assert not found, "Take what is public, or what `coadjoint.extending` gives; which stays small."
 
@@ -91,8 +91,8 @@ def test_the_page_on_the_extension_api_has_every_name_and_module() -> None:
         ("from coadjoint.checks import number, _whole", ["coadjoint.checks._whole"]),
         ("from coadjoint.extending import Array, Plan", ["coadjoint.extending.Plan"]),
         ("import coadjoint.kernels.emit", ["coadjoint.kernels.emit"]),
-        ("import coadjoint as co\nfrom coadjoint.vehicles.parts.part import Part", []),
+        ("import coadjoint as co\nfrom coadjoint_vehicles.parts.part import Part", []),
     ],
 )
 def test_an_import_past_the_extension_api_is_found(line: str, found: list[str]) -> None:
-    assert outside(ast.parse(line), "coadjoint.vehicles") == found
+    assert outside(ast.parse(line), "coadjoint_vehicles") == found

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+import coadjoint_vehicles as vehicles
 import pickled
-from coadjoint import vehicles
 from coadjoint.errors import ArgumentError
 
 WAYS: dict[str, Callable[[Any], Any]] = {
@@ -29,7 +29,7 @@ NOT_MADE = {
     "coadjoint.control.PhasedOptimum": "runs and numbers, from a solver",
     "coadjoint.identification.Identification": "runs and numbers, from a solver",
     "coadjoint.control.ExportedStep": "a function of CasADi, which pickles itself",
-    "coadjoint.vehicles.serving.Loop": "a socket, which belongs to its process",
+    "coadjoint_vehicles.serving.Loop": "a socket, which belongs to its process",
 }
 OTHERS = {"coadjoint.Stepper": "Stepping"}
 """What comes back is of another class: a saved stepper, whose functions are machine code."""

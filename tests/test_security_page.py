@@ -16,14 +16,14 @@ from coadjoint.cli.main import every_command
 from coadjoint.errors import CoadjointError
 from coadjoint.kernels.run import store
 from coadjoint.plotting import bodies, meshes
-from coadjoint.vehicles.hydrodynamics import wamit
-from coadjoint.vehicles.importing import elements, xacro
-from coadjoint.vehicles.logs import read_log
-from coadjoint.vehicles.logs.bags import dataflash_file, decompressing, tlog_file
-from coadjoint.vehicles.serving import plain
-from coadjoint.vehicles.water import bottom, geotiff
+from coadjoint_vehicles.hydrodynamics import wamit
+from coadjoint_vehicles.importing import elements, xacro
+from coadjoint_vehicles.logs import read_log
+from coadjoint_vehicles.logs.bags import dataflash_file, decompressing, tlog_file
+from coadjoint_vehicles.serving import plain
+from coadjoint_vehicles.water import bottom, geotiff
+from imports import files
 
-SOURCES = Path(co.__file__).parent
 PAGE = Path(__file__).parent.parent / "SECURITY.md"
 IMPORTED = re.compile(
     r"^\s*(?:import|from) (socket|ssl|http|urllib\.request|asyncio|distributed|pickle|cloudpickle|marshal|shelve|"
@@ -50,9 +50,9 @@ KNOWN = {
 
 def test_no_other_module_imports_what_opens_connections_or_runs_what_it_reads():
     found = {}
-    for file in SOURCES.rglob("*.py"):
+    for name, file in files().items():
         words = {word for pair in IMPORTED.findall(file.read_text(encoding="utf-8")) for word in pair if word}
-        found |= {file.relative_to(SOURCES).as_posix(): words} if words else {}
+        found |= {name: words} if words else {}
     assert found == KNOWN
 
 

@@ -21,6 +21,7 @@ STOREYS = (
         "paths",
         "portable",
         "extensions",
+        "earlier_names",
         "units",
         "texts",
         "sealed",

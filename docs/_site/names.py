@@ -76,7 +76,8 @@ def collect(app: Sphinx, config: Any) -> None:
         for name in public_names(package):
             home = homes.get(id(getattr(module, name)))
             if home:
-                config.coadjoint_names.setdefault(f"{package}.{name}", home)
+                for written in (package, package.replace("coadjoint_", "coadjoint.", 1)):  # also as co.vehicles
+                    config.coadjoint_names.setdefault(f"{written}.{name}", home)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

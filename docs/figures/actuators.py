@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.plotting import style
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.parts import T200, Thrusters
-from coadjoint.vehicles.trim import SteadyFlight, trim
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.parts import T200, Thrusters
+from coadjoint_vehicles.trim import SteadyFlight, trim
 
 HERE = Path(__file__).parent
 

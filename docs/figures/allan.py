@@ -9,7 +9,7 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.plotting import style
-from coadjoint.vehicles.sensors import Errors, Imu, Noise, allan_deviation, expected_allan_deviation
+from coadjoint_vehicles.sensors import Errors, Imu, Noise, allan_deviation, expected_allan_deviation
 
 TACTICAL = Imu(
     name="tactical",

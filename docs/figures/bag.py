@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.identification import identify, synthetic_log
 from coadjoint.plotting import style
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.logs import read_log, write_log
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.logs import read_log, write_log
 
 NOISE = {
     **dict.fromkeys(("north", "east"), 0.1), "depth": 0.02,

@@ -12,10 +12,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.controllers import LineOfSight, Pose
-from coadjoint.vehicles.water import UniformWater
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.controllers import LineOfSight, Pose
+from coadjoint_vehicles.water import UniformWater
 
 HERE = Path(__file__).parent
 DT = 0.05

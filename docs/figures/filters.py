@@ -14,7 +14,7 @@ from scipy.stats import chi2
 import coadjoint as co
 from coadjoint.estimation import Filter, GaussMarkov, InertialState, ModelProcess, RandomWalk, StrapdownProcess
 from coadjoint.plotting import style
-from coadjoint.vehicles import sensors
+from coadjoint_vehicles import sensors
 
 H = 0.1
 CURRENT = (0.18, 0.24, 0.0)

@@ -18,8 +18,8 @@ import numpy as np
 import coadjoint as co
 from coadjoint.estimation import Filter, Measurement, ModelProcess, RandomWalk
 from coadjoint.plotting import style
-from coadjoint.vehicles.parts import Ballast, LiftingBody
-from coadjoint.vehicles.water import DensityTable, Sea
+from coadjoint_vehicles.parts import Ballast, LiftingBody
+from coadjoint_vehicles.water import DensityTable, Sea
 
 RHO, VOLUME, COMPRESSIBILITY = 1004.0, 70 / 1004.0, 5e-10
 """kg/m³, m³ and 1/Pa of the hull, as the source has them."""

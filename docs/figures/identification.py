@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.identification import identify, synthetic_log
 from coadjoint.paths import paths
 from coadjoint.plotting import style
-from coadjoint.vehicles import Craft
+from coadjoint_vehicles import Craft
 
 NOISE = {
     **dict.fromkeys(("north", "east"), 0.1), "depth": 0.02,

@@ -5,7 +5,7 @@ from pathlib import Path
 import coadjoint as co
 from coadjoint.plotting.style import save
 from coadjoint.runs.run_file import read
-from coadjoint.vehicles.missions.craft import set_up
+from coadjoint_vehicles.missions.craft import set_up
 
 HERE = Path(__file__).parent
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.models.paper_form import start
 from coadjoint.plotting import style
 from coadjoint.stability import Search, stability
-from coadjoint.vehicles.hydrodynamics import ellipsoid
-from coadjoint.vehicles.trim import SteadyFlight, trim
+from coadjoint_vehicles.hydrodynamics import ellipsoid
+from coadjoint_vehicles.trim import SteadyFlight, trim
 
 LEVERS = np.linspace(0.004, 0.04, 7)
 SPEEDS = np.linspace(0.1, 1.1, 9)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.plotting import style
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.water import GaussMarkovCurrent, PowerLaw, Sea, Sheared, TidalCurrent
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.water import GaussMarkovCurrent, PowerLaw, Sea, Sheared, TidalCurrent
 
 HOURS, LEG, BOTTOM = 6.0, 1200.0, 40.0
 TIDE = TidalCurrent(["M2"], [[0.4, 0.1, 0.0]], [[0.0, np.pi / 2, 0.0]])

@@ -10,9 +10,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from coadjoint.earlier_names import install
+from coadjoint.extensions import added
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    import coadjoint_vehicles as vehicles  # of the distribution coadjoint-vehicles
+
+    __all__ = ["vehicles"]  # as the others are by the form of their imports
+
     from coadjoint import control as control
     from coadjoint import difference_maps as difference_maps
     from coadjoint import errors as errors
@@ -27,7 +33,6 @@ if TYPE_CHECKING:
     from coadjoint import stability as stability
     from coadjoint import sweeps as sweeps
     from coadjoint import theory as theory
-    from coadjoint import vehicles as vehicles
     from coadjoint.difference_maps import Cayley as Cayley
     from coadjoint.difference_maps import Exponential as Exponential
     from coadjoint.groups import SE2 as SE2
@@ -78,7 +83,7 @@ if TYPE_CHECKING:
     from coadjoint.sweeps.call import sweep as sweep
 
 __version__ = "0.1.0"
-EXTENSIONS = ["coadjoint.vehicles.extension"]
+EXTENSIONS: list[str] = []
 """Modules that add to the packages below them, see `coadjoint.extensions`."""
 MOVED = {
     "difference_maps": "DifferenceMap Pade SecondKind Squared",
@@ -96,5 +101,7 @@ MOVED = {
 }
 """Names that have their home in a package, and that `coadjoint` gives with a warning until version 0.3."""
 
+install()
+
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = lazy(__name__, MOVED)
+    __getattr__, __dir__, __all__ = lazy(__name__, MOVED, added)

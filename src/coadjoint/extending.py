@@ -1,4 +1,4 @@
-"""The extension API: the names of the core on which a package above it, such as `coadjoint.vehicles`, is built.
+"""The extension API: the names of the core on which a package above it, such as `coadjoint_vehicles`, is built.
 
 Such a package has three sources, and a test holds that vehicles have no other: the `__all__` of public packages, as
 `coadjoint.mechanics`; the names of this module; and the modules in `MODULES`, each of which serves one purpose. It adds

@@ -57,6 +57,25 @@ def extensions() -> list[str]:
     return list(dict.fromkeys([*coadjoint.EXTENSIONS, *_installed()]))
 
 
+def added(name: str) -> ModuleType | None:
+    """The package that an entry point of this name adds to `coadjoint`; None where there is none.
+
+    Raises AttributeError for the vehicles where they are not installed.
+    """
+    from importlib.metadata import entry_points
+
+    for point in entry_points(group=GROUP, name=name):
+        return import_module(point.value.partition(".")[0])
+    if name == "vehicles":
+        raise AttributeError(absent("`coadjoint.vehicles`"))
+    return None
+
+
+def absent(what: str) -> str:
+    """The sentence on something that is of the vehicles, which are not installed."""
+    return f"{what} is of the distribution coadjoint-vehicles, which is not installed: pip install coadjoint-vehicles."
+
+
 @cache
 def _installed() -> tuple[str, ...]:
     from importlib.metadata import entry_points

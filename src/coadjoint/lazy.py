@@ -6,6 +6,7 @@ import ast
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from coadjoint.errors import warn
@@ -19,14 +20,17 @@ class Lazy(NamedTuple):
     all: list[str]
 
 
-def lazy(package: str, moved: Mapping[str, str] | None = None) -> Lazy:
+def lazy(
+    package: str, moved: Mapping[str, str] | None = None, added: Callable[[str], ModuleType | None] | None = None
+) -> Lazy:
     """The names that `package` imports under `if TYPE_CHECKING:`, each loaded at its first use.
 
     Editors and type checkers follow the imports; at run time nothing is loaded before it is used. A package calls this
     under `if not TYPE_CHECKING:`, because type checkers take any name for one of a module that has a `__getattr__`.
 
     moved: names that are listed elsewhere, separated by spaces, by the package below this one that lists them. They are
-    loaded with a DeprecationWarning, and `dir` and `__all__` leave them out.
+    loaded with a DeprecationWarning, and `dir` and `__all__` leave them out. added: gives packages that other
+    distributions add under a name, None for other names.
     """
     places = homes(package)
     names = sorted(places)
@@ -38,6 +42,8 @@ def lazy(package: str, moved: Mapping[str, str] | None = None) -> Lazy:
             warn(f"`{package}.{name}` is deprecated and goes in 0.3; write `{there}.{name}`.", 2, DeprecationWarning)
             return getattr(import_module(there), name)
         if name not in places:
+            if added is not None and not name.startswith("_") and (found := added(name)) is not None:
+                return found
             raise AttributeError(_absent(package, name, [*names, *rooms]))
         module, there = places[name]
         if module == package:

@@ -16,8 +16,9 @@ logging.getLogger("coadjoint").addHandler(logging.NullHandler())
 
 
 def logger(module: str) -> logging.Logger:
-    """The logger of a module of this library, of its `__name__`; control characters in its messages become escapes."""
-    found = logging.getLogger(module)
+    """The logger of a module, of its `__name__` and below `coadjoint`; control characters in its messages become
+    escapes."""
+    found = logging.getLogger(module.replace("coadjoint_", "coadjoint.", 1))
     found.addFilter(_shown)
     return found
 

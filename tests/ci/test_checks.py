@@ -36,6 +36,7 @@ class Recorded:
         if part == "archive and wheel":
             (self.folder / "dist").mkdir()
             (self.folder / "dist/coadjoint-1-py3-none-any.whl").touch()
+            (self.folder / "dist/coadjoint_vehicles-1-py3-none-any.whl").touch()
         return part not in self.failing
 
     tests = run
@@ -60,8 +61,11 @@ def test_the_command_of_the_readme_is_the_one_that_runs(two_pythons, tmp_path):
     words = shlex.split(line.split(" && ")[-1])
     assert words[0] == ".venv/bin/python"
     assert recorded.commands["tests"][: len(words)] == [f"{tmp_path}/tests/bin/python", *words[1:]]
-    (requirement,) = [word for word in recorded.commands["tests: install"] if word.endswith("]")]
-    assert requirement.endswith("coadjoint-1-py3-none-any.whl[test]") and '".[test]"' in line
+    requirement, above = (word for word in recorded.commands["tests: install"] if ".whl" in word)
+    assert requirement.endswith("coadjoint-1-py3-none-any.whl[test]") and '".[test]" ./vehicles' in line
+    assert above.endswith("coadjoint_vehicles-1-py3-none-any.whl")
+    (alone,) = (word for word in recorded.commands["core: install"] if ".whl" in word)
+    assert alone.endswith("coadjoint-1-py3-none-any.whl")
 
 
 @pytest.mark.parametrize(
@@ -83,15 +87,24 @@ def test_every_part_is_there_in_its_order(two_pythons, tmp_path):
     checks.all_parts(recorded)
     ended = ("install", "reproduce", "selection")
     assert list(recorded.commands) == [
-        *("tools", "archive and wheel", "tests: install", "version", "lint", "format", "types"),
-        *("more: install", "site", "extras", "other libraries", "tests"),
+        *(
+            "tools",
+            "archive and wheel",
+            "vehicles: archive and wheel",
+            "tests: install",
+            "version",
+            "lint",
+            "format",
+            "types",
+        ),
+        *("more: install", "site", "extras", "other libraries", "core: install", "core: reproduce", "tests"),
         *(f"3.12: {end}" for end in ended),
         *(f"oldest: {end}" for end in ended),
         "long, changed",
     ]
     assert "no Python 3.13 was found: it is not tested" in recorded.notes
     assert recorded.commands["oldest: install"][-2] == "--constraint"
-    assert "coadjoint-1-py3-none-any.whl[test]" in recorded.commands["3.12: install"][-1]
+    assert "coadjoint-1-py3-none-any.whl[test]" in recorded.commands["3.12: install"][-2]
     assert recorded.commands["3.12: selection"][-len(checks.selection()) :] == checks.selection()
 
 

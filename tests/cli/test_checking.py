@@ -12,8 +12,8 @@ from coadjoint.cli.main import main
 from coadjoint.plotting.plots import available
 from coadjoint.runs.prepared import prepared
 from coadjoint.simulation.dataset import outline
-from coadjoint.vehicles.files.registry import load_vehicle, vehicle_text
-from coadjoint.vehicles.missions.mission import load_mission
+from coadjoint_vehicles.files.registry import load_vehicle, vehicle_text
+from coadjoint_vehicles.missions.mission import load_mission
 
 
 @pytest.mark.cases(6)

@@ -19,9 +19,9 @@ from coadjoint.cli.main import main
 from coadjoint.errors import CoadjointError, Interrupted, printable, warn
 from coadjoint.log import logger
 from coadjoint.simulation.progress import Progress, compiling
-from coadjoint.vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.files.registry import vehicle_text
+from imports import files
 
-SOURCES = Path(co.__file__).parent
 HOSTILE = "\x1b]0;owned\x07\x9b2J\x08\r\x7f\u202e\u2066\u2028"
 """Sets the title of a window, clears the screen, goes back, turns the direction of text."""
 ESCAPED = r"\u001b]0;owned\u0007\u009b2J\u0008\u000d\u007f\u202e\u2066\u2028"
@@ -169,7 +169,7 @@ def test_two_runs_of_others_are_compared_with_escapes(stream, capsys):
 def test_commands_print_through_one_place_alone():
     """No other module prints, writes to a stream, or has a console of rich, but the bars of progress."""
     telling = re.compile(r"^\s*print\(|[ :]print\(.*\)$|sys\.std(?:out|err)\.write|^\s*(?:from|import) rich\b", re.M)
-    texts = {file.relative_to(SOURCES).as_posix(): file.read_text(encoding="utf-8") for file in SOURCES.rglob("*.py")}
+    texts = {name: file.read_text(encoding="utf-8") for name, file in files().items()}
     found = {name: telling.findall(re.sub(r'""".*?"""', "", text, flags=re.S)) for name, text in texts.items()}
     assert {name for name, calls in found.items() if calls} == PRINTING
     assert found["cli/start.py"] == ["sys.stderr.write"]  # of two words of its own

@@ -11,7 +11,7 @@ from coadjoint.cli.main import main
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.report.folder import RUN_FILE
 from coadjoint.report.numbers import numbers
-from coadjoint.vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.files.registry import vehicle_text
 
 MISSION = """
 [vehicle]

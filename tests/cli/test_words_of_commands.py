@@ -15,9 +15,9 @@ from coadjoint.cli import comparing, results_folder, terminal, viewing
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.report.comparison import Comparison
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED
-from coadjoint.vehicles.commands import identify, importing, stability
-from coadjoint.vehicles.commands.vehicles import Vehicles
-from coadjoint.vehicles.trim.reading import Trim
+from coadjoint_vehicles.commands import identify, importing, stability
+from coadjoint_vehicles.commands.vehicles import Vehicles
+from coadjoint_vehicles.trim.reading import Trim
 
 LEVEL: dict[str, Any] = {
     "speed": 1.5, "climb": 0.0, "pitch": 0.1, "roll": 0.0, "attack": 0.1, "sideslip": 0.0, "turn_rate": 0.0,

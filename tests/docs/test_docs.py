@@ -124,7 +124,7 @@ def test_every_file_that_contributing_names_exists() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     named = {name for name in re.findall(r"`([\w./]+/[\w.]*)`", text) if "NAME" not in name}
     assert len(named) > 30
-    homes = (ROOT, ROOT / "src", ROOT / "src" / "coadjoint")
+    homes = (ROOT, ROOT / "src", ROOT / "src" / "coadjoint", ROOT / "vehicles" / "src")
     missing = [name for name in sorted(named) if not any((home / name).exists() for home in homes)]
     assert not missing, f"CONTRIBUTING.md names {missing}."
 

@@ -11,7 +11,7 @@ from simulated import around, drawn, measured
 
 import coadjoint as co
 from coadjoint.estimation import Filter, GaussMarkov, Measurement, ModelProcess
-from coadjoint.vehicles import sensors
+from coadjoint_vehicles import sensors
 
 H = 0.1
 SPREAD = {"g": 0.01, "q": [1.0, 1.0, 0.1], "xi": 0.005, "nu": 0.02, "water.velocity": [0.03, 0.03, 0.0]}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coadjoint.estimation import ModelProcess, RandomWalk
-from coadjoint.vehicles.water import DensityTable
+from coadjoint_vehicles.water import DensityTable
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "figures"))
 import glider_log  # pyright: ignore[reportMissingImports]

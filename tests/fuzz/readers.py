@@ -78,7 +78,7 @@ class Corpus:
     """Files of all kinds in a folder, and one changed file after another."""
 
     def __init__(self, folder: Path):
-        from coadjoint.vehicles.files.registry import vehicle_text
+        from coadjoint_vehicles.files.registry import vehicle_text
 
         self.folder = folder
         self.vehicle = vehicle_text("remus_100").encode()
@@ -120,7 +120,7 @@ class Corpus:
         file.set_up()
 
     def of_vehicle(self, seed: str) -> None:
-        from coadjoint.vehicles.files.file import read_vehicle
+        from coadjoint_vehicles.files.file import read_vehicle
 
         read_vehicle(self._file("vehicle.toml", mutated(self.vehicle, seed)))
 
@@ -132,8 +132,8 @@ class Corpus:
         file.set_up()
 
     def csv(self, seed: str) -> None:
-        from coadjoint.vehicles.logs import inputs_from_csv, read_log
-        from coadjoint.vehicles.water import CurrentTable
+        from coadjoint_vehicles.logs import inputs_from_csv, read_log
+        from coadjoint_vehicles.water import CurrentTable
 
         r = Random(seed)
         if r.random() < 0.4:

@@ -19,7 +19,7 @@ from readers import LIMIT, LOG, MISSION, Corpus
 from coadjoint.csv_tables import read_sheet
 from coadjoint.errors import CoadjointError, FileError
 from coadjoint.runs.run_file import read
-from coadjoint.vehicles.files.file import read_vehicle
+from coadjoint_vehicles.files.file import read_vehicle
 
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a time limit by signals")

@@ -20,7 +20,7 @@ from tests.identification.test_coloured import markov
 from tests.torpedo import NOISE
 
 from coadjoint.identification import Identification, Log, identify
-from coadjoint.vehicles import Craft, load
+from coadjoint_vehicles import Craft, load
 
 INTERVAL, TIME, LOST = 0.1, 0.6, 0.1
 """Between samples, and of the noise of velocities and rates, s; the part of values that is missing."""

@@ -13,9 +13,9 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.commands import require_current
-from coadjoint.vehicles import Craft, load
-from coadjoint.vehicles.logs import read_log, write_log
-from coadjoint.vehicles.water import UniformWater
+from coadjoint_vehicles import Craft, load
+from coadjoint_vehicles.logs import read_log, write_log
+from coadjoint_vehicles.water import UniformWater
 
 CURRENT = np.array([0.15, -0.1, 0.0])
 

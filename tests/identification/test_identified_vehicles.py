@@ -19,7 +19,7 @@ from coadjoint.identification import identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
 from coadjoint.identification.problem import setting
 from coadjoint.identification.unknowns import unknowns
-from coadjoint.vehicles.logs import write_log
+from coadjoint_vehicles.logs import write_log
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures" / "identification.py"
 spec = importlib.util.spec_from_file_location("identification_page", PAGE)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.identification import identify, synthetic_log
-from coadjoint.vehicles import Craft
+from coadjoint_vehicles import Craft
 
 NOISE = {"north": 0.1, "east": 0.1, "depth": 0.02, "roll": 0.005, "pitch": 0.005, "heading": 0.01}
 NOISE |= {"u": 0.01, "v": 0.01, "w": 0.01, "p": 0.003, "q": 0.003, "r": 0.003}

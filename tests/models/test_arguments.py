@@ -11,7 +11,7 @@ import pytest
 import coadjoint as co
 from coadjoint import models
 from coadjoint.models import heavy_top, paper_form, rigid_body
-from coadjoint.vehicles import hydrodynamics
+from coadjoint_vehicles import hydrodynamics
 
 VEHICLE = {**models.TABLE_1}
 GENERAL = {"mass": 30.0, "inertia": (1.0, 2.0, 2.0), "added_mass": np.diag([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.cli.main import main
 from coadjoint.manifest import Manifest
 from coadjoint.report.numbers import numbers, shown

@@ -24,10 +24,10 @@ from coadjoint.plotting import meshes
 from coadjoint.plotting.meshes import read_mesh
 from coadjoint.simulation import configuration
 from coadjoint.simulation.saved import SavedRun
-from coadjoint.vehicles.hydrodynamics import capytaine_added_mass, wamit_added_mass
-from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
-from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
-from coadjoint.vehicles.water import Bottom
+from coadjoint_vehicles.hydrodynamics import capytaine_added_mass, wamit_added_mass
+from coadjoint_vehicles.logs.bags.mcap_file import read_mcap
+from coadjoint_vehicles.logs.bags.sqlite_file import read_sqlite
+from coadjoint_vehicles.water import Bottom
 from made_runs import dataset
 
 HUGE = 400_000_000
@@ -268,7 +268,7 @@ def test_tables_of_more_lines_or_cells_than_fit_in_memory_are_refused(tmp_path, 
 
 
 def test_messages_that_unpack_to_many_times_the_file_are_refused(tmp_path, monkeypatch):
-    zstandard, decompressing = pytest.importorskip("zstandard"), "coadjoint.vehicles.logs.bags.decompressing"
+    zstandard, decompressing = pytest.importorskip("zstandard"), "coadjoint_vehicles.logs.bags.decompressing"
     pytest.importorskip("mcap")
     monkeypatch.setattr(f"{decompressing}.LARGEST_CHUNK", 1_000_000)
 

@@ -21,9 +21,9 @@ from coadjoint.simulation import setup_cache
 from coadjoint.simulation.configuration import fingerprint
 from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.steppers import engines
-from coadjoint.vehicles.controllers.attitude import Attitude
-from coadjoint.vehicles.files.registry import load_vehicle
-from coadjoint.vehicles.remus import remus_100, remus_start
+from coadjoint_vehicles.controllers.attitude import Attitude
+from coadjoint_vehicles.files.registry import load_vehicle
+from coadjoint_vehicles.remus import remus_100, remus_start
 
 DRAG, TABLE = 0.1, np.full(3, 0.1)
 library = types.SimpleNamespace(drag=lambda xi: -0.1 * xi)

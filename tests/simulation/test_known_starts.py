@@ -155,7 +155,7 @@ def test_an_event_that_changes_is_another_event():
 
 @pytest.mark.long
 def test_a_library_function_below_a_vehicle_counts(monkeypatch):
-    from coadjoint.vehicles import water
+    from coadjoint_vehicles import water
 
     craft = co.vehicles.Craft(
         co.vehicles.load("remus_100"), water=water.Sea(shear=water.LinearShear([0.4, 0, 0], [0.1, 0, 0]))

@@ -16,8 +16,8 @@ from coadjoint.errors import FileError
 from coadjoint.report.folder import claimed
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.saved import SavedRun
-from coadjoint.vehicles.hydrodynamics import capytaine_added_mass
-from coadjoint.vehicles.water import Bottom
+from coadjoint_vehicles.hydrodynamics import capytaine_added_mass
+from coadjoint_vehicles.water import Bottom
 from made_runs import dataset
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import velocities
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.water.water import UniformWater
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.water.water import UniformWater
 
 H = 0.05
 COMMANDS = {"rudder": 0.0, "stern_planes": 0.0, "propeller": 15.0}

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.water.currents import TidalCurrent
-from coadjoint.vehicles.water.gauss_markov import GaussMarkovCurrent
-from coadjoint.vehicles.water.random_numbers import normal, stream
-from coadjoint.vehicles.water.sea import Sea
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.water.currents import TidalCurrent
+from coadjoint_vehicles.water.gauss_markov import GaussMarkovCurrent
+from coadjoint_vehicles.water.random_numbers import normal, stream
+from coadjoint_vehicles.water.sea import Sea
 
 COMMANDS = {"rudder": 0.0, "stern_planes": 0.0, "propeller": 15.0}
 OBSERVE = {"z": lambda s: s.internal.water.z, "q": lambda s: s.q}

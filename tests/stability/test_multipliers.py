@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.models import rigid_body
 from coadjoint.models.paper_form import start
 from coadjoint.stability import steady_motion, step_modes
-from coadjoint.vehicles.hydrodynamics import ellipsoid
-from coadjoint.vehicles.trim import SteadyFlight
+from coadjoint_vehicles.hydrodynamics import ellipsoid
+from coadjoint_vehicles.trim import SteadyFlight
 
 
 @pytest.mark.long

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.models import general_vehicle, heavy_top, integrable_tops, rigid_body, se3_start, se3_vehicle
 from coadjoint.models.paper_form import start as place
 from coadjoint.stability import Search, stability, steady_motion
-from coadjoint.vehicles.hydrodynamics import ellipsoid
+from coadjoint_vehicles.hydrodynamics import ellipsoid
 
 
 def turning(inertia, omega):

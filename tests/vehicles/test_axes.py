@@ -7,8 +7,8 @@ import pytest
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
-from coadjoint.vehicles import axes
-from coadjoint.vehicles.hydrodynamics.added_mass import added_mass_in_axes
+from coadjoint_vehicles import axes
+from coadjoint_vehicles.hydrodynamics.added_mass import added_mass_in_axes
 
 BOTH = ("NED/FRD", "ENU/FLU")
 ENU = "ENU/FLU"

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import coadjoint as co
-from coadjoint.vehicles.remus import remus_100, remus_start
+from coadjoint_vehicles.remus import remus_100, remus_start
 
 OPEN = remus_100(automatic=False)
 P: Any = OPEN.parameters

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-import coadjoint as co
+import coadjoint_vehicles
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.registry import vehicle_text
-from coadjoint.vehicles.model.craft import Craft
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.model.craft import Craft
 
 AREA = 0.013312345
-VEHICLES = Path(co.__file__).parent / "vehicles"
+VEHICLES = Path(str(coadjoint_vehicles.__file__)).parent
 PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
 
 
@@ -47,6 +47,6 @@ def test_a_number_goes_from_the_file_to_the_force_through_eight_files_that_the_p
         sys.setprofile(None)
     assert float(craft.parameters.rudder.area) == AREA
     given = PAGE.read_text(encoding="utf-8").split("### The way of a number")[1].split("###")[0]
-    named = re.findall(r"^\d\. `vehicles/(\S+)`", given, re.M)
+    named = re.findall(r"^\d\. `coadjoint_vehicles/(\S+)`", given, re.M)
     assert len(named) <= 8
     assert {"files/data/remus_100.toml", "parts/fin.py", *passed} == set(named)

@@ -20,8 +20,8 @@ from coadjoint.cli.sweeping import Sweep
 from coadjoint.cli.termination import status, stoppable, word
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.viewing import View
-from coadjoint.errors import CoadjointError, StepError, printable
-from coadjoint.extensions import Registry, import_string
+from coadjoint.errors import ArgumentError, CoadjointError, StepError, printable
+from coadjoint.extensions import Registry, absent, import_string
 from coadjoint.interrupts import deferred_interrupts
 
 USAGE = 2
@@ -45,6 +45,10 @@ Command = (
 
 COMMANDS: Registry[str] = Registry("COMMANDS")
 """Those of packages above: the dataclass of each, as "module:name", by the word for it."""
+
+
+OF_VEHICLES = ("identify", "import", "serve", "stability", "vehicles")
+"""Commands of coadjoint-vehicles, which may not be installed."""
 
 
 def every_command() -> Any:
@@ -95,6 +99,8 @@ def _run(given: list[str]) -> int:
     if given == ["--version"]:
         terminal.line(versions())
         return commands.OK
+    if given and given[0] in OF_VEHICLES and given[0] not in COMMANDS:
+        raise ArgumentError(absent(f"The command `{given[0]}`"))
     command = _parsed(given or ["--help"])
     status = command()
     sys.stdout.flush()

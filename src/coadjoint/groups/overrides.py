@@ -16,10 +16,10 @@ import numpy as np
 
 from coadjoint.errors import CoadjointError, GroupError, error_line, shown
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.kernels.trace.library import homes
 
 AGREEMENT = 1e-9
 """How far a member may be from its derivation, relative to the derivation."""
-_HERE = __name__.split(".")[0]
 _ROUND_OFF = 1e-14
 """What cancellation may leave where the derivation is zero; all arguments are about 1."""
 
@@ -45,7 +45,7 @@ def overrides(thing: object, base: type, name: str) -> bool:
 
 def own(thing: object, base: type) -> tuple[Any, ...]:
     """The definitions that do not stand in this library: of them, and of them alone, nothing is known."""
-    if type(thing).__module__.split(".")[0] == _HERE:
+    if type(thing).__module__.split(".")[0] in homes():
         return ()
     found = (_definition(thing, name) for name in members(base))
     return tuple(definition for definition in found if not _ships(definition, type(thing)))
@@ -190,4 +190,4 @@ def _ships(definition: object, kind: type) -> bool:
     home = getattr(function, "__module__", None)
     if home is None:
         home = next((k.__module__ for k in kind.__mro__ if any(v is definition for v in vars(k).values())), "")
-    return home.split(".")[0] == _HERE
+    return home.split(".")[0] in homes()

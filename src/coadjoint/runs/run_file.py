@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
-from coadjoint.extensions import Registry, import_string
+from coadjoint.extensions import Registry, absent, import_string
 from coadjoint.report.folder import kept_inputs
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
@@ -118,6 +118,8 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
 def of_table(table: dict[str, Any], source: Path, text: str) -> Runnable:
     """The run in a table, of a system or of another kind; raises ArgumentError for unknown sections, keys and
     values."""
+    if "vehicle" in table and "vehicle" not in KINDS:
+        raise ArgumentError(absent(f"The section [vehicle] of {source}"))
     readers = [reader for section, reader in KINDS.items() if section in table]
     return import_string(readers[0])(table, source, text) if readers else from_table(table, source, text)
 

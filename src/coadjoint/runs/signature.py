@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.trace.jaxprs import Tracer
-from coadjoint.kernels.trace.library import NAME
+from coadjoint.kernels.trace.library import homes
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
@@ -63,7 +63,11 @@ def _of(value: Any, seen: Seen) -> Hashable:
 
 def _is_fixed(value: Any) -> bool:
     """Whether this is a function of the library that holds nothing."""
-    return isinstance(value, types.FunctionType) and not value.__closure__ and value.__module__.startswith(f"{NAME}.")
+    return (
+        isinstance(value, types.FunctionType)
+        and not value.__closure__
+        and value.__module__.partition(".")[0] in homes()
+    )
 
 
 def _is_derived(kind: type, name: str) -> bool:

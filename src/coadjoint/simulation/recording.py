@@ -53,7 +53,7 @@ class Recording:
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, **options: Any) -> Path:
         """Write the dataset as netCDF, or in the format of the name's ending, atomically.
 
-        A name that ends in .csv writes the log of a vehicle, with the option `axes` (`coadjoint.vehicles.logs`), or for
+        A name that ends in .csv writes the log of a vehicle, with the option `axes` (`coadjoint_vehicles.logs`), or for
         another system one line per node and one column per number; a name that ends in .nc, or without an ending,
         writes netCDF.
         Raises FileError rather than replace a file, ArgumentError for another ending and for options that the format

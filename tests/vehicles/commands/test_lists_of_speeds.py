@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.commands.stability import MOST, speeds_from
+from coadjoint_vehicles.commands.stability import MOST, speeds_from
 
 RIGHT = {
     "1.5": [1.5],

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.cli.main import main
-from coadjoint.vehicles.files.registry import vehicle_text
-from coadjoint.vehicles.files.summary import summary
+from coadjoint_vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.files.summary import summary
 
 
 def told(capsys, *arguments: str, status: int = 0) -> str:

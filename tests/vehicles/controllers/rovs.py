@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.vehicles import Vehicle
-from coadjoint.vehicles.parts import Damping, Thrusters
+from coadjoint_vehicles import Vehicle
+from coadjoint_vehicles.parts import Damping, Thrusters
 
 S, TAM = 0.707, np.zeros((6, 8))
 TAM[0, :4], TAM[1, :4], TAM[2, 4:] = S, S * np.array([-1, 1, 1, -1]), [-1, 1, 1, -1]

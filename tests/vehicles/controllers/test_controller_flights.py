@@ -10,9 +10,9 @@ from rovs import rov
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.controllers import Attitude, Cruise, LineOfSight, Manoeuvre, Pose
-from coadjoint.vehicles.water import UniformWater
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.controllers import Attitude, Cruise, LineOfSight, Manoeuvre, Pose
+from coadjoint_vehicles.water import UniformWater
 from remus import remus
 
 DT = 0.05

@@ -8,7 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.vehicles.controllers import attitude, line_of_sight
+from coadjoint_vehicles.controllers import attitude, line_of_sight
 
 GAINS = (1.0, 1.4)
 INERTIA = np.array([0.4, 1.1, 1.3])

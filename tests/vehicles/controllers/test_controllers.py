@@ -14,16 +14,16 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles import Craft, Vehicle
-from coadjoint.vehicles.controllers import design
-from coadjoint.vehicles.controllers.allocation import allocation
-from coadjoint.vehicles.controllers.cruise import Cruise
-from coadjoint.vehicles.controllers.pid import pid
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.registry import vehicle_text
-from coadjoint.vehicles.parts import Fin
-from coadjoint.vehicles.trim.under_way import under_way
-from coadjoint.vehicles.water import UniformWater
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.controllers import design
+from coadjoint_vehicles.controllers.allocation import allocation
+from coadjoint_vehicles.controllers.cruise import Cruise
+from coadjoint_vehicles.controllers.pid import pid
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.parts import Fin
+from coadjoint_vehicles.trim.under_way import under_way
+from coadjoint_vehicles.water import UniformWater
 from remus import remus
 
 DT = 0.05

@@ -17,9 +17,9 @@ from coadjoint.simulation import store as streaming
 from coadjoint.simulation.arguments import with_inputs
 from coadjoint.simulation.progress import Progress
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles import Controller, Craft
-from coadjoint.vehicles.controllers import Cruise, FunctionController
-from coadjoint.vehicles.model.actuators import seen
+from coadjoint_vehicles import Controller, Craft
+from coadjoint_vehicles.controllers import Cruise, FunctionController
+from coadjoint_vehicles.model.actuators import seen
 from remus import remus
 
 DT, VEHICLE = 0.05, remus()

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft, Vehicle
-from coadjoint.vehicles.controllers import Sawtooth
-from coadjoint.vehicles.parts import Ballast, Damping, Hull, MovingMass
-from coadjoint.vehicles.water import UniformWater
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.controllers import Sawtooth
+from coadjoint_vehicles.parts import Ballast, Damping, Hull, MovingMass
+from coadjoint_vehicles.water import UniformWater
 from gliding import trim
 
 DEPTHS: dict[str, Any] = {"shallow": co.Held([0.0], [5.0]), "deep": co.Held([0.0], [50.0])}

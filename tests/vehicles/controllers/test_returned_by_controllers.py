@@ -12,10 +12,10 @@ import pytest
 
 from coadjoint.errors import ArgumentError
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles.controllers import FunctionController
-from coadjoint.vehicles.model.controller import Feedback
-from coadjoint.vehicles.model.controller_mistakes import steer
-from coadjoint.vehicles.model.function_controller import _FAILED, _row, _split
+from coadjoint_vehicles.controllers import FunctionController
+from coadjoint_vehicles.model.controller import Feedback
+from coadjoint_vehicles.model.controller_mistakes import steer
+from coadjoint_vehicles.model.function_controller import _FAILED, _row, _split
 
 AT_REST = Feedback(**{name: jnp.zeros(()) for name in Feedback._fields})
 VEHICLE = SimpleNamespace(commanded=())

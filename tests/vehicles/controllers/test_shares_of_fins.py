@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.controllers import allocation
-from coadjoint.vehicles.controllers.allocation import _shares
+from coadjoint_vehicles.controllers import allocation
+from coadjoint_vehicles.controllers.allocation import _shares
 
 
 def mixed(monkeypatch: Any, torques: Any, screws: Any) -> Any:

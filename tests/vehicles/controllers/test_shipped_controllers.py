@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.water import UniformWater
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.water import UniformWater
 
 CURRENT = (0.05, 0.1, 0.0)
 SPEEDS = {

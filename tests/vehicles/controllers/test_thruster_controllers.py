@@ -11,12 +11,12 @@ from rovs import rov
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.controllers import Hover, Manoeuvre
-from coadjoint.vehicles.controllers.thrusting import accelerations
-from coadjoint.vehicles.parts import Thrusters
-from coadjoint.vehicles.trim.under_way import Level
-from coadjoint.vehicles.water import UniformWater
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.controllers import Hover, Manoeuvre
+from coadjoint_vehicles.controllers.thrusting import accelerations
+from coadjoint_vehicles.parts import Thrusters
+from coadjoint_vehicles.trim.under_way import Level
+from coadjoint_vehicles.water import UniformWater
 
 CURRENT = (0.2, -0.1, 0.0)
 STATION = {"north": 2.0, "east": -1.0, "depth": 3.0, "heading": np.radians(178.0)}

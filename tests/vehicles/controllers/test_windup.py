@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.vehicles.controllers.pid import nearest_turn, pid, pull
+from coadjoint_vehicles.controllers.pid import nearest_turn, pid, pull
 
 GAINS, PERIOD = (2.0, 0.5, 0.25), 0.1
 

@@ -8,11 +8,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.environments import HoldStation
-from coadjoint.vehicles.environments.make import environment
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.environments import HoldStation
+from coadjoint_vehicles.environments.make import environment
 
 NAME = "bluerov2_heavy_von_benzon"
 START = {

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint.vehicles.environments import HoldStation, environment, vector_environment
-from coadjoint.vehicles.environments.actions import Actions
+from coadjoint_vehicles.environments import HoldStation, environment, vector_environment
+from coadjoint_vehicles.environments.actions import Actions
 
 NAME = "bluerov2_heavy_von_benzon"
 
@@ -139,4 +139,4 @@ except co.errors.ArgumentError as error:
     print(error)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert 'pip install "coadjoint[learn]"' in done.stdout
+    assert 'pip install "coadjoint-vehicles[learn]"' in done.stdout

@@ -7,11 +7,11 @@ import warnings
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.environments import simulated
-from coadjoint.vehicles.serving import served
-from coadjoint.vehicles.serving.served import Served
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.environments import simulated
+from coadjoint_vehicles.serving import served
+from coadjoint_vehicles.serving.served import Served
 
 pytest.importorskip("gymnasium")
 

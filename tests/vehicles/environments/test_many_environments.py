@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.environments import HoldStation, environment, vector_environment
+from coadjoint_vehicles.environments import HoldStation, environment, vector_environment
 
 NAME = "bluerov2_heavy_von_benzon"
 TASK = HoldStation(far=3.2, seconds=2.0)

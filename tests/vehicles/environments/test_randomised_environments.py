@@ -9,13 +9,13 @@ import pytest
 from scipy.stats import chi2, kstest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.environments import Uncertain, environment, vector_environment
-from coadjoint.vehicles.environments.uncertainties import of_file
-from coadjoint.vehicles.files import vehicle_to_toml
-from coadjoint.vehicles.files.registry import vehicle_text
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.environments import Uncertain, environment, vector_environment
+from coadjoint_vehicles.environments.uncertainties import of_file
+from coadjoint_vehicles.files import vehicle_to_toml
+from coadjoint_vehicles.files.registry import vehicle_text
 
 NAME = "bluerov2_heavy_von_benzon"
 ACTIONS = np.random.default_rng(2).uniform(-1, 1, (10, 8))

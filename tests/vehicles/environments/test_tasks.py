@@ -10,8 +10,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.environments import CrossCurrent, Dock, FollowPath, environment
-from coadjoint.vehicles.water import UniformWater
+from coadjoint_vehicles.environments import CrossCurrent, Dock, FollowPath, environment
+from coadjoint_vehicles.water import UniformWater
 
 NAME = "bluerov2_heavy_von_benzon"
 MOVING = {"euler_zyx": (0.3, 0.1, -0.2), "velocity": (0.4, 0.1, 0.2), "angular_velocity": (0.1, 0.2, 0.3)}
@@ -151,7 +151,7 @@ def test_a_vehicle_drifts_with_the_current_of_its_episode(crossing):
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore:.*Box observation space m")
 def test_set_points_of_a_torpedo_are_actions_and_gymnasium_makes_it_by_its_id():
-    import coadjoint.vehicles.environments.ids  # noqa: F401
+    import coadjoint_vehicles.environments.ids  # noqa: F401
 
     env = gymnasium.make("coadjoint/FollowPath-v0", vehicle="remus_100", actions="set_points", bounds={"speed": (1, 2)})
     check_env(env.unwrapped, skip_render_check=True)

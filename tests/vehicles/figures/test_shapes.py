@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.scene_of_runs import scene
-from coadjoint.vehicles.figures.shapes import geometry
+from coadjoint_vehicles.figures.shapes import geometry
 from made_runs import dataset
 
 

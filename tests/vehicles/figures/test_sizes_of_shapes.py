@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
-from coadjoint.vehicles.figures.shapes import geometry
-from coadjoint.vehicles.parts import Fin, Hull, Propeller
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles.figures.shapes import geometry
+from coadjoint_vehicles.parts import Fin, Hull, Propeller
 
 AXES = np.array([0.6, 0.3, 0.2])
 VOLUME = float(4 / 3 * np.pi * np.prod(AXES))

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
-from coadjoint.vehicles.files import checks
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles.files import checks
 
 MASS, G = 100.0, 9.81
 SOUND = replace(

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from coadjoint.errors import CoadjointError
 from coadjoint.runs.toml_text import _value
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.registry import vehicle_names, vehicle_text
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.registry import vehicle_names, vehicle_text
 
 TABLES = {name: tomllib.loads(vehicle_text(name)) for name in vehicle_names()}
 STRANGE = [

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.files import registry
+from coadjoint_vehicles.files import registry
 
 ELLIPSOID = (Path(registry.__file__).parent / "data" / "ellipsoid.toml").read_text(encoding="utf-8")
 

@@ -9,11 +9,11 @@ import warnings
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.units import unit_of
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.registry import vehicle_text
 
 REMUS, NPS, REXROV, LRAUV = (vehicle_text(name) for name in ("remus_100", "nps_auv_ii", "rexrov", "lrauv_raanan"))
 MASS = 'mass = { value = 31.029384975800244, unit = "kg", source = "PVS"'

@@ -12,15 +12,15 @@ import pytest
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import keys
-from coadjoint.vehicles import Craft, Part
-from coadjoint.vehicles.files import vehicle_to_toml
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.kinds import kinds
-from coadjoint.vehicles.files.read_derivatives import _without_added_mass
-from coadjoint.vehicles.files.registry import vehicle_text
-from coadjoint.vehicles.hydrodynamics import added_mass_about, ellipsoid_added_mass, slender_body_added_mass
-from coadjoint.vehicles.parts.measured import measured, not_negative, place
-from coadjoint.vehicles.parts.part import acting_at
+from coadjoint_vehicles import Craft, Part
+from coadjoint_vehicles.files import vehicle_to_toml
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.kinds import kinds
+from coadjoint_vehicles.files.read_derivatives import _without_added_mass
+from coadjoint_vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.hydrodynamics import added_mass_about, ellipsoid_added_mass, slender_body_added_mass
+from coadjoint_vehicles.parts.measured import measured, not_negative, place
+from coadjoint_vehicles.parts.part import acting_at
 
 HEAD = """
 [vehicle]
@@ -115,7 +115,7 @@ def test_a_new_part_is_one_class_and_one_line_of_its_room(monkeypatch):
         def force(self, flow, actual, own):
             return acting_at(own.position, -own.strength * flow.velocity)
 
-    room = import_module("coadjoint.vehicles.parts")
+    room = import_module("coadjoint_vehicles.parts")
     monkeypatch.setattr(room, "Brake", Brake, raising=False)
     monkeypatch.setattr(room, "__all__", [*room.__all__, "Brake"])
     kinds.cache_clear()

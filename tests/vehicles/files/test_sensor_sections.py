@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.registry import vehicle_text
-from coadjoint.vehicles.files.writing import vehicle_to_toml
-from coadjoint.vehicles.sensors import Dvl, Errors, Imu, Usbl
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.files.writing import vehicle_to_toml
+from coadjoint_vehicles.sensors import Dvl, Errors, Imu, Usbl
 
 SECTIONS = """
 [sensors.imu]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 
 
 @pytest.mark.parametrize("name", vehicles.names())
@@ -73,7 +73,7 @@ def test_every_derivative_of_nps_has_the_sign_and_size_of_a_second_reading() -> 
 
 def test_derivatives_with_added_mass_leave_forces_and_lagrangian_together_as_published() -> None:
     """The Coriolis and Munk terms that ℓ makes and those left in the part are what the source says."""
-    from coadjoint.vehicles.files.read_derivatives import added_mass_derivatives
+    from coadjoint_vehicles.files.read_derivatives import added_mass_derivatives
 
     vehicle = vehicles.load("nps_auv_ii")
     part, own = vehicle.part("manoeuvring"), added_mass_derivatives(np.asarray(vehicle.added_mass))
@@ -92,7 +92,7 @@ def test_derivatives_with_added_mass_leave_forces_and_lagrangian_together_as_pub
 
 
 def test_derivatives_of_an_added_mass_are_kirchhoffs_equations() -> None:
-    from coadjoint.vehicles.files.read_derivatives import added_mass_derivatives
+    from coadjoint_vehicles.files.read_derivatives import added_mass_derivatives
 
     rng = np.random.default_rng(3)
     A = rng.normal(size=(6, 6))
@@ -148,7 +148,7 @@ def test_the_paper_vehicle_from_its_file_is_that_of_table_1() -> None:
 
 
 def test_the_ellipsoid_has_lambs_added_mass_and_weighs_what_it_displaces() -> None:
-    from coadjoint.vehicles.hydrodynamics import ellipsoid_added_mass
+    from coadjoint_vehicles.hydrodynamics import ellipsoid_added_mass
 
     vehicle = vehicles.load("ellipsoid")
     assert np.array_equal(vehicle.added_mass, ellipsoid_added_mass((0.5, 0.2, 0.3), 1000.0))
@@ -159,7 +159,7 @@ def test_the_ellipsoid_has_lambs_added_mass_and_weighs_what_it_displaces() -> No
 
 
 def test_gliders_are_in_balance_with_what_moves_in_them() -> None:
-    from coadjoint.vehicles.model.loads import loads
+    from coadjoint_vehicles.model.loads import loads
 
     for name, mass in (("slocum_graver", 50.0), ("lrauv_tethys", 148.3571)):
         vehicle = vehicles.load(name)
@@ -170,7 +170,7 @@ def test_gliders_are_in_balance_with_what_moves_in_them() -> None:
 def _planar(name: str, delta: float):
     """(v, r) ↦ (Y, N) at 1.5 m/s ahead with the rudder at `delta`, and the masses of sway and yaw."""
     from coadjoint.kernels.trace.evaluate import tabulate
-    from coadjoint.vehicles.trim.under_way import Level
+    from coadjoint_vehicles.trim.under_way import Level
 
     level = Level(vehicles.load(name))
     names = [part.name for part in level.vehicle.commanded]

@@ -7,13 +7,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.paths import paths
-from coadjoint.vehicles import Controller, Vehicle
-from coadjoint.vehicles.controllers import Attitude, Cruise
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.writing import vehicle_to_toml
-from coadjoint.vehicles.parts import Fin, Thrusters
+from coadjoint_vehicles import Controller, Vehicle
+from coadjoint_vehicles.controllers import Attitude, Cruise
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.writing import vehicle_to_toml
+from coadjoint_vehicles.parts import Fin, Thrusters
 
 
 def require_same(one: Vehicle, other: Vehicle) -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.models import general_vehicle
-from coadjoint.vehicles.hydrodynamics import (
+from coadjoint_vehicles.hydrodynamics import (
     added_mass_about,
     added_mass_in_axes,
     capytaine_added_mass,
@@ -20,7 +20,7 @@ from coadjoint.vehicles.hydrodynamics import (
     ellipsoid_added_mass,
     wamit_added_mass,
 )
-from coadjoint.vehicles.hydrodynamics.capytaine import MODES
+from coadjoint_vehicles.hydrodynamics.capytaine import MODES
 
 DENSITY, LENGTH = 1025.0, 2.5
 SEMI_AXES = (1.0, 0.5, 0.3)

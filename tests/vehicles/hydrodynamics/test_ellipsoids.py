@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coadjoint.vehicles.hydrodynamics import displaced_mass, ellipsoid, ellipsoid_added_mass
+from coadjoint_vehicles.hydrodynamics import displaced_mass, ellipsoid, ellipsoid_added_mass
 
 
 def test_a_triaxial_ellipsoid_has_the_tabulated_added_mass():

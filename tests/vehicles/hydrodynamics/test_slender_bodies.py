@@ -7,13 +7,13 @@ import pytest
 
 from coadjoint.errors import ArgumentError
 from coadjoint.models import general_vehicle
-from coadjoint.vehicles.hydrodynamics import (
+from coadjoint_vehicles.hydrodynamics import (
     added_mass_about,
     displaced_mass,
     ellipsoid_added_mass,
     slender_body_added_mass,
 )
-from coadjoint.vehicles.hydrodynamics.sections import crosswise_added_mass, rolling_added_mass
+from coadjoint_vehicles.hydrodynamics.sections import crosswise_added_mass, rolling_added_mass
 
 DENSITY = 1026.0
 

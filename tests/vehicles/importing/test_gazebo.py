@@ -9,8 +9,8 @@ import pytest
 from other_simulators import moved, rigid, turned
 
 import coadjoint as co
-from coadjoint import vehicles
-from coadjoint.vehicles.importing import import_vehicle
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles.importing import import_vehicle
 
 TORPEDO = Path(__file__).parent / "descriptions" / "torpedo.sdf"
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.vehicles.importing.draft import Draft
-from coadjoint.vehicles.importing.elements import Element, parse
-from coadjoint.vehicles.importing.uuv_actuators import SAMPLES, _bessa, _curve, _interval, _lag, _limited, _share
+from coadjoint_vehicles.importing.draft import Draft
+from coadjoint_vehicles.importing.elements import Element, parse
+from coadjoint_vehicles.importing.uuv_actuators import SAMPLES, _bessa, _curve, _interval, _lag, _limited, _share
 
 DEAD = """<conversion><type>Bessa</type><rotorConstantL>2</rotorConstantL><rotorConstantR>3</rotorConstantR>
 <deltaL>-4</deltaL><deltaR>9</deltaR></conversion>"""

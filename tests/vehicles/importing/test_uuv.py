@@ -10,8 +10,8 @@ import pytest
 from other_simulators import moved, rigid, turned
 
 import coadjoint as co
-from coadjoint import vehicles
-from coadjoint.vehicles.importing import import_vehicle
+import coadjoint_vehicles as vehicles
+from coadjoint_vehicles.importing import import_vehicle
 
 HERE = Path(__file__).parent / "descriptions"
 FLIP = np.array([1.0, -1.0, -1.0])

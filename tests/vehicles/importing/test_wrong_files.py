@@ -8,7 +8,7 @@ import pytest
 
 from coadjoint.cli.main import main
 from coadjoint.errors import CoadjointError
-from coadjoint.vehicles.importing import import_vehicle
+from coadjoint_vehicles.importing import import_vehicle
 
 HERE = Path(__file__).parent / "descriptions"
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'

@@ -13,8 +13,8 @@ from coadjoint.clocks import clock
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification import Log
 from coadjoint.identification.sampling import samples
-from coadjoint.vehicles.logs import inputs_from_csv, read_log, write_log
-from coadjoint.vehicles.logs.bags.merged import Samples, merged
+from coadjoint_vehicles.logs import inputs_from_csv, read_log, write_log
+from coadjoint_vehicles.logs.bags.merged import Samples, merged
 
 TIMES = [round(0.1 * k, 1) for k in range(40)]
 SHIFTED = [t + (3600.0 if k >= 20 else 0.0) for k, t in enumerate(TIMES)]

@@ -10,11 +10,11 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification import synthetic_log
-from coadjoint.vehicles import axes
-from coadjoint.vehicles.logs import inputs, inputs_from_csv, read_log
-from coadjoint.vehicles.logs.csv_file import read_csv
-from coadjoint.vehicles.logs.records import VehicleRecords
-from coadjoint.vehicles.remus import remus_100, remus_start
+from coadjoint_vehicles import axes
+from coadjoint_vehicles.logs import inputs, inputs_from_csv, read_log
+from coadjoint_vehicles.logs.csv_file import read_csv
+from coadjoint_vehicles.logs.records import VehicleRecords
+from coadjoint_vehicles.remus import remus_100, remus_start
 
 LEGS = [0.0, 5.0]
 INPUTS = {

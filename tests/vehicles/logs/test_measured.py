@@ -8,8 +8,8 @@ import pytest
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups import attitude
 from coadjoint.identification import Log
-from coadjoint.vehicles import axes as border
-from coadjoint.vehicles.logs import read_log, write_log
+from coadjoint_vehicles import axes as border
+from coadjoint_vehicles.logs import read_log, write_log
 
 
 def written(tmp_path, text):

@@ -11,15 +11,15 @@ import pytest
 import xarray
 
 from coadjoint import units as u
-from coadjoint.vehicles.logs.bags import sensor_messages
-from coadjoint.vehicles.logs.bags.bag import Bag
-from coadjoint.vehicles.logs.bags.converted import WaterAbove
-from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
-from coadjoint.vehicles.logs.bags.sensor_messages import declared, sensor_rows
-from coadjoint.vehicles.logs.bags.writing import _content
-from coadjoint.vehicles.readings.taken import Readings, SensorReading
-from coadjoint.vehicles.sensors import Altimeter, Channel, Depth, Errors, Sensor
-from coadjoint.vehicles.sensors.message import Message, MessageField
+from coadjoint_vehicles.logs.bags import sensor_messages
+from coadjoint_vehicles.logs.bags.bag import Bag
+from coadjoint_vehicles.logs.bags.converted import WaterAbove
+from coadjoint_vehicles.logs.bags.mcap_file import read_mcap
+from coadjoint_vehicles.logs.bags.sensor_messages import declared, sensor_rows
+from coadjoint_vehicles.logs.bags.writing import _content
+from coadjoint_vehicles.readings.taken import Readings, SensorReading
+from coadjoint_vehicles.sensors import Altimeter, Channel, Depth, Errors, Sensor
+from coadjoint_vehicles.sensors.message import Message, MessageField
 
 WATER = WaterAbove(101325.0, 1025.0)
 

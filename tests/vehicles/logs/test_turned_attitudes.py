@@ -9,7 +9,7 @@ import pytest
 
 from coadjoint.errors import FileError
 from coadjoint.groups import attitude
-from coadjoint.vehicles.logs.turned import turned
+from coadjoint_vehicles.logs.turned import turned
 
 NAN = np.nan
 

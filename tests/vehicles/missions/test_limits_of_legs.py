@@ -13,7 +13,7 @@ import xarray as xr
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import read
-from coadjoint.vehicles.missions import faults, legs
+from coadjoint_vehicles.missions import faults, legs
 
 UNITS = {"depth": "m", "heading": "rad", "speed": "m/s", "rudder": "rad", "thrusters": "N", "attitude": "1"}
 RUDDER = SimpleNamespace(name="rudder", kind="fin", command=SimpleNamespace(unit="rad", start=0.0))

@@ -11,8 +11,8 @@ import pytest
 import coadjoint as co
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.files.writing import vehicle_to_toml
-from coadjoint.vehicles.parts import Damping, Thrusters
+from coadjoint_vehicles.files.writing import vehicle_to_toml
+from coadjoint_vehicles.parts import Damping, Thrusters
 
 MISSION = """
 [vehicle]
@@ -128,7 +128,7 @@ def test_what_cannot_be_read_costs_no_results(monkeypatch):
     def fails(*args, **more):
         raise ArgumentError("The sensor is out of order.")
 
-    monkeypatch.setattr("coadjoint.vehicles.readings.of_run.readings", fails)
+    monkeypatch.setattr("coadjoint_vehicles.readings.of_run.readings", fails)
     mission()
     assert main(["run", "dive.toml", "--out", "dive"]) == 0
     saved = co.load("dive/trajectory.nc")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray
 
-from coadjoint.vehicles.missions.summary import mission_summary, spread
+from coadjoint_vehicles.missions.summary import mission_summary, spread
 
 
 def circle(radius=10.0, turns=1.0, nodes=4001):

@@ -19,18 +19,18 @@ from coadjoint.plotting.plots import figure_names
 from coadjoint.runs.run_file import read
 from coadjoint.runs.sections import MethodSection
 from coadjoint.sections import keys as declared
-from coadjoint.vehicles.files.kinds import kinds
-from coadjoint.vehicles.missions import results
-from coadjoint.vehicles.missions.craft import set_up
-from coadjoint.vehicles.missions.example import example
-from coadjoint.vehicles.missions.faults import FaultSection
-from coadjoint.vehicles.missions.file import MissionFile, from_table
-from coadjoint.vehicles.missions.legs import ENDS, MissionSection
-from coadjoint.vehicles.missions.lost_sensors import LostSensor
-from coadjoint.vehicles.missions.sections import MissionOutputSection
-from coadjoint.vehicles.missions.sensors import SensorsSection
-from coadjoint.vehicles.missions.summary import mission_summary
-from coadjoint.vehicles.missions.water import CURRENTS, DENSITIES, PROFILES, water
+from coadjoint_vehicles.files.kinds import kinds
+from coadjoint_vehicles.missions import results
+from coadjoint_vehicles.missions.craft import set_up
+from coadjoint_vehicles.missions.example import example
+from coadjoint_vehicles.missions.faults import FaultSection
+from coadjoint_vehicles.missions.file import MissionFile, from_table
+from coadjoint_vehicles.missions.legs import ENDS, MissionSection
+from coadjoint_vehicles.missions.lost_sensors import LostSensor
+from coadjoint_vehicles.missions.sections import MissionOutputSection
+from coadjoint_vehicles.missions.sensors import SensorsSection
+from coadjoint_vehicles.missions.summary import mission_summary
+from coadjoint_vehicles.missions.water import CURRENTS, DENSITIES, PROFILES, water
 
 MISSION = """
 [vehicle]
@@ -113,8 +113,8 @@ def test_a_mission_is_swum_and_leaves_trajectory_log_figures_and_summary(tmp_pat
 
 def by_hand():
     """The same mission in Python."""
-    from coadjoint import vehicles
-    from coadjoint.vehicles import Craft, water
+    import coadjoint_vehicles as vehicles
+    from coadjoint_vehicles import Craft, water
 
     vehicle = vehicles.load("remus_100")
     craft = Craft(vehicle, controller=vehicle.controller, water=water.UniformWater((0.0, 0.2, 0.0)))
@@ -313,7 +313,7 @@ def test_a_method_that_does_not_fit_is_refused_before_the_mission(change, words,
 
 
 def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(capsys):
-    from coadjoint.vehicles.files.registry import vehicle_text
+    from coadjoint_vehicles.files.registry import vehicle_text
 
     Path("mine.toml").write_text(vehicle_text("remus_100"))
     Path("dive.toml").write_text(MISSION)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 
 SQUARE = Path(__file__).parents[3] / "examples" / "square.toml"

@@ -11,7 +11,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import read
-from coadjoint.vehicles.missions.perturb import PerturbSection, _deviation, _varied, seeds
+from coadjoint_vehicles.missions.perturb import PerturbSection, _deviation, _varied, seeds
 
 MEMBERS = 4000
 P = SimpleNamespace(

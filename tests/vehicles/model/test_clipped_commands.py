@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.mechanics.inputs import inputs_from
-from coadjoint.vehicles.model.command_limits import clipped
+from coadjoint_vehicles.model.command_limits import clipped
 
 ROV = vehicles.load("bluerov2_heavy_von_benzon")
 CRAFT = vehicles.Craft(ROV)

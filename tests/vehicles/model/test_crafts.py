@@ -13,12 +13,12 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import general_vehicle, paper_form
-from coadjoint.vehicles import Controller, Craft, Vehicle
-from coadjoint.vehicles.controllers import Cruise
-from coadjoint.vehicles.model import craft_of
-from coadjoint.vehicles.model.actuators import seen
-from coadjoint.vehicles.parts import Damping, Derivatives, Fin, Hull, Propeller
-from coadjoint.vehicles.water import LinearShear, UniformWater
+from coadjoint_vehicles import Controller, Craft, Vehicle
+from coadjoint_vehicles.controllers import Cruise
+from coadjoint_vehicles.model import craft_of
+from coadjoint_vehicles.model.actuators import seen
+from coadjoint_vehicles.parts import Damping, Derivatives, Fin, Hull, Propeller
+from coadjoint_vehicles.water import LinearShear, UniformWater
 from remus import remus
 
 CURRENT = (0.1, 0.2, -0.05)

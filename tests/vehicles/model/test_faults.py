@@ -9,9 +9,9 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles import Craft, Vehicle, load
-from coadjoint.vehicles.model import Fault
-from coadjoint.vehicles.parts import Payload
+from coadjoint_vehicles import Craft, Vehicle, load
+from coadjoint_vehicles.model import Fault
+from coadjoint_vehicles.parts import Payload
 
 PLACE = np.array([0.4, 0.1, 0.3])
 BODY = Vehicle(

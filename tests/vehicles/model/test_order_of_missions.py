@@ -12,10 +12,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.mechanics.continuous import vector_field
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles import Craft
+from coadjoint_vehicles import Craft
 
 PERIOD, DURATION = 0.1, 10.0
 """Of the controllers, and of the missions, s: every command is at a node of all step sizes."""

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.models import catalogue
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.files import vehicle_to_toml
-from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.parts import Damping, Thrusters
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.files import vehicle_to_toml
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.parts import Damping, Thrusters
 
 IMPOSSIBLE = {"mass": -15.0, "gravity": -1.0, "inertia": -1.0, "stiffness": -1.0, "density": 0.0, "added_mass": -1.0}
 IMPOSSIBLE |= {"radius": -1.0, "circulations": 0.0, "moments": -1.0}

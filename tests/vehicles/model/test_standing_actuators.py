@@ -11,9 +11,9 @@ import pytest
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_state import Course
-from coadjoint.vehicles.model.faults import BARELY, Fault, latched, require_faults
-from coadjoint.vehicles.parts import Fin, Thrusters
-from coadjoint.vehicles.parts.force_curves import Linear
+from coadjoint_vehicles.model.faults import BARELY, Fault, latched, require_faults
+from coadjoint_vehicles.parts import Fin, Thrusters
+from coadjoint_vehicles.parts.force_curves import Linear
 
 FIN = Fin("rudder", position=(-1, 0, 0), normal=(0, 1, 0), area=0.1, lift_slope=3.0, stall=0.3, limit=0.5)
 MOTORS = Thrusters(

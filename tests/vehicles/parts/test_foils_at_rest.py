@@ -11,8 +11,8 @@ import pytest
 
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.vehicles.parts import Airfoil, Fin, LiftingBody
-from coadjoint.vehicles.parts.part import Flow
+from coadjoint_vehicles.parts import Airfoil, Fin, LiftingBody
+from coadjoint_vehicles.parts.part import Flow
 
 FOIL: dict[str, Any] = {"name": "foil", "position": (0.0, 0.0, 0.0), "area": 0.1, "lift_slope": 3.0, "stall": 0.3}
 PARTS = {

@@ -9,8 +9,8 @@ import pytest
 from test_parts import RHO, pushed
 
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles.parts import Hull, Propeller
-from coadjoint.vehicles.parts.fin import lift_and_drag
+from coadjoint_vehicles.parts import Hull, Propeller
+from coadjoint_vehicles.parts.fin import lift_and_drag
 
 
 def test_hull_strips_that_sway_and_heave_while_turning_are_the_integral_along_the_hull():

@@ -12,9 +12,9 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles import Flow, Part
-from coadjoint.vehicles.parts import Airfoil, Damping, Derivatives, Fin, Hull, Propeller
-from coadjoint.vehicles.parts.fin import lift_and_drag
+from coadjoint_vehicles import Flow, Part
+from coadjoint_vehicles.parts import Airfoil, Damping, Derivatives, Fin, Hull, Propeller
+from coadjoint_vehicles.parts.fin import lift_and_drag
 
 RHO = 1026.0
 

@@ -12,10 +12,10 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named, named
-from coadjoint.vehicles import Craft, Vehicle
-from coadjoint.vehicles.parts import T200, Damping, Thrusters
-from coadjoint.vehicles.parts.part import Flow
-from coadjoint.vehicles.parts.published_curves import force_curve
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.parts import T200, Damping, Thrusters
+from coadjoint_vehicles.parts.part import Flow
+from coadjoint_vehicles.parts.published_curves import force_curve
 
 S = 0.5**0.5
 ONE: dict[str, Any] = {"positions": [[0, 0, 0]], "directions": [[1, 0, 0]]}

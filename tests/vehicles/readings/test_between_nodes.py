@@ -8,8 +8,8 @@ import pytest
 
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles.readings.craft_kinematics import _hat, _orthogonal, between
-from coadjoint.vehicles.sensors.kinematics import Kinematics
+from coadjoint_vehicles.readings.craft_kinematics import _hat, _orthogonal, between
+from coadjoint_vehicles.sensors.kinematics import Kinematics
 
 C = np.array([[1.0, 2.0, 3.0], [0.4, -0.2, 0.1], [0.3, 0.1, -0.2], [0.2, -0.1, 0.05]])
 """q = C₀ + C₁t + C₂t² + C₃t³."""

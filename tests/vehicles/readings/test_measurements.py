@@ -11,9 +11,9 @@ from scipy.stats import chi2
 
 import coadjoint as co
 from coadjoint.estimation import Filter, ModelProcess, RandomWalk
-from coadjoint.vehicles.parts import Damping, Thrusters
-from coadjoint.vehicles.readings import kinematics, readings
-from coadjoint.vehicles.sensors import Compass, Depth, Dvl, Errors, Gps, Imu, Usbl, measurement
+from coadjoint_vehicles.parts import Damping, Thrusters
+from coadjoint_vehicles.readings import kinematics, readings
+from coadjoint_vehicles.sensors import Compass, Depth, Dvl, Errors, Gps, Imu, Usbl, measurement
 
 H = 0.1
 COMMANDS: Any = {"push": [9.0]}

@@ -15,11 +15,11 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation import plan
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.progress import Progress
-from coadjoint.vehicles.parts import Damping, Thrusters
-from coadjoint.vehicles.readings import observations, of_run, readings
-from coadjoint.vehicles.readings.of_run import at_times, in_blocks
-from coadjoint.vehicles.sensors import Ahrs, Altimeter, Depth, Dvl, Errors, Gps, Imu, Kinematics, Usbl
-from coadjoint.vehicles.serving.inertial import inertial
+from coadjoint_vehicles.parts import Damping, Thrusters
+from coadjoint_vehicles.readings import observations, of_run, readings
+from coadjoint_vehicles.readings.of_run import at_times, in_blocks
+from coadjoint_vehicles.sensors import Ahrs, Altimeter, Depth, Dvl, Errors, Gps, Imu, Kinematics, Usbl
+from coadjoint_vehicles.serving.inertial import inertial
 
 SENSORS = (
     Imu(name="imu", rate=50, position=(0.3, 0.05, -0.1), latency=0.004, gyroscope=Errors(noise_density=1e-4)),

@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import chi2
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.sensors import Ahrs, Altimeter, Compass, Depth, Dvl, DvlBeams, Errors, Gps, Imu, Usbl
-from coadjoint.vehicles.sensors.allan import allan_deviation, expected_allan_deviation
-from coadjoint.vehicles.sensors.errors import ALLAN_PEAK
-from coadjoint.vehicles.sensors.noise import Noise
+from coadjoint_vehicles.sensors import Ahrs, Altimeter, Compass, Depth, Dvl, DvlBeams, Errors, Gps, Imu, Usbl
+from coadjoint_vehicles.sensors.allan import allan_deviation, expected_allan_deviation
+from coadjoint_vehicles.sensors.errors import ALLAN_PEAK
+from coadjoint_vehicles.sensors.noise import Noise
 
 SURE = 1e-4
 """How often a right sample would be outside of its interval."""

@@ -9,7 +9,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
-from coadjoint.vehicles.sensors import (
+from coadjoint_vehicles.sensors import (
     Ahrs,
     Altimeter,
     Compass,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+import coadjoint_vehicles as vehicles
 from autopilot import RATE
-from coadjoint import vehicles
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.serving.ardupilot import Lockstep
-from coadjoint.vehicles.serving.frames import motors, thrusters_of
-from coadjoint.vehicles.serving.served import Served
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.serving.ardupilot import Lockstep
+from coadjoint_vehicles.serving.frames import motors, thrusters_of
+from coadjoint_vehicles.serving.served import Served
 
 IMU = (0.2, -0.1, 0.05)
 

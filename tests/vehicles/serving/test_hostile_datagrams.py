@@ -15,10 +15,10 @@ from datagrams import mutated
 import coadjoint as co
 from autopilot import listening, packet
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint.vehicles.serving.ardupilot import MOST_RATES, Rates
-from coadjoint.vehicles.serving.loop import Loop
-from coadjoint.vehicles.serving.plain import MOST_ERRORS, Service
-from coadjoint.vehicles.serving.served import Served
+from coadjoint_vehicles.serving.ardupilot import MOST_RATES, Rates
+from coadjoint_vehicles.serving.loop import Loop
+from coadjoint_vehicles.serving.plain import MOST_ERRORS, Service
+from coadjoint_vehicles.serving.served import Served
 
 DEPTH = (0.0, 0.0, 2.0)
 PULSES = [1500] * 8

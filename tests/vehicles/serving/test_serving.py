@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+import coadjoint_vehicles as vehicles
 from autopilot import RATE, listening, packet, told
-from coadjoint import vehicles
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.parts.thrusters import Thrusters
-from coadjoint.vehicles.serving.ardupilot import Lockstep, unpacked
-from coadjoint.vehicles.serving.frames import FRAMES, commands, motors, thrusters_of
-from coadjoint.vehicles.serving.loop import Lateness, Loop
-from coadjoint.vehicles.serving.plain import Service
-from coadjoint.vehicles.serving.served import Served
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.parts.thrusters import Thrusters
+from coadjoint_vehicles.serving.ardupilot import Lockstep, unpacked
+from coadjoint_vehicles.serving.frames import FRAMES, commands, motors, thrusters_of
+from coadjoint_vehicles.serving.loop import Lateness, Loop
+from coadjoint_vehicles.serving.plain import Service
+from coadjoint_vehicles.serving.served import Served
 
 NAME = "bluerov2_heavy_von_benzon"
 IMU = (0.2, -0.1, 0.05)

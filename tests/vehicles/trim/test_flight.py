@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.stability import stability
 from coadjoint.stability.figure import stability_figure
-from coadjoint.vehicles.trim import SteadyFlight, trim
+from coadjoint_vehicles.trim import SteadyFlight, trim
 
 REMUS = vehicles.load("remus_100")
 FINS = ("stern_planes", "rudder")

@@ -11,8 +11,8 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named, named
-from coadjoint.vehicles.parts import Ballast, LiftingBody, MovingMass
-from coadjoint.vehicles.parts.part import Flow, Part
+from coadjoint_vehicles.parts import Ballast, LiftingBody, MovingMass
+from coadjoint_vehicles.parts.part import Flow, Part
 from gliding import flattest_glides, steady_glide
 
 WINGS = LiftingBody("wings", drag=(2.15, 25.0), lift=(0.5, 132.5), pitch=(0.1, -100.0, -5.0), side=-60.0, yaw=(9, -3))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles import Craft, Vehicle
-from coadjoint.vehicles.parts import Damping
-from coadjoint.vehicles.trim.passivity import driven
-from coadjoint.vehicles.trim.under_way import Level
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.parts import Damping
+from coadjoint_vehicles.trim.passivity import driven
+from coadjoint_vehicles.trim.under_way import Level
 
 DRIVEN = {"nps_auv_ii": False, "slocum_graver": True}
 """Shipped vehicles whose parts drive them in some motions, and whether going ahead too."""

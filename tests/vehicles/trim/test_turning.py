@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.files.registry import vehicle_text
-from coadjoint.vehicles.trim import SteadyFlight, trim
+from coadjoint_vehicles.files.registry import vehicle_text
+from coadjoint_vehicles.trim import SteadyFlight, trim
 
 PRESTERO = vehicles.load("remus_100_prestero")
 FILE: dict[str, Any] = tomllib.loads(vehicle_text("remus_100_prestero"))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import named
 from coadjoint.stability import Reduced
-from coadjoint.vehicles import Craft
-from coadjoint.vehicles.trim.under_way import coadjoint, under_way
+from coadjoint_vehicles import Craft
+from coadjoint_vehicles.trim.under_way import coadjoint, under_way
 
 ROWS = [6, 7, 8, 0, 1, 2]
 """π and μ among y = (μ, n, π, a)."""

@@ -10,11 +10,11 @@ import pytest
 import xarray
 
 import coadjoint as co
-from coadjoint import vehicles
+import coadjoint_vehicles as vehicles
 from coadjoint.errors import CoadjointError
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles import water
-from coadjoint.vehicles.water import Bottom
+from coadjoint_vehicles import water
+from coadjoint_vehicles.water import Bottom
 
 NORTH, EAST = np.linspace(-50.0, 150.0, 41), np.linspace(-100.0, 100.0, 81)
 PLANE = 30.0 + 0.1 * NORTH[:, None] - 0.05 * EAST
@@ -127,7 +127,7 @@ def test_grids_of_netcdf_that_mean_something_else_are_refused(tmp_path: Path, na
 
 
 def test_a_grid_with_too_many_nodes_is_refused_before_it_is_read(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("coadjoint.vehicles.water.bottom.MOST", 3000)
+    monkeypatch.setattr("coadjoint_vehicles.water.bottom.MOST", 3000)
     monkeypatch.setattr(xarray.DataArray, "load", None)
     with pytest.raises(CoadjointError, match="3,321 nodes, more than 3,000"):
         Bottom.from_netcdf(netcdf(tmp_path / "x.nc"))

@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.vehicles import Craft, Vehicle
-from coadjoint.vehicles.parts import Damping
-from coadjoint.vehicles.water import (
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.parts import Damping
+from coadjoint_vehicles.water import (
     CurrentField,
     CurrentTable,
     GaussMarkovCurrent,

@@ -11,7 +11,7 @@ import pytest
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles.water import Bottom
+from coadjoint_vehicles.water import Bottom
 
 NORTH, EAST = 6_650_000.0, 600_000.0
 KEYS = {1024: 1, 1025: 1, 3076: 9001}
@@ -73,7 +73,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         Bottom.from_geotiff(path, positive="down")
     with pytest.raises(FileError, match="must have one band of depths"):
         Bottom.from_geotiff(geotiff(tmp_path / "y.tif", bands=3))
-    monkeypatch.setattr("coadjoint.vehicles.water.bottom.MOST", 1000)
+    monkeypatch.setattr("coadjoint_vehicles.water.bottom.MOST", 1000)
     with pytest.raises(FileError, match="has 1,200 pixels, more than 1,000"):
         Bottom.from_geotiff(path)
     (tmp_path / "z.tif").write_bytes(b"II*\0" + bytes(30))
@@ -88,5 +88,5 @@ def test_what_is_no_map_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_without_tifffile_a_sentence_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tifffile", None)
-    with pytest.raises(CoadjointError, match=r"needs tifffile.*pip install \"coadjoint\[maps\]\""):
+    with pytest.raises(CoadjointError, match=r"needs tifffile.*pip install \"coadjoint-vehicles\[maps\]\""):
         Bottom.from_geotiff(tmp_path / "x.tif")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.water.bottom import _axis
-from coadjoint.vehicles.water.tables import CurrentTable
+from coadjoint_vehicles.water.bottom import _axis
+from coadjoint_vehicles.water.tables import CurrentTable
 
 TWO = np.zeros((2, 3))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from coadjoint.vehicles.water.currents import HOUR, TIDES
+from coadjoint_vehicles.water.currents import HOUR, TIDES
 
 SUN_DAY, MOON, SUN, PERIGEE = 15.0, 0.54901653, 0.04106864, 0.00464183
 """Rates of the mean solar time, and of the mean longitudes of moon, sun and lunar perigee, degrees an hour.

@@ -15,8 +15,8 @@ from scipy.integrate import quad
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named, named
-from coadjoint.vehicles import Craft, Vehicle
-from coadjoint.vehicles.water import (
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.water import (
     CurrentField,
     CurrentTable,
     DensityTable,
@@ -36,7 +36,7 @@ from coadjoint.vehicles.water import (
     at_surface,
     first_of,
 )
-from coadjoint.vehicles.water.random_numbers import normal, stream, uniform
+from coadjoint_vehicles.water.random_numbers import normal, stream, uniform
 
 
 def drawn(state: Any, count: int) -> tuple[np.ndarray, np.ndarray]:

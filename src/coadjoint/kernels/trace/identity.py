@@ -21,10 +21,10 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.trace import jaxprs
-from coadjoint.kernels.trace.library import NAME, PACKAGES, ROOT
+from coadjoint.kernels.trace.library import PACKAGES, homes
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.dtype)
-_BY_NAME = {NAME, *PACKAGES, "builtins", "math", "operator", "functools", "itertools"}
+_BY_NAME = {*PACKAGES, "builtins", "math", "operator", "functools", "itertools"}
 
 
 class NoIdentity(Exception):
@@ -149,7 +149,7 @@ class _Walk:
             raise NoIdentity
 
     def _module(self, name: str, module: types.ModuleType) -> None:
-        if name.partition(".")[0] not in _BY_NAME or sys.modules.get(name) is not module:
+        if not _by_name(name.partition(".")[0]) or sys.modules.get(name) is not module:
             raise NoIdentity
         self.word("module", name)
 
@@ -204,13 +204,17 @@ def _root(value: Any) -> str:
 
 
 def _of_library(value: Any) -> bool:
-    return _root(value) == NAME
+    return _root(value) in homes()
+
+
+def _by_name(root: str) -> bool:
+    return root in _BY_NAME or root in homes()
 
 
 def _written_here(function: Any) -> bool:
     """Whether the code of a function is the library's, whatever name it goes by."""
     home = str(function.__globals__.get("__name__")).partition(".")[0]
-    return home == NAME and function.__code__.co_filename.startswith(str(ROOT))
+    return home in homes() and function.__code__.co_filename.startswith(str(homes()[home]))
 
 
 def _bases(value: Any) -> list[type]:
@@ -221,7 +225,7 @@ def _bases(value: Any) -> list[type]:
 
 def _named(value: Any) -> bool:
     """Whether a function or class is the one that its name stands for in the library or in a package of its version."""
-    if _root(value) not in _BY_NAME:
+    if not _by_name(_root(value)):
         return False
     found: Any = sys.modules.get(value.__module__)
     for name in str(getattr(value, "__qualname__", None)).split("."):

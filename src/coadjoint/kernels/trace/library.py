@@ -1,4 +1,4 @@
-"""The identity of the library in this process: a digest of its files and of the packages that affect tracing.
+"""The identity of the library in this process: a digest of its files, of those of packages above it, and of tracers.
 
 There is none where the files may not be what runs, because one is younger than this process. What is replaced in memory
 is not noticed.
@@ -10,9 +10,12 @@ import hashlib
 import os
 import sys
 import time
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
+
+from coadjoint.extensions import extensions
 
 NAME = __name__.partition(".")[0]
 ROOT = Path(__file__).parents[2]
@@ -20,6 +23,18 @@ PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "llvmlite")
 """The packages that trace, and those that emit machine code."""
 
 _BEGAN = time.time()
+
+
+@cache
+def homes() -> dict[str, Path]:
+    """The folder of the library, and those of the packages that add to it, by their names."""
+    found = {NAME: ROOT}
+    for module in extensions():
+        name = module.partition(".")[0]
+        spec = find_spec(name)
+        if spec is not None and spec.submodule_search_locations:
+            found[name] = Path(next(iter(spec.submodule_search_locations)))
+    return found
 
 
 def library() -> str | None:
@@ -45,8 +60,14 @@ def digest_of_files(part: str = "") -> str:
     for path in _paths(part):
         with open(path, "rb") as file:
             content = file.read()
-        hasher.update(f"{os.path.relpath(path, ROOT)} {len(content)} ".encode() + content)
+        hasher.update(f"{_written(path)} {len(content)} ".encode() + content)
     return hasher.hexdigest()
+
+
+def _written(path: str) -> str:
+    """A file's path in its package, which says nothing of where the package is installed."""
+    home = next(home for home in homes().values() if path.startswith(f"{home}{os.sep}"))
+    return os.path.relpath(path, home)
 
 
 def edited() -> bool:
@@ -60,9 +81,10 @@ def edited() -> bool:
 def _paths(part: str = "") -> list[str]:
     """All files of the library, or of a folder in it, but not those that Python writes there."""
     found = []
-    for folder, folders, names in os.walk(ROOT / part):
-        folders[:] = sorted(name for name in folders if name != "__pycache__")
-        found += [os.path.join(folder, name) for name in sorted(names)]
+    for home in [ROOT / part] if part else homes().values():
+        for folder, folders, names in os.walk(home):
+            folders[:] = sorted(name for name in folders if name != "__pycache__")
+            found += [os.path.join(folder, name) for name in sorted(names)]
     return found
 
 

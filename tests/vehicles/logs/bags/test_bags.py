@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.vehicles.logs import read_bag, read_log
-from coadjoint.vehicles.logs.bags.converted import WaterAbove, converted
+from coadjoint_vehicles.logs import read_bag, read_log
+from coadjoint_vehicles.logs.bags.converted import WaterAbove, converted
 
 typesys = pytest.importorskip("rosbags.typesys")
 pytest.importorskip("mcap")

@@ -9,9 +9,9 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import FileError
-from coadjoint.vehicles.logs import read_log
-from coadjoint.vehicles.logs.bags import dataflash_file
-from coadjoint.vehicles.logs.bags.dataflash_file import read_dataflash
+from coadjoint_vehicles.logs import read_log
+from coadjoint_vehicles.logs.bags import dataflash_file
+from coadjoint_vehicles.logs.bags.dataflash_file import read_dataflash
 
 RANDOM = np.random.default_rng(1776)
 KINDS = {

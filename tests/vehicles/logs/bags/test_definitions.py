@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.vehicles.logs.bags.definitions import definition, paths
-from coadjoint.vehicles.logs.bags.messages import require_number
-from coadjoint.vehicles.logs.bags.schemas import BODIES, known
+from coadjoint_vehicles.logs.bags.definitions import definition, paths
+from coadjoint_vehicles.logs.bags.messages import require_number
+from coadjoint_vehicles.logs.bags.schemas import BODIES, known
 
 DVL = """# a Doppler velocity log
 std_msgs/Header header

@@ -7,9 +7,9 @@ import pytest
 
 from coadjoint.errors import FileError
 from coadjoint.groups import attitude
-from coadjoint.vehicles.logs import read_log
-from coadjoint.vehicles.logs.bags.schemas import known, schema
-from coadjoint.vehicles.logs.bags.serializing import serialized
+from coadjoint_vehicles.logs import read_log
+from coadjoint_vehicles.logs.bags.schemas import known, schema
+from coadjoint_vehicles.logs.bags.serializing import serialized
 
 mcap = pytest.importorskip("mcap.writer")
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+import coadjoint_vehicles as vehicles
 import made_runs
-from coadjoint import vehicles
 from coadjoint.cli.main import main
 from coadjoint.errors import FileError
 from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
-from coadjoint.vehicles import Craft, axes
-from coadjoint.vehicles.logs import read_log, write_log, write_mcap
-from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
-from coadjoint.vehicles.logs.records import VehicleRecords
+from coadjoint_vehicles import Craft, axes
+from coadjoint_vehicles.logs import read_log, write_log, write_mcap
+from coadjoint_vehicles.logs.bags.mcap_file import read_mcap
+from coadjoint_vehicles.logs.records import VehicleRecords
 
 pytest.importorskip("mcap")
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, cast
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.vehicles.logs.bags.messages import Topic
-from coadjoint.vehicles.logs.bags.reading import _topics
+from coadjoint_vehicles.logs.bags.messages import Topic
+from coadjoint_vehicles.logs.bags.reading import _topics
 
 
 class Block(NamedTuple):

@@ -14,9 +14,9 @@ from coadjoint.identification.channels import Channels, seen
 from coadjoint.identification.log import Log
 from coadjoint.identification.smoothing import Pose, at_origin
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.vehicles.logs import read_log, write_log, write_mcap
-from coadjoint.vehicles.readings.of_run import readings
-from coadjoint.vehicles.sensors import Ahrs, Depth, Dvl, Gps, Imu
+from coadjoint_vehicles.logs import read_log, write_log, write_mcap
+from coadjoint_vehicles.readings.of_run import readings
+from coadjoint_vehicles.sensors import Ahrs, Depth, Dvl, Gps, Imu
 
 pytest.importorskip("mcap.reader")
 

@@ -10,10 +10,10 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import CoadjointError
-from coadjoint.vehicles.logs import read_log, write_mcap
-from coadjoint.vehicles.logs.records import VehicleRecords
-from coadjoint.vehicles.readings.of_run import readings
-from coadjoint.vehicles.sensors import Ahrs, Altimeter, Compass, Depth, Dvl, DvlBeams, Gps, Imu, Usbl
+from coadjoint_vehicles.logs import read_log, write_mcap
+from coadjoint_vehicles.logs.records import VehicleRecords
+from coadjoint_vehicles.readings.of_run import readings
+from coadjoint_vehicles.sensors import Ahrs, Altimeter, Compass, Depth, Dvl, DvlBeams, Gps, Imu, Usbl
 
 mcap = pytest.importorskip("mcap.reader")
 

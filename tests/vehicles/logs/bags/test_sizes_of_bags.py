@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.vehicles.logs.bags.mcap_file import MAGIC, read_mcap
-from coadjoint.vehicles.logs.bags.ros1_file import MAGIC as ROS1
-from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
-from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
+from coadjoint_vehicles.logs.bags.mcap_file import MAGIC, read_mcap
+from coadjoint_vehicles.logs.bags.ros1_file import MAGIC as ROS1
+from coadjoint_vehicles.logs.bags.ros1_file import read_ros1
+from coadjoint_vehicles.logs.bags.sqlite_file import read_sqlite
 
-DECOMPRESSING = "coadjoint.vehicles.logs.bags.decompressing"
+DECOMPRESSING = "coadjoint_vehicles.logs.bags.decompressing"
 KEPT = "more than 50 times the file"
 
 
@@ -56,7 +56,7 @@ def test_an_mcap_file_of_which_more_is_kept_than_it_can_hold_is_refused(tmp_path
     assert 51 * file.stat().st_size < 100_000
     read_mcap(file, lambda *_: True)
     monkeypatch.setattr(f"{DECOMPRESSING}.LARGEST_CHUNK", 60_000)
-    monkeypatch.setattr("coadjoint.vehicles.logs.bags.mcap_file.LARGEST_CHUNK", 1_000_000)
+    monkeypatch.setattr("coadjoint_vehicles.logs.bags.mcap_file.LARGEST_CHUNK", 1_000_000)
     with pytest.raises(FileError, match=KEPT):
         read_mcap(file, lambda *_: True)
 

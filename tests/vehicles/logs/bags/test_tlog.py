@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.vehicles.logs import read_log
-from coadjoint.vehicles.logs.bags import tlog_file
+from coadjoint_vehicles.logs import read_log
+from coadjoint_vehicles.logs.bags import tlog_file
 
 VALUES = np.random.default_rng(1809).uniform(-1, 1, (30, 9)).astype(np.float32)
 
@@ -73,7 +73,7 @@ def test_a_file_that_is_none_is_refused(tmp_path):
 def test_without_pymavlink_a_sentence_says_how_to_install_it(telemetry, monkeypatch):
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega", None)
     with pytest.raises(
-        ArgumentError, match=r'needs pymavlink, which is not installed: pip install "coadjoint\[logs\]"'
+        ArgumentError, match=r'needs pymavlink, which is not installed: pip install "coadjoint-vehicles\[logs\]"'
     ):
         read_log(telemetry)
 

@@ -12,10 +12,10 @@ import pytest
 
 from coadjoint.errors import CoadjointError, FileError
 from coadjoint.identification.log import Log
-from coadjoint.vehicles.logs import read_bag, read_log
-from coadjoint.vehicles.logs.bags.definitions import definition
-from coadjoint.vehicles.logs.bags.schemas import known, schema
-from coadjoint.vehicles.logs.bags.serializing import serialized
+from coadjoint_vehicles.logs import read_bag, read_log
+from coadjoint_vehicles.logs.bags.definitions import definition
+from coadjoint_vehicles.logs.bags.schemas import known, schema
+from coadjoint_vehicles.logs.bags.serializing import serialized
 
 mcap = pytest.importorskip("mcap.writer")
 
@@ -136,7 +136,7 @@ def test_times_that_go_back_and_numbers_that_are_none_are_refused(tmp_path, valu
 def test_quaternions_that_are_none_are_refused(tmp_path):
     kind = "geometry_msgs/PoseStamped"
     stamped = {"header.stamp.sec": SECONDS + 1, "pose.orientation.w": 0.5}
-    from coadjoint.vehicles.logs.bags import definitions
+    from coadjoint_vehicles.logs.bags import definitions
 
     body = "std_msgs/Header header\ngeometry_msgs/Pose pose\n"
     inside = schema("geometry_msgs/PoseWithCovarianceStamped").split("=" * 80, 1)[1]

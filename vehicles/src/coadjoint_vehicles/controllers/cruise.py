@@ -1,0 +1,125 @@
+"""Depth, heading and speed of vehicles with fins and propulsion: torpedoes with cross tails, X-tails, bow planes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from coadjoint import units as u
+from coadjoint.errors import ArgumentError
+from coadjoint.extending import Array
+from coadjoint.models.quantities import positive, vector
+from coadjoint_vehicles.controllers.allocation import Allocation, commands_of
+from coadjoint_vehicles.controllers.design import propose
+from coadjoint_vehicles.controllers.pid import nearest_turn, pid, pull
+from coadjoint_vehicles.model.controller import Controller, Feedback
+from coadjoint_vehicles.parts.measured import measured
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cruise(Controller):
+    """Depth, heading and speed by PID controllers, mixed over whatever fins and propulsion the vehicle has.
+
+        θ_c = −PID(depth error), |θ_c| ≤ pitch_limit;    n = n₀ U_c + PID(U_c − u), 0 ≤ n ≤ thrust_limit
+        δ_pitch = PID(θ_c − θ),    δ_heading = PID(ψ_c − ψ),    δ_roll = PID(−φ)
+        δ_i = Σ_j allocation_ij δ_j over the fins, scaled down alike where one is beyond fin_limit
+
+    Positive δ_pitch turns the nose up, δ_heading the nose and δ_roll the mast to starboard, whatever the fins' signs.
+    The gains are made for going at `speed`: at another u, rates count by speed/u, as fins push with its square.
+
+    Set points: `depth` (m; or `altitude` over a flat `bottom`, or `pitch` (rad), by `vertical`), `heading` (rad),
+    `speed` (m/s through the water).
+    Fields, the keys of [controller] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
+    (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
+    m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
+    errors count as these, so that turns stay within the authority of the fins; pitch_limit, fin_limit (rad);
+    thrust_limit (command); vertical: "depth", "altitude" or "pitch"; bottom (m). Missing values are proposed from the
+    vehicle's mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
+    """
+
+    kind: ClassVar[str] = "cruise"
+    speed: Any = measured(u.SPEED, positive, default=1.5)
+    depth_gains: Any = measured(None, vector, default=None)
+    pitch_gains: Any = measured(None, vector, default=None)
+    heading_gains: Any = measured(None, vector, default=None)
+    roll_gains: Any = measured(None, vector, default=None)
+    pitch_reach: Any = measured(u.ANGLE, positive, default=None)
+    heading_reach: Any = measured(u.ANGLE, positive, default=None)
+    speed_gains: Any = measured(None, vector, default=None)
+    feed_forward: Any = measured(None, default=None)
+    pitch_limit: Any = measured(u.ANGLE, positive, default=pi / 6)
+    fin_limit: Any = measured(u.ANGLE, positive, default=None)
+    thrust_limit: Any = measured(None, positive, default=None)
+    vertical: str = measured(None, None, words=("depth", "altitude", "pitch"), default="depth")
+    bottom: Any = measured(u.LENGTH, default=None)
+    allocation: Allocation | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.vertical == "altitude") != (self.bottom is not None):
+            raise ArgumentError('The controller `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
+
+    def fitted(self, vehicle: Any) -> Cruise:
+        """The controller with its allocation, and proposed values of missing gains, for a vehicle; raises ArgumentError
+        if that is impossible.
+        """
+        return self if self.allocation is not None else propose(self, vehicle)
+
+    def parameters(self) -> dict[str, Any]:
+        return {**super().parameters(), **({} if self.allocation is None else {"allocation": self.allocation.matrix})}
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        return {self.vertical: "rad" if self.vertical == "pitch" else "m", "heading": "rad", "speed": "m/s"}
+
+    def memory(self) -> dict[str, Any]:
+        return dict.fromkeys(("depth", "pitch", "heading", "roll", "speed"), 0.0)
+
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        assert self.allocation is not None
+        T, omega = own.period, feedback.omega
+        faster = own.speed / jnp.maximum(feedback.velocity[0], own.speed / 3)
+        climb, of_depth = self._climb(feedback, memory, own)
+        # The integral ignores a depth error that pitch has yet to follow.
+        of_depth = jnp.where(jnp.abs(climb - feedback.pitch) > own.pitch_reach, memory.depth, of_depth)
+        up, of_pitch = self._turn("pitch", climb - feedback.pitch, omega[1], memory.pitch, faster, own)
+        turned = nearest_turn(feedback.inputs.heading - feedback.heading)
+        turn = (omega[1] * jnp.sin(feedback.roll) + omega[2] * jnp.cos(feedback.roll)) / jnp.cos(feedback.pitch)
+        round_, of_heading = self._turn("heading", turned, turn, memory.heading, faster, own)
+        over, of_roll = pid(_at(faster, own.roll_gains), -feedback.roll, omega[0], memory.roll, T, own.fin_limit)
+        ahead, of_speed = pull(feedback, memory.speed, own)
+        fins = own.allocation[:, :3] @ jnp.stack([over, up, round_])
+        fins = fins * jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
+        commands = commands_of(self.allocation, fins + own.allocation[:, 3] * ahead, vehicle)
+        return commands, {
+            "depth": of_depth,
+            "pitch": of_pitch,
+            "heading": of_heading,
+            "roll": of_roll,
+            "speed": of_speed,
+        }
+
+    def _turn(self, axis: str, error: Array, rate: Array, integral: Array, faster: Array, own: Any) -> Any:
+        """The mixed angle about an axis, and the integral of its error where that is within reach."""
+        far, gains = getattr(own, f"{axis}_reach"), _at(faster, getattr(own, f"{axis}_gains"))
+        near = jnp.clip(error, -far, far)
+        angle, following = pid(gains, near, rate, integral, own.period, own.fin_limit)
+        return angle, jnp.where(near == error, following, integral)
+
+    def _climb(self, feedback: Feedback, memory: Any, own: Any) -> tuple[Array, Array]:
+        """θ_c, rad, and the integral of the depth error."""
+        if self.vertical == "pitch":
+            return jnp.clip(feedback.inputs.pitch, -own.pitch_limit, own.pitch_limit), memory.depth
+        wanted = feedback.inputs.depth if self.vertical == "depth" else own.bottom - feedback.inputs.altitude
+        dive, integral = pid(
+            own.depth_gains, wanted - feedback.depth, feedback.sink, memory.depth, own.period, own.pitch_limit
+        )
+        return -dive, integral
+
+
+def _at(faster: Array, gains: Array) -> Array:
+    """The gains with that of the rate as it counts at another speed."""
+    return gains * jnp.stack([jnp.ones(()), jnp.ones(()), faster])

@@ -1,0 +1,133 @@
+"""The common part of controllers of thruster vehicles: the wrench for an acceleration, and the thrusters' limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint import units as u
+from coadjoint.errors import ArgumentError
+from coadjoint.extending import Array
+from coadjoint.models.quantities import positive, vector
+from coadjoint_vehicles.controllers.attitude import attitude_error, attitude_of
+from coadjoint_vehicles.model.controller import Controller, Feedback
+from coadjoint_vehicles.model.loads import loads
+from coadjoint_vehicles.parts.measured import measured
+from coadjoint_vehicles.parts.thrusters import Thrusters
+from coadjoint_vehicles.trim.under_way import Level, coadjoint
+
+DAMPING_RATIO = 0.9
+LARGEST_ACCELERATION = 5.0
+"""m/s², rad/s²: assumed of thrusters without limits."""
+SHARE = 0.5
+"""The fraction of the thrusters' limit that the largest error may use."""
+MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+LARGEST_TURN = 1.0
+"""rad: the largest heading change commanded of a level vehicle, so that half a turn is not a special case."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Thrusting(Controller):
+    """A controller that asks its thrusters for accelerations: w = M (a, α) − (0, T) − weigh · W.
+
+    W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
+    turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
+    parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a
+    thruster is at its limit.
+    """
+
+    thrusters: str | None = None
+    attitude_gains: Any = measured(None, vector, default=None)
+    reach: Any = measured(u.LENGTH, positive, default=1.0)
+    weigh: Any = measured(None, default=0.0)
+    mass: Any = measured(None, None, default=None)
+    net_weight: Any = measured(None, None, default=None)
+    righting: Any = measured(None, None, default=None)
+
+    NEEDS: ClassVar[tuple[str, ...]] = ("surge", "heave", "yaw")
+    """The axes along which the thrusters must be able to push."""
+
+    def fitted(self, vehicle: Any) -> Any:
+        """The controller with the mass matrix of a vehicle, and proposed values of missing gains.
+
+        Raises ArgumentError without thrusters, and where they cannot push as the controller needs.
+        """
+        if self.mass is not None:
+            return self
+        part = self._part(vehicle)
+        M, all_of = Level(vehicle).mass, loads(vehicle)
+        late = 0.5 * self.period + self.delay + float(part.parameters().get("lag", 0.0))
+        most = accelerations(part, M)
+        lacking = [axis for axis in self.NEEDS if most[AXES.index(axis)] == 0]
+        if lacking:
+            raise ArgumentError(
+                f"The controller `{type(self).__name__}` needs thrusters that push in {', '.join(self.NEEDS)}, "
+                f"but those of "
+                f"`{vehicle.name}` give nothing in {', '.join(lacking)}."
+            )
+        given = self.proposed(most, late)
+        return replace(
+            self,
+            thrusters=part.name,
+            mass=M,
+            net_weight=all_of.net_weight,
+            righting=all_of.righting,
+            **{key: value for key, value in given.items() if getattr(self, key) is None},
+        )
+
+    def _part(self, vehicle: Any) -> Thrusters:
+        found = [part for part in vehicle.parts if isinstance(part, Thrusters)]
+        if self.thrusters is not None:
+            found = [part for part in found if part.name == self.thrusters]
+        if len(found) != 1:
+            named = ", ".join(part.name for part in vehicle.parts if isinstance(part, Thrusters)) or "none"
+            raise ArgumentError(
+                f"This controller needs one part of the kind `thrusters`, named by `thrusters` where there are "
+                f"several, but "
+                f"`{vehicle.name}` has: {named}."
+            )
+        return found[0]
+
+    def proposed(self, most: np.ndarray, late: float) -> dict[str, Any]:
+        """Gains from the accelerations (6,) that the thrusters can give and how late (s) they follow."""
+        turning = most[3:][most[3:] > 0]
+        return {"attitude_gains": poles(SHARE * turning.min(initial=np.inf) / LARGEST_TURN, late)}
+
+    def commands(self, acceleration: Array, turn: Array, feedback: Feedback, own: Any, vehicle: Any) -> dict[str, Any]:
+        """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
+        weight = jnp.concatenate([own.net_weight * feedback.down, jnp.cross(own.righting, feedback.down)])
+        turning = coadjoint(own.mass, jnp.concatenate([feedback.velocity, feedback.omega])) * MOMENTS
+        wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
+        part = self._part(vehicle)
+        return {part.name: part.allocate(wrench)}
+
+    def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Any) -> tuple[Array, Array]:
+        """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""
+        error = attitude_error(attitude_of(feedback.down, feedback.north), wanted)
+        following = jnp.where(error @ error < 0.25, integral + own.period * error, integral)
+        gains = own.attitude_gains
+        return -gains[0] * error - gains[1] * following - gains[2] * feedback.omega, following
+
+
+def poles(square: float, late: float) -> np.ndarray:
+    """(ω², ω³/8, 2ζω), ω² at most `square`, and slow enough for commands that are `late` (s)."""
+    frequency = min(np.sqrt(square), 0.3 / late, 2.0)
+    return np.array([frequency**2, frequency**3 / 8, 2 * DAMPING_RATIO * frequency])
+
+
+def accelerations(part: Thrusters, M: np.ndarray) -> np.ndarray:
+    """The largest acceleration along each axis (surge … yaw) by itself, m/s² and rad/s²; 0 without one."""
+    B = part.nominal_matrix
+    inverse, (low, high) = np.linalg.pinv(B), part.extremes
+    found = np.zeros(6)
+    for axis in range(6):
+        wrench = M[:, axis]
+        thrusts = inverse @ wrench
+        if np.linalg.norm(B @ thrusts - wrench) < 0.3 * np.linalg.norm(wrench):
+            either = [np.where(side * thrusts > 0, high, -low) / np.maximum(np.abs(thrusts), 1e-12) for side in (1, -1)]
+            found[axis] = min(np.min(most) for most in either)
+    return np.minimum(found, LARGEST_ACCELERATION)

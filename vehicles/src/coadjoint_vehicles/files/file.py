@@ -1,0 +1,208 @@
+"""Vehicle files: a vehicle as TOML, every number with its unit, its source and a note."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from coadjoint import units as u
+from coadjoint.errors import ArgumentError, FileError, warn
+from coadjoint.texts import read_table, text_of
+from coadjoint_vehicles import axes as border
+from coadjoint_vehicles.files.added_masses import read_added_mass
+from coadjoint_vehicles.files.checks import check
+from coadjoint_vehicles.files.read_parts import read_controller, read_part
+from coadjoint_vehicles.files.read_sensors import read_sensors
+from coadjoint_vehicles.files.table import BODY_AXES, Notebook, Section, axes_of
+from coadjoint_vehicles.model.loads import held
+from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
+
+VOLUMES = ("volume", "buoyancy", "neutral")
+SIZES = ("length", "diameter", "width", "height")
+SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "sensors", "controller")
+
+
+def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
+    """The vehicle of a TOML file, in SI units and forward, starboard, down, with the provenance of every number.
+
+    Raises FileError for a file that cannot be read or is not TOML, and ArgumentError, with file, key and remedy, for
+    values that a vehicle cannot have. Warns of doubtful values; `vehicle.warnings` lists them.
+    """
+    source = Path(path)
+    vehicle = vehicle_from_text(_text(source), str(source), source.parent)
+    for sentence in vehicle.warnings:
+        warn(f"{source.name}: {sentence}", stacklevel=2)
+    return vehicle
+
+
+def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path()) -> Vehicle:
+    """The vehicle of a TOML text; messages show `name`; files that it names are in `folder`."""
+    table = read_table(text, name)
+    book = Notebook(name)
+    if not table:
+        raise book.fail("the file is empty: `coadjoint vehicles show NAME --toml` prints one to start from.")
+    if "run" in table or "mission" in table:
+        raise book.fail(f"this is no vehicle file but one of a run or a mission: `coadjoint run {name}` takes it.")
+    if "pilot" in table:
+        raise book.fail("the section [pilot] is called [controller]: rename it.")
+    whole = Section(book, "The file", "", table)
+    for section in SECTIONS:
+        _ = section in whole
+    whole.done()
+    for section in ("vehicle", "body", "added_mass"):
+        if section not in table:
+            raise book.fail(f"a vehicle file needs a section [{section}].")
+    book.sources.update(_sources(book, table.get("sources", {})))
+    return _vehicle(book, table, folder)
+
+
+def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
+    head = Section(book, "[vehicle]", "vehicle", table["vehicle"])
+    said = {key: head.text(key, "" if key != "name" else None) for key in ("name", "description", "note")}
+    if not said["name"].strip():
+        raise head.fail("name must not be empty.")
+    axes = BODY_AXES[head.text("axes", None, tuple(BODY_AXES))]
+    head.done()
+
+    section = Section(book, "[body]", "body", table["body"])
+    body = _body(section, axes)
+    matter = Section(book, "[added_mass]", "added_mass", table["added_mass"])
+    body["added_mass"] = read_added_mass(matter, axes, body["fluid_density"], body["length"], folder)
+    parts = _parts(book, table.get("part", []), axes, body)
+    body["volume"] = _volume(section, body, parts)
+    section.done()
+    sensors = read_sensors(book, table.get("sensors", {}), axes)
+    controller = None
+    if "controller" in table:
+        controller = read_controller(
+            Section(book, "[controller]", "controller", table["controller"]), {part.name for part in parts}
+        )
+    try:
+        made = Vehicle(
+            name=said["name"],
+            description=said["description"],
+            note=said["note"],
+            parts=tuple(parts),
+            sensors=sensors,
+            controller=controller,
+            provenance=book.provenance,
+            sources=book.sources,
+            **body,
+        )
+    except ArgumentError as error:
+        raise book.fail(str(error)) from error
+    _tell_sources(book)
+    object.__setattr__(made, "warnings", (*book.warnings, *check(made)))
+    return made
+
+
+def _body(body: Section, axes: border.Axes) -> dict[str, Any]:
+    """Mass, inertia about the mass centre, centres, volume and water, in SI units and FRD."""
+    axes = axes_of(body, axes)
+    mass = body.positive("mass", u.MASS)
+    gravity = body.number("gravity", u.ACCELERATION, at_least=0.0) if "gravity" in body else 9.81
+    if "gravity" not in body.given:
+        body.book.provenance["body.gravity"] = Quantity(9.81, "m/s^2", "", "the value where a file gives none")
+    density = body.positive("fluid_density", u.DENSITY)
+    centers = {}
+    for key in ("center_of_mass", "center_of_buoyancy"):
+        centers[key] = border.body_vector(body.vector(key, u.LENGTH), axes)
+    inertia = _inertia(body, axes, mass, centers["center_of_mass"])
+    sizes = {key: body.positive(key, u.LENGTH) if key in body else None for key in SIZES}
+    return {
+        "mass": mass,
+        "inertia": inertia,
+        "gravity": gravity,
+        "fluid_density": density,
+        **centers,
+        **sizes,
+    }
+
+
+def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> np.ndarray:
+    """I_c, (3, 3): about the mass centre, from there or from the origin, I_c = I_O − m(|r|²1 − r rᵀ)."""
+    value, _ = body.quantity("inertia", u.INERTIA)
+    found = np.asarray(value, dtype=float) if isinstance(value, list) else np.zeros(0)
+    if found.shape not in ((3,), (3, 3)):
+        raise body.fail("inertia must be three numbers, or three rows of three, about the axes of the body.")
+    full = np.diag(found) if found.ndim == 1 else found
+    if np.max(np.abs(full - full.T)) > 1e-6 * np.max(np.abs(full), initial=1e-300):
+        raise body.fail("inertia must be symmetric: give the products of inertia, with a minus, on both sides.")
+    full = border.body_tensor(0.5 * (full + full.T), axes)
+    about = body.text("inertia_about", "center_of_mass", ("center_of_mass", "origin"))
+    if about == "origin":
+        full = full - mass * (center @ center * np.eye(3) - np.outer(center, center))
+    least = float(np.linalg.eigvalsh(full)[0])
+    if least <= 0:
+        where = (
+            " about the mass centre, after what the offset of the mass centre takes away" if about == "origin" else ""
+        )
+        raise body.fail(
+            f"inertia{where} must be positive about every axis, but has the eigenvalue {least:g} kg m^2: check its "
+            "signs, its unit and `inertia_about`."
+        )
+    return full
+
+
+def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
+    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with masses and volumes of parts."""
+    density, gravity = made["fluid_density"], made["gravity"]
+    given = [key for key in VOLUMES if key in body and (key != "neutral" or body.flag("neutral"))]
+    if given == ["neutral"]:
+        mass, _, volume, _ = held(parts)
+        return (made["mass"] + mass) / density - volume
+    if len(given) != 1:
+        found = " and ".join(f"`{key}`" for key in given) or "none of them"
+        raise body.fail(f"needs one of `volume`, `buoyancy` and `neutral = true`, but has {found}.")
+    if given == ["volume"]:
+        return body.positive("volume", u.VOLUME)
+    force = body.positive("buoyancy", u.FORCE)
+    if gravity == 0:
+        raise body.fail("gives its buoyancy in N, but gravity is 0: give `volume`.")
+    return force / (density * gravity)
+
+
+def _parts(book: Notebook, given: Any, axes: border.Axes, body: dict[str, Any]) -> list[Any]:
+    if not isinstance(given, list):
+        raise book.fail("a part begins with [[part]], in double brackets, since a vehicle has several.")
+    made: list[Any] = []
+    for index, table in enumerate(given):
+        title = f"[[part]] {index + 1}"
+        if isinstance(table, dict) and isinstance(table.get("name"), str):
+            title = f"[[part]] {table['name']}"
+        made.append(read_part(Section(book, title, "", table), axes, body, tuple(part.name for part in made)))
+    return made
+
+
+def _sources(book: Notebook, given: Any) -> dict[str, str]:
+    section = Section(book, "[sources]", "sources", given)
+    return {key: section.text(key) for key in cast("dict[str, Any]", given)}
+
+
+def _tell_sources(book: Notebook) -> None:
+    if book.without_source:
+        shown = ", ".join(book.without_source[:4])
+        more = f" and {len(book.without_source) - 4} more" if len(book.without_source) > 4 else ""
+        book.warn(f'no source is given for {shown}{more}: add source = "…", a key of [sources].')
+    notes = " ".join(told.note for told in book.provenance.values())
+    unused = [key for key in book.sources if key not in book.used and key not in notes]
+    if unused:
+        book.warn(f"[sources] has {', '.join(unused)}, which no number and no note names.")
+
+
+def _text(source: Path) -> str:
+    try:
+        return text_of(source)
+    except FileNotFoundError as error:
+        raise FileError(f"There is no vehicle file {source}.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"The file {source} is not a text in UTF-8.") from error
+    except FileError:
+        raise
+    except (OSError, ValueError) as error:
+        raise FileError(
+            f"The vehicle file {source} cannot be read: {getattr(error, 'strerror', None) or error}."
+        ) from error

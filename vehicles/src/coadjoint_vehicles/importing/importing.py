@@ -1,0 +1,110 @@
+"""From a file of another simulator to a vehicle file, with a report of the losses."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from coadjoint import checks
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.models.quantities import not_negative
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.writing import vehicle_to_toml
+from coadjoint_vehicles.importing.draft import Draft, untouched
+from coadjoint_vehicles.importing.gazebo import read_gazebo
+from coadjoint_vehicles.importing.report import Report
+from coadjoint_vehicles.importing.uuv import read_uuv
+from coadjoint_vehicles.importing.xacro import Xacro
+from coadjoint_vehicles.model.vehicle import Vehicle
+
+UNSAID = (
+    "uncertainties of the numbers",
+    'a controller: give one under [controller], such as kind = "manoeuvre" of a vehicle with thrusters',
+)
+GRAVITY = 9.8
+"""m/s², of worlds of Gazebo that give none."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """vehicle: as the library reads it. text: its vehicle file. report: imported values, differences, omissions."""
+
+    vehicle: Vehicle
+    text: str
+    report: Report
+
+
+def import_vehicle(
+    path: str | os.PathLike[str],
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    arguments: Mapping[str, str] | None = None,
+    gravity: float | None = None,
+    forward: Literal["x", "-x"] = "x",
+) -> Imported:
+    """The vehicle of a file of another simulator: SDF of Gazebo, URDF or xacro of uuv_simulator.
+
+        found = import_vehicle("rexrov_default.xacro", folder="uuv_descriptions")
+        print(found.report)
+
+    path: the file. folder: files that it includes must lie below it, $(find NAME) is the folder itself, if it has this
+    name, or NAME in it; by default the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by
+    default 9.8 if no file states it. forward: the axis of the model that its bow points along. Raises FileError, with
+    file and line, for unreadable or impossible values, and ArgumentError. The import runs no code of the files and
+    opens no address.
+    """
+    source = Path(path)
+    if not source.is_file():
+        raise FileError(f"There is no file {source}.")
+    below = source.parent if folder is None else Path(folder)
+    if not below.is_dir():
+        raise FileError(f"There is no folder {below}.")
+    xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
+    root = xacro.read(source)
+    draft = Draft(_name(root.attributes.get("name"), source), f"{source.name}, a file of another simulator")
+    checks.choice(forward, "forward", ("x", "-x"))
+    if forward == "-x":
+        draft.flip = np.array([-1.0, 1.0, -1.0])
+    if root.tag == "robot":
+        read_uuv(root, draft)
+    elif root.tag == "sdf":
+        read_gazebo(root, below, draft)
+    else:
+        raise FileError(f"{source.name}: the root is {root.label}, but SDF begins with <sdf> and URDF with <robot>.")
+    _gravity(draft, gravity)
+    untouched(root, draft)
+    return _finished(draft, xacro)
+
+
+def _finished(draft: Draft, xacro: Xacro) -> Imported:
+    """The vehicle, written and read again, and its report."""
+    report = draft.report
+    report.files += dict.fromkeys(xacro.files)
+    report.unsaid += UNSAID
+    for sentence in xacro.missing:
+        place, _, said = sentence.partition(": ")
+        draft.left(place, "what is included or called there", said)
+    draft.source = f"{report.format}: {', '.join(report.files)}"
+    text = vehicle_to_toml(draft.vehicle())
+    try:
+        vehicle = vehicle_from_text(text, draft.name)
+    except ArgumentError as error:
+        raise FileError(f"{draft.source}: no vehicle can be made of it: {error}") from error
+    return Imported(vehicle, text, report)
+
+
+def _gravity(draft: Draft, given: Any) -> None:
+    if "gravity" in draft.body and given is None:
+        return
+    value = GRAVITY if given is None else float(not_negative(given, "gravity"))
+    note = "given" if given is not None else "that of worlds of Gazebo which give none"
+    draft.body["gravity"] = draft.given("body.gravity", value, "m/s^2", note)
+
+
+def _name(given: str | None, source: Path) -> str:
+    return (given or "").strip() or source.stem

@@ -1,0 +1,101 @@
+"""A mission in numbers: how far, how deep, how well it kept to its set points, and for how much energy."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from coadjoint_vehicles.logs.records import VehicleRecords
+
+
+def mission_summary(dataset: Any) -> dict[str, Any]:
+    """The figures of a vehicle's run from its saved nodes: SI units, angles in degrees.
+
+    `energy_put_in` is ∫ P dt of each part, J, negative where it took energy out; `energy_of_actuators` the sum of those
+    that put some in. A tracking error is set point minus value, headings within half a turn: its root mean square, and
+    its last value.
+    """
+    log = VehicleRecords(dataset)
+    steps = np.linalg.norm(np.diff(log.position, axis=0), axis=1)
+    work = {name: float(values[-1]) for name, values in log.work.items()}
+    seconds = float(dataset.attrs.get("seconds", 0.0))
+    duration = float(log.time[-1] - log.time[0])
+    return {
+        "duration": duration,
+        "times_real_time": duration / seconds if seconds > 0 else None,
+        "path_length": float(np.sum(steps)),
+        "depth_max": float(np.max(log.depth)),
+        "speed_mean": float(np.sum(steps) / duration) if duration > 0 else None,
+        "position_final": log.position[-1],
+        "energy_put_in": work,
+        "energy_of_actuators": sum(value for name, value in work.items() if value > 0 and name in log.actuators),
+        "tracking": {**tracking(log), **across(log)},
+        "saturated": saturation(log),
+    }
+
+
+def tracking(log: VehicleRecords) -> dict[str, dict[str, float]]:
+    """Root mean square and last value of the error of each set point that is a coordinate or a speed."""
+    roll, pitch, heading = log.attitude.T
+    reached = {
+        "depth": log.depth,
+        "heading": heading,
+        "pitch": pitch,
+        "roll": roll,
+        "speed": log.through_water[:, 0],
+        "position": log.position,
+    }
+    found = {}
+    for name, values in reached.items():
+        if name not in log.set_points or log.set_points[name][0].shape != values.shape:
+            continue
+        error = log.set_points[name][0] - values
+        if name in ("heading", "pitch", "roll"):
+            error = np.degrees(np.angle(np.exp(1j * error)))
+        error = np.linalg.norm(error, axis=1) if error.ndim > 1 else error
+        found[name] = {"error_rms": float(np.sqrt(np.mean(error**2))), "error_final": float(error[-1])}
+    return found
+
+
+def across(log: VehicleRecords) -> dict[str, dict[str, float]]:
+    """The distance over ground from the legs between way points: root mean square, and the last value."""
+    if not len(log.way_points):
+        return {}
+    places = np.concatenate([log.position[:1], log.way_points])[:, :2]
+    gaps = [_distance(log.position[:, :2], a, b) for a, b in pairwise(places)]
+    gap = np.min(gaps, axis=0)
+    return {"path": {"error_rms": float(np.sqrt(np.mean(gap**2))), "error_final": float(gap[-1])}}
+
+
+def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Of points from the straight line between two others."""
+    way = end - start
+    part = np.clip((points - start) @ way / max(way @ way, 1e-300), 0.0, 1.0)
+    return np.linalg.norm(points - start - part[:, None] * way, axis=1)
+
+
+def saturation(log: VehicleRecords) -> dict[str, float]:
+    """The fraction of the saved nodes at which each actuator is at one of its limits."""
+    found = {}
+    for name, actuator in log.actuators.items():
+        bounds = [bound for bound in (actuator.low, actuator.high) if bound is not None]
+        if bounds:
+            at = np.any([np.abs(actuator.actual - b) <= 1e-3 * abs(b) for b in bounds], axis=0)
+            found[name] = float(np.mean(at))
+    return found
+
+
+def spread(values: np.ndarray) -> dict[str, float]:
+    """Mean, standard deviation (with N − 1), extremes and the 5, 50 and 95 % quantiles of a figure over members."""
+    low, middle, high = np.quantile(values, (0.05, 0.5, 0.95))
+    return {
+        "mean": float(np.mean(values)),
+        "std": float(np.std(values, ddof=1)) if len(values) > 1 else 0.0,
+        "min": float(np.min(values)),
+        "max": float(np.max(values)),
+        "5%": float(low),
+        "50%": float(middle),
+        "95%": float(high),
+    }

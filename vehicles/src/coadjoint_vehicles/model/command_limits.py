@@ -1,0 +1,86 @@
+"""The range of an actuator, beyond which it cannot start and to which its commands are clipped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.extending import Inputs, evaluate, traced
+from coadjoint.mechanics import Held, Linear, Signal
+from coadjoint.mechanics.members import Each, count_members
+from coadjoint.spaces import Named
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.part import Part
+
+SAMPLES = 1001
+"""At how many times a command that is a function of time is looked at."""
+
+
+def require_in_range(part: Part, value: Any, own: Named) -> None:
+    """Raise ArgumentError for a start that the actuator cannot reach, as of degrees for radians.
+
+    A range that is another for each member, or that is being differentiated, is not looked at.
+    """
+    value = value.values if isinstance(value, Each) else value
+    ends = None if traced(value) else command_range(part, own)
+    if ends is None:
+        return
+    found = np.asarray(value, dtype=float)
+    if np.any(wrong := _outside(found, *ends)):
+        low, high, unit = *ends, _unit(part)
+        raise ArgumentError(
+            f"`{part.name}` cannot start at {found[wrong].flat[0]:g}{unit}: it goes from {low:g} to {high:g}{unit}."
+        )
+
+
+def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Any) -> Iterator[str]:
+    """A sentence for each part whose commands go beyond its range in a run from `begin` to `end`, s.
+
+    inputs: of the run. Functions of the motion are not looked at.
+    """
+    sources = dict(zip(inputs.names or (), inputs.sources, strict=True)) if inputs.names else {}
+    for part in vehicle.commanded:
+        source, own = sources.get(part.name), getattr(p, part.name)
+        ends = command_range(part, own) if isinstance(source, Signal) else None
+        if ends is None or part.command is None or not isinstance(source, Signal):
+            continue
+        times = _times(source, begin, end)
+        values = np.asarray(evaluate(jax.vmap(source), times))
+        wrong = _outside(values, *ends)
+        if np.any(wrong):
+            first = int(np.argmax(wrong.reshape(len(times), -1).any(axis=1)))
+            worst = values[first][wrong[first]].flat[0]
+            low, high, unit = *ends, _unit(part)
+            yield (
+                f"The command of `{part.name}` is clipped to its limits, {low:g} to {high:g}{unit}: it is "
+                f"{worst:g}{unit} at t = {times[first]:g} s, the first time beyond them; at rest it is "
+                f"{part.command.start:g}{unit}."
+            )
+
+
+def command_range(part: Part, own: Named) -> tuple[float, float] | None:
+    """Lowest and highest command; None without limits, or if they differ between members."""
+    if count_members(own) is not None or traced(own):
+        return None
+    return part.travel(own)
+
+
+def _outside(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    slack = 1e-9 * (high - low)
+    return (values < low - slack) | (values > high + slack)
+
+
+def _unit(part: Part) -> str:
+    return "" if part.command is None or part.command.unit == "1" else f" {part.command.unit}"
+
+
+def _times(source: Signal, begin: float, end: float) -> np.ndarray:
+    """Those of a table that are in the run, or times spread over it."""
+    if not isinstance(source, (Held, Linear)):
+        return np.linspace(begin, end, SAMPLES)
+    times = np.asarray(source.times, dtype=float)
+    return np.concatenate([[begin], times[(times > begin) & (times < end)]])

@@ -1,0 +1,93 @@
+"""The feedback of a controller, and its base class."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint import units as u
+from coadjoint.errors import ArgumentError
+from coadjoint.extending import Array, traced
+from coadjoint.models.quantities import positive
+from coadjoint_vehicles.parts.measured import check_fields, measured, not_negative
+from coadjoint_vehicles.parts.numbers import Numbers
+
+
+class Feedback(NamedTuple):
+    """A craft as its controller sees it.
+
+    position: (3,) m, north, east, down. velocity: v, of O through the water, ground_velocity: ν, omega: ω, (3,) each,
+    body axes. down, north: directions in the body frame. roll, pitch, heading: rad. depth: m; sink: its rate, m/s.
+    t: s. inputs: set points by name. actual: actuators by the names of their parts. q and g are the position and
+    the rotation from the body to space, as a State has them.
+    """
+
+    position: Array
+    velocity: Array
+    ground_velocity: Array
+    omega: Array
+    down: Array
+    north: Array
+    roll: Array
+    pitch: Array
+    heading: Array
+    depth: Array
+    sink: Array
+    t: Array
+    inputs: Any
+    actual: Any
+
+    @property
+    def q(self) -> Array:
+        """Its position, as `State.q`."""
+        return self.position
+
+    @property
+    def g(self) -> Array:
+        """The rotation from the body to space, (3, 3), as `State.g`: north, east and down in the body frame."""
+        numbers = np if isinstance(self.down, np.ndarray) else jnp
+        return numbers.stack([self.north, numbers.cross(self.down, self.north), self.down])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Controller(Numbers, ABC):
+    """A digital controller: it looks every `period` (s), and its commands are in force `delay` (s) later.
+
+    Fields that hold numbers are parameters: `p.controller.gains` of the system, and `steer` gets `p.controller` as
+    `own`.
+    """
+
+    kind: ClassVar[str] = ""
+    """Its word in vehicle and mission files."""
+    period: Any = measured(u.TIME, positive, default=0.1)
+    delay: Any = measured(u.TIME, not_negative, default=0.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self, f"controller `{type(self).__name__}")
+        if not traced(self.delay, self.period) and self.delay > self.period:
+            raise ArgumentError(
+                f"Argument `delay` of the controller `{type(self).__name__}` must be at most the period, "
+                f"{self.period:g} s, "
+                f"but is {self.delay:g} s."
+            )
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """The set points that a run must give, and their units."""
+        return {}
+
+    def memory(self) -> dict[str, Any]:
+        """Its internal state, such as integrals, at the start."""
+        return {}
+
+    def fitted(self, vehicle: Any) -> Controller:
+        """The controller for this vehicle, with values derived from its parts and mass; by default unchanged."""
+        return self
+
+    @abstractmethod
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Commands by the names of the parts, and the next internal state; jax.numpy only."""

@@ -1,0 +1,213 @@
+"""Thrusters fixed to the hull: a command each, a force curve, a dead band and a lag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint import checks
+from coadjoint import units as u
+from coadjoint.checks import float64
+from coadjoint.errors import ArgumentError
+from coadjoint.extending import Array, evaluate, named, traced
+from coadjoint.mechanics import Force
+from coadjoint.models.quantities import direction, positive, vector
+from coadjoint.spaces import Named
+from coadjoint_vehicles import axes as border
+from coadjoint_vehicles.parts.force_curves import Polynomial
+from coadjoint_vehicles.parts.measured import lag_or_none, measured
+from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
+from coadjoint_vehicles.parts.published_curves import force_curve
+
+COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
+"""The dimension of values in the unit of the commands."""
+
+
+def _columns(value: Any, axes: Any) -> Any:
+    return border.twist(np.transpose(value), axes).T
+
+
+@dataclass(frozen=True, eq=False)
+class Thrusters(Part):
+    """(F, T) = Σ_i f(u_i) (d_i, r_i × d_i + q_i d_i) of n thrusters, or B f(u) with an allocation matrix B.
+
+    f is the force curve, times ρ/ρ₀ where `density` ρ₀ (kg/m³), that of the water it was measured in, is given; f = 0
+    where |u − u₀| < dead_band, u₀ the neutral command. A command is clipped to its limits, and the thruster follows by
+    u ← u + (1 − exp(−h/τ))(command − u).
+
+    curve: as `force_curve` takes it, from commands in `unit` to N. positions: r_i, (n, 3) m; directions: d_i, (n, 3),
+    unit vectors in which a positive force pushes; torque: q_i, N m about d_i per N, a number or (n,), the reaction of
+    the propellers. Or allocation: B, (6, n), rows X, Y, Z, K, M, N. limit: the largest |u|, or (lowest, highest); by
+    default the ends of a table. lag: τ, s, none if left out. effectiveness: e_i, the part of its force that a thruster
+    has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, also in the model of software on board, unless
+    the parameter is replaced. Raises ArgumentError for impossible values.
+    """
+
+    kind: ClassVar[str] = "thrusters"
+    curve: Any
+    positions: Any = measured(u.LENGTH, None, turn=border.body_vector, default=None)
+    directions: Any = measured(u.NUMBER, None, turn=border.body_vector, default=None)
+    torque: Any = measured(u.LENGTH, None, default=None)
+    allocation: Any = measured(None, None, turn=_columns, default=None)
+    unit: str = "1"
+    limit: Any = measured(COMMANDED, None, default=None)
+    lag: Any = measured(u.TIME, lag_or_none, default=None)
+    dead_band: Any = measured(COMMANDED, lag_or_none, default=None)
+    density: Any = measured(u.DENSITY, positive, default=None)
+    effectiveness: Any = measured(u.NUMBER, None, default=1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of = f"` of the thrusters `{self.name}"
+        self.set(curve=force_curve(self.curve, self.name), **self._geometry(of))
+        self.set(limit=self._limits(of), effectiveness=self._effectiveness(of))
+        if self.limit is not None:
+            self.curve.require_growth(tuple(self.limit), self.name)
+            low, high = self.limit - self.curve.neutral
+            if self.dead_band is not None and self.dead_band >= min(-low, high):
+                raise ArgumentError(
+                    f"Argument `dead_band{of}` must leave something of the commands from {self.limit[0]:g} to "
+                    f"{self.limit[1]:g} about the neutral {self.curve.neutral:g}, but is {self.dead_band:g}."
+                )
+
+    def _geometry(self, of: str) -> dict[str, Any]:
+        """The checked positions, directions and torque, or the checked allocation matrix."""
+        if (self.allocation is None) == (self.positions is None or self.directions is None):
+            raise ArgumentError(
+                f"The thrusters `{self.name}` need either `positions` and `directions`, or `allocation`."
+            )
+        if self.allocation is not None:
+            matrix = checks.array(self.allocation, f"allocation{of}", "(6, n)")
+            if self.positions is not None or self.directions is not None or self.torque is not None:
+                raise ArgumentError(
+                    f"Argument `allocation{of}` holds positions, directions and torque: leave them out."
+                )
+            return {"allocation": matrix}
+        given = {"positions": checks.array(self.positions, f"positions{of}", "(n, 3)")}
+        given["directions"] = checks.array(self.directions, f"directions{of}", np.shape(given["positions"]))
+        for i, row in enumerate(given["directions"]):
+            given["directions"][i] = direction(row, f"directions[{i}]{of}")
+        if self.torque is not None:
+            given["torque"] = checks.array(self.torque, f"torque{of}", (), (len(given["positions"]),))
+        return given
+
+    def _effectiveness(self, of: str) -> Any:
+        """e, (n,)."""
+        found = checks.array(self.effectiveness, f"effectiveness{of}", (), (self.count,))
+        if not traced(found) and np.any((found < 0) | (found > 1)):
+            raise ArgumentError(
+                f"Argument `effectiveness{of}` must be from 0, dead, to 1, but is {np.asarray(found).tolist()}."
+            )
+        return found if traced(found) else np.broadcast_to(found, (self.count,)).copy()
+
+    def _limits(self, of: str) -> Any:
+        """(lowest, highest) command."""
+        if self.limit is None:
+            if isinstance(self.curve, Polynomial):
+                raise ArgumentError(f"Argument `limit{of}` must be given with a polynomial, which falls somewhere.")
+            return None if self.curve.reach is None else np.array(self.curve.reach)
+        found = float64(self.limit, f"Argument `limit{of}`")
+        found = np.array([-found, found]) if np.shape(found) == () else found
+        if np.shape(found) != (2,) or not found[0] < self.curve.neutral < found[1]:
+            raise ArgumentError(
+                f"Argument `limit{of}` must be the largest command or (lowest, highest), about the neutral command "
+                f"{self.curve.neutral:g}, but is {np.asarray(self.limit).tolist()}."
+            )
+        return found
+
+    @property
+    def count(self) -> int:
+        """n."""
+        return len(self.positions) if self.allocation is None else self.allocation.shape[1]
+
+    @property
+    def command(self) -> Command:
+        return Command(self.unit, (self.count,), self.curve.neutral)
+
+    def parameters(self) -> dict[str, Any]:
+        return {**super().parameters(), "curve": self.curve.parameters()}
+
+    def matrix(self, own: Any) -> Array:
+        """B, (6, n), from the geometry or as given, of thrusters that have all or a part of their force."""
+        return self._whole_matrix(own) * own.effectiveness
+
+    def _whole_matrix(self, own: Any) -> Array:
+        if self.allocation is not None:
+            return own.allocation
+        torques = jnp.cross(own.positions, own.directions)
+        if "torque" in own:
+            torques = torques + jnp.broadcast_to(own.torque, (self.count,))[:, None] * own.directions
+        return jnp.concatenate([own.directions, torques], axis=1).T
+
+    def thrusts(self, actual: Array, own: Any, density: Any = None) -> Array:
+        """f(u), (n,) N, with the dead band, in water of a density, kg/m³ (None: that of the curve)."""
+        found = self.curve.force(actual, own.curve)
+        if "dead_band" in own:
+            found = jnp.where(jnp.abs(actual - self.curve.neutral) < own.dead_band, 0.0, found)
+        return found * (density / own.density) if "density" in own and density is not None else found
+
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        both = self.matrix(own) @ self.thrusts(actual, own, flow.density)
+        return Force(torque=both[3:], force=both[:3])
+
+    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+        return towards(actual, jnp.clip(command, *_ends(own)) if "limit" in own else command, h, own)
+
+    def commands_for(self, thrusts: Array, own: Any) -> Array:
+        """The commands whose thrusts are nearest to these, (n,) N."""
+        limit = _ends(own)
+        u, rest = self.curve.command(thrusts, own.curve, limit), self.curve.neutral
+        if "dead_band" in own:
+            # A little beyond the edge, which rounding must not put inside.
+            edge = rest + jnp.sign(thrusts) * own.dead_band * (1 + 1e-12)
+            pushes = jnp.abs(thrusts) > 0.5 * jnp.abs(self.curve.force(edge, own.curve))
+            u = jnp.where(jnp.abs(u - rest) > own.dead_band, u, jnp.where(pushes, edge, rest))
+        return jnp.clip(u, *limit)
+
+    def allocate(self, wrench: Any) -> Array:
+        """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m: the thrusts of least |f|² that give it.
+
+        f = B⁺w; if one of them exceeds the limit of its thruster, all are scaled down alike, f ← s f with
+        s = min_i f_i^max/f_i, so that the wrench keeps its direction. A wrench that no thrusts give is replaced by the
+        nearest one that some do. Computed with the numbers of the part as it was made, as software on board is.
+        Raises ArgumentError for another shape.
+        """
+        return evaluate(self._allocated, vector(wrench, "wrench", 6))
+
+    def _allocated(self, wrench: Array) -> Array:
+        own = self.nominal
+        thrusts = jnp.asarray(np.linalg.pinv(self.nominal_matrix)) @ wrench
+        if self.limit is not None:
+            low, high = self.extremes
+            most = jnp.where(thrusts > 0, high, low)
+            room = jnp.where(thrusts == 0, 1.0, most / jnp.where(thrusts == 0, 1.0, thrusts))
+            thrusts = jnp.minimum(1.0, jnp.min(room)) * thrusts
+        return self.commands_for(thrusts, own)
+
+    @property
+    def nominal(self) -> Named:
+        """The numbers of the part as it was made, as `own`."""
+        return named(self.parameters())
+
+    @property
+    def nominal_matrix(self) -> np.ndarray:
+        """B, (6, n), with the numbers of the part as it was made."""
+        return evaluate(self.matrix, self.nominal)
+
+    @property
+    def extremes(self) -> tuple[float, float]:
+        """The thrusts at the lowest and at the highest command, N; without limits endless."""
+        if self.limit is None:
+            return -np.inf, np.inf
+        low, high = evaluate(self.thrusts, self.limit, self.nominal)
+        return float(low), float(high)
+
+
+def _ends(own: Any) -> tuple[Any, Any]:
+    """The lowest and the highest command; one number replaced for both is the largest."""
+    if "limit" not in own:
+        return -jnp.inf, jnp.inf
+    return (own.limit[0], own.limit[1]) if jnp.ndim(own.limit) else (-own.limit, own.limit)
