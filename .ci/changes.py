@@ -23,7 +23,7 @@ RECENT = 6 * 3600.0
 """A commit that is older, s, is a base where no other is known."""
 FACES = {"coadjoint", "coadjoint.vehicles"}
 """What only lists names of other packages."""
-COMMON = {"pyproject.toml", "tests/conftest.py"}
+COMMON = {"pyproject.toml", "vehicles/pyproject.toml", "tests/conftest.py"}
 """Files that all tests depend on."""
 PAGES = ("docs", "examples", "README.md", "CONTRIBUTING.md")
 """Files and folders that `tests/docs` reads."""

@@ -2,7 +2,7 @@
 
     python tests/mutation --seed 7 --count 120
 
-draws errors over the folders of `src/coadjoint` (`mutants.py`), and runs for each those tests of the README's command
+draws errors over the folders of a package (`mutants.py`), and runs for each those tests of the README's command
 that execute its line, cheap ones first, until one fails. The first run follows all tests (`executed.py`) and keeps in
 `build/mutation` which lines each executes; later ones follow only what has changed. An error that no test notices,
 because the program means the same, belongs in `equivalent.toml` with the reason. Python 3.12 and
@@ -50,7 +50,7 @@ def arguments(given: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--survivors", action="store_true", help="judge again only what the last run did not kill")
     parser.add_argument("--list", action="store_true", help="print the sample, and judge nothing")
     parser.add_argument("--root", type=Path, default=judged.ROOT, help="of the repository, with src and tests")
-    parser.add_argument("--package", default="coadjoint", help="folder of src (coadjoint)")
+    parser.add_argument("--package", default="coadjoint", help="coadjoint or coadjoint_vehicles (coadjoint)")
     return parser.parse_args(given)
 
 
@@ -65,7 +65,7 @@ class Judge:
 
     def __init__(self, chosen: argparse.Namespace, folder: Path):
         self.root, self.most = chosen.root.resolve(), chosen.seconds
-        self.build = self.root / "build" / "mutation"
+        self.build = self.root / "build" / "mutation" / chosen.package
         self.build.mkdir(parents=True, exist_ok=True)
         self.record, self.log, self.note = (self.build / name for name in ("tests.jsonl", "log", "note.json"))
         self.copy = judged.Copy(folder, self.root, chosen.package)
@@ -119,7 +119,10 @@ class Judge:
 
 def main(given: Sequence[str]) -> int:
     chosen = arguments(given)
-    sample = draw(chosen.root / "src" / chosen.package, chosen.seed, chosen.count, chosen.rooms)
+    package = next(
+        path for path in (folder / chosen.package for folder in judged.sources(chosen.root)) if path.is_dir()
+    )
+    sample = draw(package, chosen.seed, chosen.count, chosen.rooms)
     if chosen.list:
         for mutant in sample:
             print(row(mutant))

@@ -37,13 +37,19 @@ sys.path.remove({here!r})
 """
 
 
+def sources(root: Path) -> list[Path]:
+    """The folders of a repository that hold packages, one for each distribution."""
+    return [folder for folder in (root / "src", root / "vehicles" / "src") if folder.is_dir()]
+
+
 class Copy:
-    """A copy of `src` of `root` in a folder that is thrown away, in which one line at a time is changed."""
+    """A copy of the sources of `root` in a folder that is thrown away, in which one line at a time is changed."""
 
     def __init__(self, folder: Path, root: Path, package: str):
         self.root, self.source, self.site = root, folder / "src", folder / "site"
         self.package = self.source / package
-        shutil.copytree(root / "src", self.source, ignore=shutil.ignore_patterns("__pycache__"))
+        for source in sources(root):
+            shutil.copytree(source, self.source, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
         self.site.mkdir()
         text = STARTED.format(here=str(Path(__file__).parent), source=str(self.package))
         (self.site / "sitecustomize.py").write_text(text)

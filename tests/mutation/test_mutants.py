@@ -224,7 +224,7 @@ def toy(tmp_path_factory):
     quick = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     done = subprocess.run(command, capture_output=True, text=True, env=quick, check=False)
     assert done.returncode == 1, done.stdout + done.stderr  # fewer are caught
-    entries = map(json.loads, (root / "build" / "mutation" / "seed-7.jsonl").read_text().splitlines())
+    entries = map(json.loads, (root / "build" / "mutation" / "toy" / "seed-7.jsonl").read_text().splitlines())
     return done.stdout, {after: (word, by) for _, _, after, word, by in entries}
 
 
