@@ -65,6 +65,11 @@ def changed(commit: str, root: Path = ROOT) -> set[str]:
     return set(found.splitlines()) | set(_git(root, "ls-files", "--others", "--exclude-standard").splitlines())
 
 
+def tree(root: Path = ROOT) -> str:
+    """The hash of the files of the newest commit."""
+    return _git(root, "rev-parse", "HEAD^{tree}")
+
+
 def _git(root: Path, *arguments: str) -> str:
     done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else ""

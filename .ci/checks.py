@@ -40,9 +40,9 @@ def selection() -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def by_hash(files: list[str], commit: str) -> list[str]:
-    """Another order for each commit, so that what is left out when the time is up differs."""
-    return random.Random(commit).sample(files, len(files))
+def by_hash(files: list[str], tree: str) -> list[str]:
+    """Another order for each tree of files, so that what is left out when the time is up differs."""
+    return random.Random(tree).sample(files, len(files))
 
 
 def long_tests(checks: Checks, python: Path, began: float) -> None:
@@ -62,7 +62,7 @@ def long_tests(checks: Checks, python: Path, began: float) -> None:
         each, most = WITHIN[name]
         within = min(most, each * max(1, len(choice.packages))) if found.commit else most
         bounds = ("-p", "bounded", "--within", str(within), "--before", str(began + LAST))
-        command = (python, "-m", "pytest", "-n", "2", "-m", "long", *bounds, *by_hash(files, found.commit or ""))
+        command = (python, "-m", "pytest", "-n", "2", "-m", "long", *bounds, *by_hash(files, changes.tree()))
         checks.tests(title, *command, least=0, PYTHONPATH=ROOT / ".ci")  # all may be left out
 
 

@@ -74,7 +74,12 @@ def test_what_is_missing_is_said_in_a_sentence(first, file, tmp_path):
         co.errors.ArgumentError, match=r"the parameters `inertia`, `power`, `lag`, but the system .* has none"
     ):
         _ = co.load(file, bare).final
-    with_q = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Trivial(1))
+    with_q = co.System(
+        co.SO3(),
+        lambda xi, n, nu, p: 0.5 * xi @ xi + 0.5 * nu @ nu,
+        additional=co.Trivial(1),
+        parameters=BODY.parameters,
+    )
     with pytest.raises(co.errors.ArgumentError, match=r"another system .* its spaces have other dimensions"):
         _ = co.load(file, with_q).final
     first.dataset.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")

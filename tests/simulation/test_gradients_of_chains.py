@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.trajectory import Trajectory, _with_last
 
 LINKS = 31
 """More unknowns than native code takes."""
@@ -54,3 +55,14 @@ def test_a_start_of_a_chain_without_poses_given_is_made_inside_jit(chain):
         made = jax.jit(lambda xi: system.state(xi=xi))(start.xi.reshape(LINKS, 3))
     np.testing.assert_array_equal(made.a, start.a)
     np.testing.assert_array_equal(made.xi, start.xi)
+
+
+def test_the_last_node_gets_a_record_although_records_hold_no_factors():
+    """The final state carries the factors of a step of a chain for the next step; records leave them out."""
+    system = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
+    whole = co.trajectory(system, system.state(xi=[1.0, 2.0, 3.0]), dt=0.1, steps=2, accuracy=False)
+    first, last = (jax.tree.map(lambda rows, cut=cut: rows[cut], whole.records) for cut in (slice(2), slice(2, 3)))
+    carried = whole.final.replace(memory=np.ones(2))
+    one = Trajectory(last, carried, whole.code, whole.iterations)
+    found = _with_last(Trajectory(first, carried, whole.code, whole.iterations), one)
+    np.testing.assert_array_equal(found.records.mu, whole.records.mu)

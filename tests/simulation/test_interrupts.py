@@ -114,10 +114,10 @@ def test_xla_in_pieces_gives_the_same_bits(cut):
     for length in (7, 60):
         cut(length)
         found.append(co.trajectory(system, start, dt=0.01, steps=60, save_every=5, backend="xla"))
-    np.testing.assert_array_equal(found[0].nodes.xi, found[1].nodes.xi)
+    np.testing.assert_array_equal(found[0].records.xi, found[1].records.xi)
     np.testing.assert_array_equal(found[0].iterations, found[1].iterations)
     by_machine = co.trajectory(system, start, dt=0.01, steps=60, save_every=5, backend="native")
-    np.testing.assert_allclose(found[0].nodes.xi, by_machine.nodes.xi, rtol=1e-10)
+    np.testing.assert_allclose(found[0].records.xi, by_machine.records.xi, rtol=1e-10)
 
 
 def test_a_piece_grows_to_its_time_and_shrinks_with_the_speed():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import types
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -151,24 +150,6 @@ def test_an_event_that_changes_is_another_event():
     assert event() == pytest.approx(0.5)
     level[0] = 1.2
     assert event() == pytest.approx(1.2)
-
-
-@pytest.mark.long
-def test_a_library_function_below_a_vehicle_counts(monkeypatch):
-    from coadjoint_vehicles import water
-
-    craft = co.vehicles.Craft(
-        co.vehicles.load("remus_100"), water=water.Sea(shear=water.LinearShear([0.4, 0, 0], [0.1, 0, 0]))
-    )
-    start = craft.start(speed=1.5)
-
-    def ran():
-        return co.simulate(craft.system, start, dt=0.05, steps=5, monitors=False, accuracy=False, progress=False).final
-
-    before = ran()
-    still = lambda self, position, t, internal, own: jnp.zeros(3)  # noqa: E731
-    monkeypatch.setattr(water.LinearShear, "current", still)
-    assert not np.array_equal(ran().mu, before.mu)
 
 
 def test_a_second_run_reads_every_function_once_and_checks_nothing(monkeypatch):

@@ -247,10 +247,11 @@ def _with_last(found: Trajectory, one: Trajectory) -> Trajectory:
     """The trajectory with a record of its last node: that of one step from there, where it has a solution."""
     inside = traced(found.final)
     good, numbers = one.code == 0, jnp if inside else np
+    end = found.final if found.records.memory is not None else found.final.replace(memory=None)
     if not inside and not good:  # records of a failed step may be none
-        record = jax.tree.map(lambda rows, leaf: np.asarray(leaf)[None], found.records, found.final)
+        record = jax.tree.map(lambda rows, leaf: np.asarray(leaf)[None], found.records, end)
     else:
-        record = jax.tree.map(lambda row, leaf: numbers.where(good, row, leaf[None]), one.records, found.final)
+        record = jax.tree.map(lambda row, leaf: numbers.where(good, row, leaf[None]), one.records, end)
     records = jax.tree.map(lambda rows, row: numbers.concatenate([rows, row]), found.records, record)
     return Trajectory(records, found.final, found.code, found.iterations)
 
