@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError, GroupError
+from coadjoint.runs.sections import RunSection
+from coadjoint.simulation.arguments import grid
 
 
 def refused(sentence, call, *given, **more):
@@ -112,3 +115,20 @@ def test_functions_and_rows_of_texts_are_told_from_others():
     assert checks.function(math.sin, "f") is math.sin and checks.texts(["a"], "x", "names") == ("a",)
     refused("Argument `f` must be a function, but is 3.", checks.function, 3, "f")
     refused("Argument `x` must be names, but is 'a'.", checks.texts, "a", "x", "names")
+
+
+@pytest.mark.parametrize("h", [0.002, 0.1, 1e-5, 3.0])
+def test_a_time_that_is_no_whole_number_of_steps_shows_the_digits_that_make_it_so(h):
+    for count in (1, 12, 213696):
+        assert checks.steps(count * h, h) == count
+        for off in (1e-3, 0.5):
+            time = (count + off) * h
+            assert checks.steps(time, h) is None
+            given, steps, each = re.fullmatch(r"(.+) s is (.+) steps of (.+) s", checks.uneven(time, h)).groups()
+            assert (float(given), float(each)) == (time, h)
+            assert float(steps) == pytest.approx(count + off, abs=2e-4) and not float(steps).is_integer()
+    assert checks.uneven(427.3921, 0.002) == "427.3921 s is 213696.05 steps of 0.002 s"
+    with pytest.raises(ArgumentError, match=r"427\.3921 s is 213696\.05 steps of 0\.002 s; write 427\.392\."):
+        RunSection(dt=0.002, duration=427.3921)
+    with pytest.raises(ArgumentError, match=r"427\.3921 s is 213696\.05 steps of 0\.002 s; give duration=427\.392\."):
+        grid(0.002, 427.3921, None)

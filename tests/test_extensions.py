@@ -16,10 +16,12 @@ from types import ModuleType
 import pytest
 
 import coadjoint
+from coadjoint import earlier_names
 from coadjoint.cli import main as command_line
 from coadjoint.errors import ArgumentError
 from coadjoint.extensions import Registry, _installed, extensions, import_string
 from coadjoint.kernels.trace import library
+from coadjoint.mechanics import casimirs
 from coadjoint.runs import run_file
 
 ROOT = Path(__file__).parents[1]
@@ -156,6 +158,28 @@ def test_modules_of_earlier_versions_are_those_of_today() -> None:
     stored = pickle.dumps(today.UniformWater((0.1, 0.0, 0.0)), protocol=0)
     stored = stored.replace(b"coadjoint_vehicles", b"coadjoint.vehicles")
     assert isinstance(pickle.loads(stored), today.UniformWater)
+
+
+@pytest.mark.parametrize("name", [one for one in earlier_names.NAMES if one != "coadjoint.vehicles"])
+def test_a_module_of_an_earlier_name_is_found_and_leaves_the_public_names_of_its_package(name: str) -> None:
+    if name.endswith("slave"):
+        pytest.importorskip("pythonfmu")
+    parent, _, word = name.rpartition(".")
+    package = importlib.import_module(parent)
+    public = getattr(package, word, None)
+    assert importlib.import_module(name) is importlib.import_module(earlier_names.NAMES[name])
+    assert getattr(package, word, None) is public or public is None
+
+
+def test_classes_of_earlier_names_are_those_of_today() -> None:
+    pytest.importorskip("pythonfmu")
+    from coadjoint.simulation.steppers.fmi_instance import FmiInstance
+
+    assert importlib.import_module("coadjoint.simulation.steppers.slave").StepperSlave is FmiInstance
+    casimir = next(iter(casimirs(coadjoint.System(coadjoint.SO3(), lambda xi: 0.5 * xi @ xi)).values()))
+    stored = pickle.dumps(casimir, protocol=0).replace(b"casimir_functions", b"casimirs")
+    assert type(pickle.loads(stored)) is type(casimir)
+    assert coadjoint.mechanics.casimirs is casimirs
 
 
 def test_files_of_the_vehicles_belong_to_the_identity_of_the_library() -> None:

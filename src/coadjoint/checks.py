@@ -57,6 +57,25 @@ def whole(value: object, name: str, least: int = 1, most: int | None = None, err
     return found
 
 
+CLOSE = 1e-9
+"""By how much, relative to it, a time may deviate from a multiple of a step."""
+
+
+def steps(time: float, h: float, least: int = 1, close: float = CLOSE) -> int | None:
+    """The number of steps of h in a time, both in s; None unless it is whole and at least `least`."""
+    count = round(time / h)
+    return count if count >= least and abs(count * h - time) <= close * max(h, time) else None
+
+
+def uneven(time: float, h: float) -> str:
+    """Such as "427.3921 s is 213696.05 steps of 0.002 s", with the digits by which it is not whole."""
+    ratio = time / h
+    off = 0.01 * abs(ratio - round(ratio))
+    texts = (f"{ratio:.{digits}g}" for digits in range(6, 18))
+    count = next((text for text in texts if abs(float(text) - ratio) <= off), f"{ratio:.17g}")
+    return f"{float(time)!r} s is {count} steps of {float(h)!r} s"
+
+
 def number(
     value: object,
     name: str,

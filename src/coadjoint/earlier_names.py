@@ -1,4 +1,4 @@
-"""Modules under the names that they had in earlier versions, by which pickles know them: `coadjoint.vehicles`."""
+"""Modules and classes under the names that they had in earlier versions, by which pickles and scripts know them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,23 @@ from types import ModuleType
 
 from coadjoint.extensions import absent
 
-NAMES = {"coadjoint.vehicles": "coadjoint_vehicles"}
-"""Packages that were in the library, and their names now."""
+_MODULES = {
+    "mechanics.casimirs": "mechanics.casimir_functions",
+    "mechanics.mechanical_connection": "mechanics.locked_inertia",
+    "mechanics.trace_casimirs": "mechanics.trace_functions",
+    "simulation.steppers.slave": "simulation.steppers.fmi_instance",
+    "theory.discrete_mechanical_connection": "theory.discrete_connections",
+    "theory.lagrange_poincare": "theory.principal_bundles",
+}
+
+NAMES = {
+    **{f"coadjoint.{before}": f"coadjoint.{now}" for before, now in _MODULES.items()},
+    "coadjoint.vehicles": "coadjoint_vehicles",
+}
+"""Modules and packages by their earlier names, and their names now."""
+
+CLASSES = {"FmiInstance": "StepperSlave"}
+"""Classes by their names now, and their earlier names in modules of earlier names."""
 
 
 class EarlierNames(MetaPathFinder, Loader):
@@ -35,9 +50,24 @@ class EarlierNames(MetaPathFinder, Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Nothing: the module has run, and its spec is its own again."""
+        """Give the module, which has run, its own spec again, and its classes the names that they had."""
         earlier = module.__spec__
-        module.__spec__ = earlier.loader_state if earlier is not None else None
+        assert earlier is not None
+        for now, before in CLASSES.items():
+            if hasattr(module, now):
+                setattr(module, before, getattr(module, now))
+        parent, _, child = earlier.name.rpartition(".")
+        if child in getattr(package := sys.modules[parent], "__all__", ()):
+            package.__class__ = _Package
+        module.__spec__ = earlier.loader_state
+
+
+class _Package(ModuleType):
+    """A package with a public name that was that of a module, too, which the import of the module must not replace."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not isinstance(value, ModuleType) or value.__name__ == f"{self.__name__}.{name}":
+            super().__setattr__(name, value)
 
 
 def _now(name: str) -> str:

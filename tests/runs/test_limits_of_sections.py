@@ -56,7 +56,7 @@ def test_a_step_is_positive_and_finite(value):
 def test_a_duration_is_a_whole_number_of_steps_up_to_round_off():
     assert arguments.grid(0.1, 0.3, None) == (0.1, 3) and arguments.grid(np.float64(0.5), None, 4) == (0.5, 4)
     assert arguments.grid(0.1, 100 * (1 + 5e-10), None) == (0.1, 1000)
-    refused("is 1000 steps of 0.1 s; give duration=100", arguments.grid, 0.1, 100 * (1 + 2e-9), None)
+    refused("is 1000.000002 steps of 0.1 s; give duration=100", arguments.grid, 0.1, 100 * (1 + 2e-9), None)
     refused("0.35 s is 3.5 steps of 0.1 s; give duration=0.[34]", arguments.grid, 0.1, 0.35, None)
     refused("0.04 s is 0.4 steps of 0.1 s; give duration=0.1", arguments.grid, 0.1, 0.04, None)
     for given in ((None, None), (1.0, 10)):

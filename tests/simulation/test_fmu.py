@@ -191,7 +191,8 @@ def test_a_unit_of_long_steps_says_so_in_the_log(tmp_path):
 
 
 def test_units_that_version_0_1_0_wrote_find_what_they_import():
-    from coadjoint.simulation.steppers.fmi_instance import FmiInstance
     from coadjoint.simulation.steppers.slave import StepperSlave, hold
+
+    from coadjoint.simulation.steppers.fmi_instance import FmiInstance
 
     assert StepperSlave is FmiInstance and callable(hold)

@@ -19,11 +19,11 @@ from coadjoint.errors import ArgumentError, shown
 def steps_of(value: Any, dt: float, name: str, least: int) -> int:
     """A time as a number of steps; raises ArgumentError unless it is a multiple of dt."""
     number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
-    count = round(value / dt) if number and np.isfinite(value) else -1
-    if count < least or abs(count * dt - value) > 1e-9 * max(dt, abs(value)):
+    count = checks.steps(float(value), dt, least) if number and np.isfinite(value) else None
+    if count is None:
         raise ArgumentError(
-            f"Argument `{name}` must be a whole number of steps of {dt:g} s{', at least one' if least else ''}, but is "
-            f"{shown(value)}."
+            f"Argument `{name}` must be a whole number of steps of {float(dt)!r} s"
+            f"{', at least one' if least else ''}, but is {shown(value)}."
         )
     return count
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from coadjoint import checks
 from coadjoint.checks import positive, whole
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key
@@ -69,11 +70,10 @@ class RunSection:
             self._require_whole(self.duration)
 
     def _require_whole(self, duration: float) -> None:
-        count = max(round(duration / self.dt), 1)
-        if abs(count * self.dt - duration) > 1e-9 * duration:
+        if checks.steps(duration, self.dt) is None:
             raise ArgumentError(
-                f"[run] duration must be a whole number of steps, but {duration:g} s is {duration / self.dt:.6g} steps "
-                f"of {self.dt:g} s; write {count * self.dt:.10g}."
+                f"[run] duration must be a whole number of steps, but {checks.uneven(duration, self.dt)}; write "
+                f"{max(round(duration / self.dt), 1) * self.dt:.12g}."
             )
 
     @property

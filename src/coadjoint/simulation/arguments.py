@@ -8,7 +8,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.checks import MOST, array, positive, whole
+from coadjoint.checks import MOST, array, positive, uneven, whole
+from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
@@ -72,11 +73,11 @@ def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
     if steps is not None:
         return h, whole(steps, "steps")
     duration = positive(duration, "duration")
-    count = round(duration / h)
-    if count < 1 or abs(count * h - duration) > 1e-9 * duration:
+    count = whole_steps(duration, h)
+    if count is None:
         raise ArgumentError(
-            f"Argument `duration` must be a whole number of steps, but {duration} s is {duration / h:.6g} steps of "
-            f"{h} s; give duration={max(count, 1) * h:.10g}."
+            f"Argument `duration` must be a whole number of steps, but {uneven(duration, h)}; give "
+            f"duration={max(round(duration / h), 1) * h:.12g}."
         )
     if count > MOST:
         raise ArgumentError(f"Argument `duration` must be at most 2⁵³ steps, but {duration} s is {count:.3g} of {h} s.")

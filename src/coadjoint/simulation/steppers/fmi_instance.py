@@ -19,6 +19,8 @@ import numpy as np
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 from pythonfmu.enums import Fmi2Status
 
+from coadjoint.checks import CLOSE
+from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import CoadjointError
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.file import to_bytes
@@ -26,10 +28,6 @@ from coadjoint.simulation.steppers.stepping import load_stepper, opened
 
 FILE = "stepper.step"
 """The saved stepper among the resources of a unit."""
-
-
-ROUNDING = 1e-9
-"""The relative tolerance of a communication step as a multiple of dt: times are sums of decimal fractions."""
 
 
 _held: list[dict[str, Any]] = []
@@ -69,7 +67,7 @@ class FmiInstance(Fmi2Slave):
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
         """Log a warning if the master's time differs from the stepper's, in which the motion continues."""
-        if not math.isclose(start_time, self.stepper.t, rel_tol=ROUNDING, abs_tol=ROUNDING * self.stepper.face.dt):
+        if not math.isclose(start_time, self.stepper.t, rel_tol=CLOSE, abs_tol=CLOSE * self.stepper.face.dt):
             self.log(
                 f"The stepper goes on from t = {self.stepper.t:g} s, not from {start_time:g} s.", Fmi2Status.warning
             )
@@ -77,10 +75,10 @@ class FmiInstance(Fmi2Slave):
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Hold the inputs over `step_size`, s; False, with a message in the log, if that fails."""
         dt = self.stepper.face.dt
-        steps = round(step_size / dt)
-        if steps < 1 or not math.isclose(steps * dt, step_size, rel_tol=ROUNDING):
+        steps = whole_steps(step_size, dt)
+        if steps is None:
             return self._failed(
-                f"A communication step must be a whole number of steps of {dt:g} s, but is {step_size:g} s."
+                f"A communication step must be a whole number of steps of {dt!r} s, but is {step_size!r} s."
             )
         try:
             with self._logging():

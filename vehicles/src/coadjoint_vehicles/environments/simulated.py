@@ -167,10 +167,10 @@ def _periods(long: Any, short: Any, name: str, unit: str) -> int:
     for value, what in ((short, unit), (long, name)):
         if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < np.inf:
             raise ArgumentError(f"Argument `{what}` must be a positive number of seconds, but is {shown(value)}.")
-    count = round(long / short)
-    if count < 1 or abs(count * short - long) > 1e-6 * long:
+    count = checks.steps(long, short, close=1e-6)
+    if count is None:
         raise ArgumentError(
-            f"Argument `{name}` must be a whole number of times `{unit}`, but is {long:g} of {short:g} s."
+            f"Argument `{name}` must be a whole number of times `{unit}`, but is {float(long)!r} of {float(short)!r} s."
         )
     return count
 
