@@ -19,7 +19,7 @@ from coadjoint.simulation.recording import FORMATS
 from imports import modules
 
 PAGE = Path(__file__).parents[1] / "docs" / "extending.md"
-NAMES = 42
+NAMES = 41
 """Names of the core that packages above may need and users do not."""
 
 
@@ -89,7 +89,7 @@ def test_the_page_on_the_extension_api_has_every_name_and_module() -> None:
         ("from coadjoint.simulation.plan import Plan", ["coadjoint.simulation.plan.Plan"]),
         ("from coadjoint.mechanics import Force\nfrom coadjoint import units as u", []),
         ("from coadjoint.checks import number, _whole", ["coadjoint.checks._whole"]),
-        ("from coadjoint.extending import Array, Plan", ["coadjoint.extending.Plan"]),
+        ("from coadjoint.extending import traced, Plan", ["coadjoint.extending.Plan"]),
         ("import coadjoint.kernels.emit", ["coadjoint.kernels.emit"]),
         ("import coadjoint as co\nfrom coadjoint_vehicles.parts.part import Part", []),
     ],

@@ -11,6 +11,7 @@ from imports import circles, modules, named
 
 STOREYS = (
     *(
+        "arrays",
         "errors",
         "log",
         "interrupts",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy as _lazy
 
 MODULES = (
+    "coadjoint.arrays",
     "coadjoint.checks",
     "coadjoint.cli.terminal",
     "coadjoint.clocks",
@@ -34,13 +35,12 @@ MODULES = (
     "coadjoint.plotting.style",
     "coadjoint.runs.sections",
 )
-"""Checks of arguments, units, files, their sections, tables, clocks, errors, members and rates of motion, figures."""
+"""Types, checks of arguments, units, files, sections, tables, clocks, errors, members and rates of motion, figures."""
 
 if TYPE_CHECKING:
     # named otherwise where they are defined
     __all__ = ["kernel_backend", "player_page", "read_run_file", "scene_of_runs", "shown_number", "simulate_setup"]
 
-    from coadjoint.groups.group import Array as Array
     from coadjoint.kernels.run import backend as kernel_backend
     from coadjoint.kernels.run import disk_cache as disk_cache
     from coadjoint.kernels.trace.evaluate import evaluate as evaluate

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.audit.systems import QUICK, AuditSystem
 from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Pade, SecondKind, Squared
 from coadjoint.groups import SE3
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
     AdjointVariational,

@@ -7,6 +7,7 @@ from functools import lru_cache
 import jax
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.audit.systems import AuditSystem
 from coadjoint.errors import StepError
 from coadjoint.kernels.chunk import Chunk
@@ -37,7 +38,7 @@ class AuditStepper:
         """The start with the momenta and the memory that the method begins with."""
         return self.method.begin(self.system, self.start, h)
 
-    def run(self, state: State, h: float, records: int, every: int = 1) -> Chunk:
+    def run(self, state: State, h: Scalar, records: int, every: int = 1) -> Chunk:
         """records·every steps, each every-th of them recorded."""
         backend = kernels.choose(self.program, self.constants, state, False, "auto")
         chunk = kernels.run(backend, self.program, self.constants, state, h, records, every, monitors=False)

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.control.boundary_conditions import end_state
 from coadjoint.control.inputs_between import guesses
 from coadjoint.control.problem_data import End
@@ -160,7 +161,7 @@ def _interpolated(transcription: Transcription) -> State:
     return states.replace(t=float(start.t) + problem.length * tau)
 
 
-def _logarithm(group: LieGroup, F: Element) -> np.ndarray:
+def _logarithm(group: LieGroup, F: Element) -> Array:
     """ξ with exp(ξ) = F, (dim G,); of half a turn that has no logarithm, that of an element near to it."""
     try:
         return group.log(F)

@@ -8,10 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.groups.group import LieGroup
 from coadjoint.groups.overrides import (
     Identity,
     in_words,

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.groups import (
     SE2,
@@ -21,7 +22,7 @@ from coadjoint.groups import (
     Translation,
     UnitQuaternion,
 )
-from coadjoint.groups.group import Array, Element, transpose
+from coadjoint.groups.group import Element, transpose
 from coadjoint.groups.rotation_vector import quaternion
 from coadjoint.groups.rotations import skew
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -225,7 +226,7 @@ def _transforms(S: SemidirectProduct) -> bool:
     V, group = S.representation, S.group
     xi, v = np.random.default_rng(1846).normal(scale=0.5, size=(2, max(group.dim, V.ambient(group))))
 
-    def back(xi, v):
+    def back(xi: Array, v: Array):
         u = v - 0.5 * V.infinitesimal(group, xi, v)
         return 0.5 * (u + V.act(group, Cayley().tau(group, xi), u)) - v
 

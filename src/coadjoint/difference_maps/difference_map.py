@@ -14,9 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
-from coadjoint.groups.group import Array, Element, LieGroup, require_solution, transpose
+from coadjoint.groups.group import Element, LieGroup, require_solution, transpose
 from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.power import Power
 from coadjoint.kernels.run import disk_cache
@@ -164,7 +165,7 @@ def _misfit(difference_map: DifferenceMap, group: LieGroup) -> tuple[float, floa
 
 
 def _measured(difference_map: DifferenceMap, group: LieGroup) -> dict[str, float]:
-    def measure(xi, chi):
+    def measure(xi: Array, chi):
         tangent = difference_map._tangent(group, xi, chi)
         outside = jnp.max(jnp.abs(tangent - group.hat(group.vee(tangent)))) / jnp.max(jnp.abs(tangent))
         back = group.matrix(difference_map.tau(group, xi)) @ group.matrix(difference_map.tau(group, -xi))

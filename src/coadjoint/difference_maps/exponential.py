@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.groups.small_angle import (
     BERNOULLI,
     cotangent_ratio,

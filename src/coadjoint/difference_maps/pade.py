@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element, transpose
+from coadjoint.groups.group import Element, transpose
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.difference_maps.cayley import Cayley
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.difference_maps.exponential import Exponential
 from coadjoint.errors import GroupError
-from coadjoint.groups.group import Array, LieGroup, transpose
+from coadjoint.groups.group import LieGroup, transpose
 from coadjoint.groups.small_angle import cubic_ratio
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Space

@@ -8,9 +8,10 @@ from functools import lru_cache, reduce
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def _factors(group: LieGroup, xi: Array) -> list[Array]:
     return [*first, *reversed(first)]
 
 
-def _one_parameter(group: LieGroup, i: int, t: Array) -> Array:
+def _one_parameter(group: LieGroup, i: int, t: Scalar) -> Array:
     """e^{t e_i}: 1 + s(t) e_i + c(t) e_i² where e_i³ = κ e_i, s″ = κs; else the exponential of the group."""
     e, kappa = group.basis[i], _cubic(group)[i]
     if kappa is None:

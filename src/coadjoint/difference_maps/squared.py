@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 
 
 @dataclass(frozen=True)

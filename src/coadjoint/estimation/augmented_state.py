@@ -7,9 +7,9 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from coadjoint import checks
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
 from coadjoint.kernels.packing import pack
@@ -55,11 +55,11 @@ class Drifting:
         ends = np.cumsum([0, *self.sizes.values()]).tolist()
         return {name: slice(*pair) for name, *pair in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
 
-    def moved(self, theta: Any, h: Array | float) -> Any:
+    def moved(self, theta: Any, h: Scalar) -> Any:
         """θ (…, k) after a step of h without noise."""
         return self.means + (theta - self.means) * self._each(h, lambda drift: drift.factor(h))
 
-    def variances(self, h: Array | float) -> Any:
+    def variances(self, h: Scalar) -> Any:
         """q(h) of every number, (k,)."""
         return self._each(h, lambda drift: drift.variance(h))
 
@@ -67,7 +67,7 @@ class Drifting:
         """θ by names."""
         return Named(**{name: theta[here] for name, here in self.slices.items()})
 
-    def _each(self, h: Array | float, value: Callable[[Drift], Any]) -> Any:
+    def _each(self, h: Scalar, value: Callable[[Drift], Any]) -> Any:
         xp = jnp if traced(h) else np
         parts = [xp.broadcast_to(value(drift), (self.sizes[name],)) for name, drift in self._drifts.items()]
         return xp.concatenate(parts) if parts else np.zeros(0)

@@ -8,9 +8,9 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from coadjoint import checks
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.trace.evaluate import traced
@@ -23,11 +23,11 @@ class Drift(ABC):
     """m, one number or (k,)."""
 
     @abstractmethod
-    def factor(self, h: Array | float) -> Any:
+    def factor(self, h: Scalar) -> Any:
         """φ(h), one number."""
 
     @abstractmethod
-    def variance(self, h: Array | float) -> Any:
+    def variance(self, h: Scalar) -> Any:
         """q(h), one number or one for each of θ."""
 
 
@@ -43,11 +43,11 @@ class RandomWalk(Drift):
     def __post_init__(self):
         object.__setattr__(self, "density", not_negative(self.density, "density", "co.estimation.RandomWalk"))
 
-    def factor(self, h: Array | float) -> Any:
+    def factor(self, h: Scalar) -> Any:
         """1."""
         return 1.0
 
-    def variance(self, h: Array | float) -> Any:
+    def variance(self, h: Scalar) -> Any:
         """density² h."""
         return self.density**2 * h
 
@@ -69,16 +69,16 @@ class GaussMarkov(Drift):
         object.__setattr__(self, "time", checks.positive(self.time, "Argument `time` of co.estimation.GaussMarkov"))
         object.__setattr__(self, "mean", finite(self.mean, "mean", "co.estimation.GaussMarkov"))
 
-    def factor(self, h: Array | float) -> Any:
+    def factor(self, h: Scalar) -> Any:
         """exp(−h/τ)."""
         return _of(h).exp(-h / self.time)
 
-    def variance(self, h: Array | float) -> Any:
+    def variance(self, h: Scalar) -> Any:
         """deviation² (1 − exp(−2h/τ))."""
         return -(self.deviation**2) * _of(h).expm1(-2.0 * h / self.time)
 
 
-def _of(h: Array | float) -> Any:
+def _of(h: Scalar) -> Any:
     """The module of functions of h: NumPy, unless JAX traces it."""
     return jnp if traced(h) else np
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 from coadjoint.groups.rotations import skew
 from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, quartic_ratio, sine_ratio, versine_ratio
 

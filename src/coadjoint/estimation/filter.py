@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from coadjoint import checks
+from coadjoint.arrays import Scalar
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError, StepError, shown, warn
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
@@ -168,7 +169,7 @@ class Filter(Remade):
             name: one.function(still, flat)[0].reshape(*rows.shape[:-1], -1) for name, one in self._prepared.items()
         }
 
-    def predict(self, dt: float, inputs: Mapping[str, Any] | None = None) -> None:
+    def predict(self, dt: Scalar, inputs: Mapping[str, Any] | None = None) -> None:
         """Advance by one step of dt, s; inputs: name → value, held over it; the others stay.
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.

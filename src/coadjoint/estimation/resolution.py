@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.estimation.process import Process
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.simulation.accuracy.local_error import HALVES, PartsOfSteps
@@ -35,7 +36,7 @@ class FilterSample:
     def __init__(self, process: Process, parts: PartsOfSteps):
         self._process, self.steps = process, SampledSteps(parts)
 
-    def judge(self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: float, count: int) -> str | None:
+    def judge(self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: Scalar, count: int) -> str | None:
         """The warning about a step of h from rows (k, size), after `count` others.
 
         before, after: the variances of the errors (k, n) before the prediction and after it.
@@ -43,7 +44,7 @@ class FilterSample:
         return self.steps.judge(rows, h) or self._by_deviations(rows, before, after, h, count)
 
     def _by_deviations(
-        self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: float, count: int
+        self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: Scalar, count: int
     ) -> str | None:
         parts, length = self.steps.parts, np.full(len(rows), h)
         once, good = parts.over(self.steps.records(rows, length), length, (1.0,))

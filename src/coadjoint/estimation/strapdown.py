@@ -13,9 +13,9 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from coadjoint import checks
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.augmented_state import Drifting
 from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative
@@ -211,7 +211,7 @@ class StrapdownProcess(Process):
 
     # Steps.
 
-    def _after(self, row: Any, h: Array | float, w: Any) -> Any:
+    def _after(self, row: Any, h: Scalar, w: Any) -> Any:
         """The row after a step of h, with the integrals w = (w_g, w_a) of the white noises over it."""
         x, theta = _pose(row), self._drifts.named(row[22:])
         phi = self._mount @ ((row[16:19] - _of(theta, "gyroscope_bias")) * h - w[:3])

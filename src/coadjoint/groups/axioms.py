@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
 from coadjoint.groups.algebra import require_algebra
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.groups.overrides import Identity, in_words, overrides, require_agreement, require_given
 from coadjoint.kernels.trace.evaluate import evaluate
 

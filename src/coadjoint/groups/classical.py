@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
-from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import (
     MatrixCoordinates,
     MatrixElements,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 
 
 def real_form(matrix: Array) -> Array:

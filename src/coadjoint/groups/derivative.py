@@ -7,20 +7,21 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import Element, LieGroup, transpose
 
 
-def right_derivative(group: LieGroup, function: Callable[[Element], Array], F: Element) -> Array:
+def right_derivative(group: LieGroup, function: Callable[[Element], Scalar], F: Element) -> Array:
     """D^R_F f ∈ 𝔤*, shape (dim,): ⟨D^R_F f, χ⟩ = d/dε f(e^{εχ}F) at ε = 0."""
     return _at_identity(group, lambda e: function(group.compose(e, F)))
 
 
-def left_derivative(group: LieGroup, function: Callable[[Element], Array], F: Element) -> Array:
+def left_derivative(group: LieGroup, function: Callable[[Element], Scalar], F: Element) -> Array:
     """D^L_F f ∈ 𝔤*, shape (dim,): ⟨D^L_F f, χ⟩ = d/dε f(Fe^{εχ}) at ε = 0, so that D^L_F f = Ad*_F D^R_F f."""
     return _at_identity(group, lambda e: function(group.compose(F, e)))
 
 
-def _at_identity(group: LieGroup, function: Callable[[Element], Array]) -> Array:
+def _at_identity(group: LieGroup, function: Callable[[Element], Scalar]) -> Array:
     e = group.identity()
     slope = jax.grad(function)(e)
 

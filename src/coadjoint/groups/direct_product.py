@@ -11,8 +11,9 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError, shown
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.groups.power import require_one_matrix
 
 

@@ -8,21 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array as Array
+from coadjoint.arrays import PyTree
 from coadjoint.errors import GroupError
 from coadjoint.groups.matrix_functions import exponential, logarithm
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
-Element = Any
+Element = PyTree
 """A group element: a PyTree of arrays."""
-
-Array = Any
-"""A NumPy or JAX array of float64."""
 
 
 class LieGroup:

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.groups.group import LieGroup
 
 
 @dataclass(frozen=True)

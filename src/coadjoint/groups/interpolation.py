@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.element_statistics import logarithms, stacked
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 
 _ITERATIONS = 30

@@ -5,8 +5,9 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 
 
 class MatrixElements(LieGroup):

@@ -19,13 +19,12 @@ and Beavers' iteration, which loses 1/δ². Source: N. J. Higham, *Functions of 
 from __future__ import annotations
 
 from math import factorial
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-Array = Any
+from coadjoint.arrays import Array
 
 _DOUBLINGS = 6
 _SMALL = 0.3

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError, error_line, shown
 from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.complex_form import off_real_form, real_form
-from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixElements, singular
 from coadjoint.kernels.trace.evaluate import evaluate
 

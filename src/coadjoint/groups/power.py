@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError, shown
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 
 COUPLINGS = ("chain", "ring", "all")
 

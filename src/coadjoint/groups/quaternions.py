@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.arrays import Array
+from coadjoint.groups.group import LieGroup
 from coadjoint.groups.rotation_vector import of_quaternion
 from coadjoint.groups.rotations import skew
 from coadjoint.groups.small_angle import sine_ratio

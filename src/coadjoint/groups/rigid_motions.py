@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.arrays import Array
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.groups.rotations import (
     SO3,
     orthogonal_defect,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 from coadjoint.groups.small_angle import arctangent_ratio
 
 
@@ -20,7 +20,7 @@ def quaternion(R: Array) -> Array:
     r, trace = R, R[0, 0] + R[1, 1] + R[2, 2]
     x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
     xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]
-    rows = [(1 + trace, x, y, z)]
+    rows: list[tuple[Array, ...]] = [(1 + trace, x, y, z)]
     for i, row in enumerate(([None, xy, xz], [xy, None, yz], [xz, yz, None])):
         square = 1 + 2 * r[i, i] - trace
         rows.append(((x, y, z)[i], *(square if entry is None else entry for entry in row)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 from coadjoint.groups.matrix_elements import MatrixElements
 from coadjoint.groups.rotation_vector import of_quaternion, quaternion
 from coadjoint.groups.small_angle import sine_ratio, versine_ratio

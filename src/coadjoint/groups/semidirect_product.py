@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError, shown
-from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.groups.group import Element, LieGroup, transpose
 from coadjoint.groups.matrix_functions import exponential_minus_one
 from coadjoint.groups.power import require_one_matrix
 from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, versine_ratio
@@ -31,15 +32,19 @@ class LinearAction(Protocol):
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         """ρ(g)x, (ambient,), of x (ambient,)."""
+        ...
 
     def pull(self, group: LieGroup, g: Element, x: Array, b: Array) -> Array:
         """g*b, (ambient,), of a covector b (ambient,)."""
+        ...
 
     def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array:
         """ξ·x, (ambient,), of ξ (dim,) and x (ambient,)."""
+        ...
 
     def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
         """b⋄x, (dim,), of b and x (ambient,)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -161,7 +166,7 @@ class SemidirectProduct(LieGroup):
         """(exp ξ, φ(ξ)u) with φ(ξ) = ∫₀¹ exp(sξ) ds on V."""
         x, u = self.split(xi)
         if _turns(self):
-            t = self.group.angle_squared(x)
+            t = cast(Array, self.group.angle_squared(x))
             once = self.representation.infinitesimal(self.group, x, u)
             twice = self.representation.infinitesimal(self.group, x, once)
             return self.group.exp(x), u + versine_ratio(t) * once + cubic_ratio(t) * twice
@@ -173,7 +178,9 @@ class SemidirectProduct(LieGroup):
         if _turns(self):
             once = self.representation.infinitesimal(self.group, x, v)
             twice = self.representation.infinitesimal(self.group, x, once)
-            return jnp.concatenate([x, v - 0.5 * once + cotangent_ratio(self.group.angle_squared(x)) * twice])
+            return jnp.concatenate(
+                [x, v - 0.5 * once + cotangent_ratio(cast(Array, self.group.angle_squared(x))) * twice]
+            )
         return jnp.concatenate([x, jnp.linalg.solve(_mean(self, x), v)])
 
     def angle_squared(self, xi: Array) -> Array | None:
@@ -235,7 +242,7 @@ def _acts_by_itself(S: SemidirectProduct) -> bool:
     if S.representation.ambient(S.group) != S.group.matrix_size:
         return False
 
-    def both(xi):
+    def both(xi: Array):
         g = S.group.exp(xi)
         return _matrix_of_action(S, g), S.group.matrix(g)
 

@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache, partial, reduce
 from math import comb, factorial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-Array = Any
+from coadjoint.arrays import Array
 
 _SWITCH = 4.0
 _TERMS = 18

@@ -11,9 +11,9 @@ import numpy as np
 from jax import lax
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import GroupError
 from coadjoint.groups.complex_form import real_form
-from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixCoordinates, diagonal
 from coadjoint.groups.matrix_functions import logarithm
 
@@ -93,7 +93,7 @@ class _Unitary(MatrixCoordinates):
                 else:
                     matrix[i, j], matrix[j, i] = (np.sqrt(0.5), -np.sqrt(0.5)) if i < j else (1j * np.sqrt(0.5),) * 2
                 found.append(matrix)
-        return real_form(np.stack(found)) if found else np.zeros((0, 2 * n, 2 * n))
+        return np.asarray(real_form(np.stack(found))) if found else np.zeros((0, 2 * n, 2 * n))
 
     def parts(self, xi: Array) -> ComplexMatrix:
         """The matrix of coordinates ξ (dim,) by its parts, (n, n) each."""
@@ -231,7 +231,7 @@ class SUn(_Unitary):
         along = self._diagonals().T.astype(B.dtype) @ diagonal(B)
         return jnp.broadcast_to(jnp.append(along, 0.0), B.shape)
 
-    def _determinant(self, g: ComplexMatrix) -> tuple[Array, Array]:
+    def _determinant(self, g: ComplexMatrix) -> tuple[Scalar, Scalar]:
         """Re and Im of det g."""
         if not self.dense:
             found = jnp.linalg.det(g.real + 1j * g.imaginary)

@@ -9,8 +9,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.groups import SE3, SO3
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.start import legendre

@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.actuators import Actuators, ActuatorsAtStarts
 from coadjoint.identification.channels import Channels
@@ -43,9 +44,9 @@ class Reference(NamedTuple):
     """The references of the starts of segments, before δ; a leading axis of segments."""
 
     g: Any
-    q: np.ndarray
-    xi: np.ndarray
-    nu: np.ndarray
+    q: Array
+    xi: Array
+    nu: Array
 
 
 class Prediction(NamedTuple):

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import Connection, finite
@@ -35,7 +36,7 @@ def reduced(connection: DiscreteConnection, g: Element, x: ArrayLike) -> Element
     g = _elements_of(connection.group, g, len(x))
     compose, inverse = connection.group.compose, connection.group.inverse
 
-    def relative(g, g_next, x, x_next):
+    def relative(g: Element, g_next: Element, x: Array, x_next):
         return compose(inverse(compose(inverse(g), g_next)), connection.increment(x, x_next))
 
     found = evaluate(jax.vmap(relative), *_ends(g), x[:-1], x[1:])
@@ -51,7 +52,7 @@ def reconstructed(connection: DiscreteConnection, g0: Element, x: ArrayLike, sig
     sigma = _elements_of(connection.group, sigma, len(x) - 1)
     compose, inverse = connection.group.compose, connection.group.inverse
 
-    def increment(x, x_next, sigma):
+    def increment(x: Array, x_next, sigma):
         return compose(connection.increment(x, x_next), inverse(sigma))
 
     increments = evaluate(jax.vmap(increment), x[:-1], x[1:], sigma)
@@ -189,15 +190,15 @@ def _in_pieces(connection: Connection, path: Callable[[Array], Array], times: np
     """Magnus' series of order 4 with two Gauss nodes a piece, for ġ = gξ: log F = ½h(ξ₁ + ξ₂) + (√3/12) h²[ξ₁, ξ₂]."""
     group = connection.group
 
-    def velocity(t):
+    def velocity(t: Scalar):
         x, v = jax.jvp(path, (t,), (jnp.ones_like(t),))
         return connection.velocity(x, v)
 
-    def piece(t, h):
+    def piece(t: Scalar, h: Scalar):
         first, last = (velocity(t + h * (0.5 + side * np.sqrt(3) / 6)) for side in (-1, 1))
         return group.exp(0.5 * h * (first + last) + np.sqrt(3) / 12 * h**2 * group.ad(first, last))
 
-    def interval(t, h):
+    def interval(t: Scalar, h: Scalar):
         parts = jax.vmap(piece, in_axes=(0, None))(t + h * jnp.arange(pieces), h)
         size = pieces
         while size > 1:

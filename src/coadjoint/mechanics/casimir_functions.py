@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
+from coadjoint.arrays import Array
 from coadjoint.errors import warn
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

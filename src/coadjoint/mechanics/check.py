@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import CoadjointError, LagrangianError
-from coadjoint.groups.group import Array
+from coadjoint.groups.group import Element
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
@@ -73,10 +74,10 @@ def point(system: ReducedFunctions, state: State) -> tuple[Any, ...]:
 def _check_discrete(system: ReducedFunctions, start: State) -> None:
     rest = (start.n, start.n, start.a, np.float64(1.0))
 
-    def in_algebra(xi, n, s, a, h):
+    def in_algebra(xi: Array, n: Array, s: Array, a: Array, h: Scalar):
         return system.reduced_discrete_lagrangian(xi, n, s, a, h, start.t, start.inputs, start.internal)
 
-    def in_group(F, n, s, a, h):
+    def in_group(F: Element, n: Array, s: Array, a: Array, h: Scalar):
         return system.reduced_group_lagrangian(F, n, s, a, h, start.t, start.inputs, start.internal)
 
     if system.discrete_lagrangian is not None:
@@ -87,7 +88,7 @@ def _check_discrete(system: ReducedFunctions, start: State) -> None:
         what, group = "The discrete Lagrangian in group form", system.group
         read = require_scalar(in_group, what, (start.g, *rest))
 
-        def turned(eta, n, s, a):
+        def turned(eta: Array, n: Array, s: Array, a: Array):
             return in_group(group.compose(start.g, group.exp(eta)), n, s, a, rest[-1])
 
         _require_derivative_of_discrete(system, turned, what, (np.zeros(group.dim), *rest[:-1]), read)
@@ -99,7 +100,7 @@ def _check_forces(system: ReducedFunctions, start: State) -> None:
         return
     velocities = start.xi, start.nu
 
-    def at(velocities, t):
+    def at(velocities, t: Scalar):
         motion = system.motion(velocities[0], start.n, velocities[1], start.a, t, start.inputs, start.internal)
         return system.body_forces(motion)
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.trace_checks import trace
@@ -62,7 +62,7 @@ class Connection:
         The holonomy of a small loop with sides εu, then εv is exp(−ε²B(u, v)) up to ε³. Of shapes (k, m), one for each.
         """
 
-        def bent(x):
+        def bent(x: Array):
             slope = jnp.swapaxes(jax.jacfwd(self.form)(x), 1, 2)
             columns = self.form(x).T
             brackets = jax.vmap(lambda u: jax.vmap(lambda v: self.group.ad(u, v))(columns))(columns)

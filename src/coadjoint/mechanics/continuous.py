@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.mechanics import inverse_legendre
@@ -55,7 +55,7 @@ def vector_field(system: System, state: State) -> State:
     _, (mu_dot, n_dot, pi_dot, a_dot) = rates(system, state)
     g_dot = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(xi),))[1]
 
-    def momenta(xi, n, nu, a, t):
+    def momenta(xi: Array, n: Array, nu: Array, a: Array, t: Scalar):
         return jnp.concatenate(legendre(system, xi, n, nu, a, t, state.inputs, state.internal))
 
     along = (jnp.zeros_like(xi), n_dot, jnp.zeros_like(nu), a_dot, jnp.ones_like(state.t))
@@ -107,11 +107,11 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
     moving = (start.g, start.n, start.a, xi, nu)
     flat, unflatten = _flatten(moving)
 
-    def assemble(t, parts, mu=start.mu, pi=start.pi) -> State:
+    def assemble(t: Scalar, parts, mu: Array = start.mu, pi: Array = start.pi) -> State:
         g, n, a, xi, nu = parts
         return start.replace(t=t, g=g, n=n, a=a, xi=xi, nu=nu, mu=mu, pi=pi)
 
-    def rate(t, y, parameters):
+    def rate(t: Scalar, y, parameters):
         slope = vector_field(replace_parameters(system, parameters), assemble(t, unflatten(y)))
         return _flatten((slope.g, slope.n, slope.a, slope.xi, slope.nu), jnp)[0]
 
@@ -122,7 +122,7 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
             lambda t, y: np.asarray(compiled(t, y, system.parameters)), float(start.t), flat, at, tolerance
         )
 
-        def complete(t, y):
+        def complete(t: Scalar, y):
             parts = unflatten(y)
             return assemble(
                 t, parts, *legendre(system, parts[3], parts[1], parts[4], parts[2], t, start.inputs, start.internal)

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint import memory
+from coadjoint.arrays import Array
 from coadjoint.groups import LieGroup, Power
-from coadjoint.groups.group import Array
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import Structure

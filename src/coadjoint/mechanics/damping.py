@@ -8,8 +8,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force, Motion
 
 
@@ -27,7 +27,7 @@ def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
         raise ArgumentError(f"co.mechanics.rayleigh takes a function R(motion, p), but got {dissipation!r}.")
 
     def force(motion: Motion, *parameters: Any) -> Force:
-        def R(xi, nu):
+        def R(xi: Array, nu: Array):
             value = dissipation(motion._replace(xi=xi, nu=nu), *parameters)
             if jnp.ndim(value) != 0:
                 raise LagrangianError(

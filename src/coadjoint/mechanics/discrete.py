@@ -8,7 +8,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -25,7 +25,7 @@ class Point(NamedTuple):
     n: Array
     nu: Array
     a: Array
-    t: Array
+    t: Scalar
 
 
 class Node(NamedTuple):
@@ -54,7 +54,7 @@ def node(system: System, state: State, point: Point) -> Node:
     group, Q, V = system.places
     xi, n, nu, a, t = point
 
-    def lagrangian(xi, n, nu, a, t):
+    def lagrangian(xi: Array, n: Array, nu: Array, a: Array, t: Scalar):
         return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, state.over_step, near=(state.mu, state.pi))
 
     along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)

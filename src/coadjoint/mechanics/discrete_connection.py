@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, finite, random_shapes, require_bundle
@@ -63,7 +64,7 @@ class DiscreteConnection:
         what = "The change of section χ(x)"
         require_element(self.group, partial(trace, section, what, (random_shapes(self.size, 1)[0],)), what)
 
-        def increment(x, x_next):
+        def increment(x: Array, x_next):
             return compose(compose(section(x), self.increment(x, x_next)), inverse(section(x_next)))
 
         return DiscreteConnection(self.group, self.size, increment)
@@ -91,7 +92,7 @@ class DiscreteConnection:
         tau = Exponential() if difference_map is None else difference_map
         tau.require_fit(connection.group)
 
-        def increment(x, x_next):
+        def increment(x: Array, x_next):
             place = 0.5 * (x + x_next) if at == "middle" else x
             return tau.tau(connection.group, connection.velocity(place, x_next - x))
 
@@ -116,7 +117,7 @@ def require_equivariant(group: LieGroup, size: int, form: Callable[..., Element]
     e, what = evaluate(group.identity), "The form 𝒜(g, x, g⁺, x⁺) of a discrete connection"
     require_element(group, partial(trace, form, what, (e, x, e, x_next)), what)
 
-    def error(turns, x, x_next):
+    def error(turns, x: Array, x_next):
         g, g_next, f, f_next = (group.exp(turn) for turn in turns)
         moved = group.matrix(form(group.compose(f, g), x, group.compose(f_next, g_next), x_next))
         expected = group.compose(group.compose(f_next, form(g, x, g_next, x_next)), group.inverse(f))

@@ -9,9 +9,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import CoadjointError, LagrangianError, shown
 from coadjoint.groups import LieGroup, Power
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import Force, Places
 from coadjoint.portable import Portable

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import LagrangianError
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.digest import digest, opaque
 from coadjoint.kernels.trace.identity import Traced
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
@@ -40,7 +42,17 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
     arguments = (s.g, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal, system.parameters)
 
     def at(name: str) -> Callable[..., Any]:
-        def function(g, xi, n, nu, a, t, inputs, internal, parameters):
+        def function(
+            g: Element,
+            xi: Array,
+            n: Array,
+            nu: Array,
+            a: Array,
+            t: Scalar,
+            inputs: PyTree,
+            internal: PyTree,
+            parameters,
+        ):
             here = replace_parameters(system, parameters)
             if name == "forces":
                 return here.body_forces(here.motion(xi, n, nu, a, t, inputs, internal))

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.signals import Held, Signal
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
@@ -60,7 +60,7 @@ class Inputs:
         held = {name: source for name, source in pairs if not isinstance(source, Signal)}
         return Named(**{n: getattr(before, n) if isinstance(s, Command) else named(s(motion)) for n, s in held.items()})
 
-    def at(self, t: Array, held: Any) -> Any:
+    def at(self, t: Scalar, held: Any) -> Any:
         """The inputs that ℓ and forces read at time t, one number in s, of a step over which `held` is held."""
         if self.names is None:
             return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
@@ -69,7 +69,7 @@ class Inputs:
         return Named(**{name: _now(source, t, given.get(name)) for name, source in pairs})
 
 
-def _now(source: Any, t: Array, held: Any) -> Any:
+def _now(source: Any, t: Scalar, held: Any) -> Any:
     """One input at time t of a step over which `held` is held; None where that is not known yet."""
     if isinstance(source, Signal):
         return source(t)

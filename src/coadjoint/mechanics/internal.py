@@ -8,9 +8,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError, shown
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.state import NodeMotion
@@ -38,7 +38,7 @@ def _values(value: Any, name: str) -> Any:
     return float64(value, f"The start `{name}`")
 
 
-def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
+def sampling(values: Mapping[str, Any], t: Scalar = 0.0) -> dict[str, Any]:
     """The start of a state that `co.mechanics.sampled` advances: `values`, in force from t on; the first sample is at t
     itself.
 
@@ -52,12 +52,12 @@ def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
 
 def sampled(
     motion: NodeMotion,
-    h: Array,
+    h: Scalar,
     held: Named,
     update: Callable[[Any], Mapping[str, Any]],
     *,
-    period: Array,
-    delay: Array = 0.0,
+    period: Scalar,
+    delay: Scalar = 0.0,
 ) -> dict[str, Any]:
     """A digital controller inside a rule: `update` at every multiple of `period`, in force `delay` later.
 

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Scalar
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import NodeMotion
@@ -20,7 +20,7 @@ class InternalRule(ABC):
     """
 
     @abstractmethod
-    def __call__(self, motion: NodeMotion, h: Array, p: Parameters | None) -> Any:
+    def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> Any:
         """The internal state after h (s), in the structure of the start's; jax.numpy only."""
 
     @property
@@ -28,7 +28,7 @@ class InternalRule(ABC):
         """The subject of sentences about the rule."""
         return "The rule `internal`"
 
-    def warnings(self, h: Array, p: Parameters | None) -> list[str]:
+    def warnings(self, h: Scalar, p: Parameters | None) -> list[str]:
         """A warning for each concern about steps of length h, one number in s, before a run, one sentence each."""
         return []
 
@@ -36,7 +36,7 @@ class InternalRule(ABC):
         """A warning for each concern about the inputs of a run from `begin` to `end` (s), before it."""
         return []
 
-    def failure(self, t: float, h: float) -> str | None:
+    def failure(self, t: Scalar, h: Scalar) -> str | None:
         """Why the step of length h (s) from t has failed, as far as it knows."""
         return None
 
@@ -57,7 +57,7 @@ class InternalRule(ABC):
 class _Plain(InternalRule):
     """A function as a rule."""
 
-    def __call__(self, motion: NodeMotion, h: Array, p: Parameters | None) -> Any:
+    def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> Any:
         raise NotImplementedError
 
 

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.internal import ordered
@@ -63,7 +63,7 @@ def at_node(system: System, state: State) -> State:
     return state.replace(xi=jnp.where(found, xi, state.xi), nu=jnp.where(found, nu, state.nu))
 
 
-def advanced(system: System, state: State, h: Array, renewed: Any = None) -> State:
+def advanced(system: System, state: State, h: Scalar, renewed: Any = None) -> State:
     """The state at a node with the course of its internal state over the step of h from there.
 
     The rule is applied once where it is due: at the start of a run and after every step. A record, to which it has been
@@ -117,7 +117,7 @@ def _along(record: State, first: float, length: float) -> State:
     )
 
 
-def applied(system: System, state: State, h: Array) -> Course:
+def applied(system: System, state: State, h: Scalar) -> Course:
     """rule(motion, h [, p]) at a state, each part in the structure of its internal state. h: one number, s.
 
     Raises LagrangianError for another structure.
@@ -180,7 +180,7 @@ def _shown(parts: list[tuple[str, tuple[int, ...]]]) -> str:
     return ", ".join(shapes) or "no dictionary"
 
 
-def require_internal(system: System, start: State, h: Array) -> list[str]:
+def require_internal(system: System, start: State, h: Scalar) -> list[str]:
     """Raise unless the rule of the system advances the internal state of the start to finite float64 numbers.
 
     Returns the warnings of the rule.
@@ -225,6 +225,6 @@ def driven_warnings(system: System, begin: float, end: float) -> list[str]:
     return declared(system.internal).driven(system.inputs, begin, end, system.parameters)
 
 
-def failure(system: System, t: float, h: float) -> str | None:
+def failure(system: System, t: Scalar, h: Scalar) -> str | None:
     """The explanation of the rule for a failed step of length h from t."""
     return declared(system.internal).failure(t, h)

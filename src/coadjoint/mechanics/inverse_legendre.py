@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.coupling import jacobian_solve, large
 from coadjoint.mechanics.legendre import Place

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.spaces import Space
 
@@ -27,7 +27,9 @@ class WithHamiltonian(Protocol):
     def group(self) -> LieGroup: ...
     @property
     def additional(self) -> Space: ...
-    def reduced_hamiltonian(self, mu, n, pi, a, t, inputs, internal) -> Array: ...
+    def reduced_hamiltonian(
+        self, mu: Array, n: Array, pi: Array, a: Array, t: Scalar, inputs: PyTree, internal: PyTree
+    ) -> Array: ...
 
 
 class Place(NamedTuple):
@@ -40,7 +42,7 @@ class Place(NamedTuple):
     z: Array
     n: Array
     a: Array
-    t: Array
+    t: Scalar
     inputs: Any
     internal: Any
 
@@ -123,13 +125,13 @@ def improved(place: Place, p: Array) -> Array:
     return p + jnp.linalg.solve(curvature(p, place), place.z - velocities(p, place))
 
 
-def _improve(place: Place, carry: tuple[Array, Array, int]) -> tuple[Array, Array, int]:
+def _improve(place: Place, carry: PyTree) -> tuple[Array, Array, Array]:
     """One more iteration: p, the size of its change, and the count."""
     p, _, trips = carry
     better = improved(place, p)
     return better, jnp.max(jnp.abs(better - p)) / (1e-300 + jnp.max(jnp.abs(better))), trips + 1
 
 
-def _unsolved(carry: tuple[Array, Array, int]) -> Array:
+def _unsolved(carry: PyTree) -> Array:
     _, change, trips = carry
     return (change > 1e-12) & (trips < FAR_TRIPS)

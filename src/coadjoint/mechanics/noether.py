@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup, Power
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.coupling import large
 from coadjoint.mechanics.invariance import acted_on
@@ -86,7 +86,7 @@ class KelvinNoether:
         """I = ⟨𝒦(c, a), m⟩ at a node, one number."""
         return self.momentum_map(system, state) @ total_momentum(system, state)
 
-    def paper_quantity(self, system: System, step: Any, record: State, h: Array) -> Array:
+    def paper_quantity(self, system: System, step: Any, record: State, h: Scalar) -> Array:
         """(P51) of the step that starts at the record, one number: I_k + ⟨𝒦_k, ∂_aΛ⋄a_k⟩, and the forces' share.
 
         step: a method of one stage; h: its length, one number. On unforced runs
@@ -106,10 +106,10 @@ class KelvinNoether:
         if (chosen := self.K) is not None:
             require_float64(lambda c, a: chosen(c, V.view(group, a)), "𝒦", (self.c0, state.a))
 
-        def error(eta, c0):
+        def error(eta: Array, c0):
             g = group.exp(eta)
 
-            def K(c, a):
+            def K(c, a: Array):
                 return c if self.K is None else self.K(c, V.view(group, a))
 
             moved = K(space.act(group, g, c0), V.act(group, g, state.a))

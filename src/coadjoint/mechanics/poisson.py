@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_scalar
@@ -45,7 +45,7 @@ def poisson_bracket(f: Function, k: Function) -> Function:
         if not callable(given):
             raise ArgumentError(f"A Poisson bracket is that of two functions of a state, but got {given!r}.")
 
-    def value(state: State) -> Array:
+    def value(state: State) -> Scalar:
         slope, rate = _slope(f, state), vector_field(k, state)
         return sum(b @ x for b, x in zip(slope, rate, strict=True))
 

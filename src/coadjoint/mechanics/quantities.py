@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 
 if TYPE_CHECKING:

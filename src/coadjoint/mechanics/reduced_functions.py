@@ -8,9 +8,10 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import LagrangianError
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array
+from coadjoint.groups.group import Element
 from coadjoint.mechanics import legendre
 from coadjoint.mechanics.forces import Forces
 from coadjoint.mechanics.inputs import Inputs
@@ -56,7 +57,15 @@ class ReducedFunctions:
         return self.lagrangian is not None or self.hamiltonian is not None
 
     def reduced_lagrangian(
-        self, xi, n, nu, a, t=0.0, inputs=None, internal=None, near: tuple[Array, Array] | None = None
+        self,
+        xi: Array,
+        n: Array,
+        nu: Array,
+        a: Array,
+        t: Scalar = 0.0,
+        inputs: PyTree = None,
+        internal: PyTree = None,
+        near: tuple[Array, Array] | None = None,
     ) -> Array:
         """ℓ(ξ, n, ν, a), one number, with this system's parameters; of a Hamiltonian its Legendre transform (P8).
 
@@ -75,7 +84,9 @@ class ReducedFunctions:
         arguments = self._views(self.group.view(xi), (n, nu), a)
         return self.lagrangian(*arguments, **self.keywords(self.lagrangian, t, inputs, internal))
 
-    def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
+    def reduced_hamiltonian(
+        self, mu: Array, n: Array, pi: Array, a: Array, t: Scalar = 0.0, inputs: PyTree = None, internal: PyTree = None
+    ) -> Array:
         """ℋ(μ, π, n, a), one number, with this system's parameters; raises LagrangianError for a system without ℋ.
 
         mu: (dim G,). n, pi: (ambient,). a: (dim V*,). t: s. inputs, internal: those held over the step.
@@ -86,7 +97,17 @@ class ReducedFunctions:
             *self._views(self.group.view(mu), (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal)
         )
 
-    def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
+    def reduced_discrete_lagrangian(
+        self,
+        xi: Array,
+        n: Array,
+        s: Array,
+        a: Array,
+        h: Scalar,
+        t: Scalar = 0.0,
+        inputs: PyTree = None,
+        internal: PyTree = None,
+    ) -> Array:
         """Λ(ξ, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
 
         xi: (dim G,). n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: those held over the step.
@@ -98,7 +119,17 @@ class ReducedFunctions:
         arguments = self._views(self.group.view(xi), (n, s), a)
         return self.discrete_lagrangian(*arguments, h, **self.keywords(self.discrete_lagrangian, t, inputs, internal))
 
-    def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
+    def reduced_group_lagrangian(
+        self,
+        F: Element,
+        n: Array,
+        s: Array,
+        a: Array,
+        h: Scalar,
+        t: Scalar = 0.0,
+        inputs: PyTree = None,
+        internal: PyTree = None,
+    ) -> Array:
         """Λ(F, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
 
         F: an element of G. n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: those held over the step.
@@ -110,7 +141,7 @@ class ReducedFunctions:
         arguments = self._views(F, (n, s), a)
         return self.group_lagrangian(*arguments, h, **self.keywords(self.group_lagrangian, t, inputs, internal))
 
-    def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
+    def _views(self, first, pair: tuple[Array, Array], a: Array) -> list[Any]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
         arguments = [first]
         if self.additional != TRIVIAL:
@@ -129,17 +160,19 @@ class ReducedFunctions:
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    def keywords(self, function: Callable[..., Any], t, held, internal) -> dict[str, Any]:
+    def keywords(self, function: Callable[..., Any], t: Scalar, held, internal: PyTree) -> dict[str, Any]:
         """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
         known = inspect.signature(function).parameters
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
         return {key: value() for key, value in values.items() if keyword_only(known, key)}
 
-    def inputs_at(self, t, held) -> Any:
+    def inputs_at(self, t: Scalar, held) -> Any:
         """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
         return held if self.inputs is None else self.inputs.at(t, held)
 
-    def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
+    def motion(
+        self, xi: Array, n: Array, nu: Array, a: Array, t: Scalar, inputs: PyTree = None, internal: PyTree = None
+    ) -> Motion:
         """The motion that forces and inputs read."""
         n, nu = (self.additional.view(self.group, x) for x in (n, nu))
         return Motion(

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.kernels.trace.jaxprs import Tracer
 
@@ -171,7 +171,7 @@ def _row_by_bisection(t: Array | float, borders: Array, columns: list[Array]) ->
 
 def _at(column: Array, i: Array) -> Array:
     """column[i], the last row where i is beyond it."""
-    return column.at[i].get(mode="clip", wrap_negative_indices=False)
+    return jnp.asarray(column).at[i].get(mode="clip", wrap_negative_indices=False)
 
 
 def _row_by_halving(t: Array | float, borders: Array, columns: list[Array]) -> list[Array]:

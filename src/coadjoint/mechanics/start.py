@@ -13,9 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Coordinates, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.groups.group import Array
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian
@@ -62,7 +63,16 @@ def starts_given(wanted: bool = True) -> Iterator[None]:
 
 
 def starting_state(
-    system: ReducedFunctions, g, q, xi, qdot, a0, t, inputs, internal, by_momenta: bool = False
+    system: ReducedFunctions,
+    g: Element,
+    q: Coordinates | None,
+    xi: Coordinates | None,
+    qdot: Coordinates | None,
+    a0: Coordinates | None,
+    t: Scalar,
+    inputs: PyTree,
+    internal: PyTree,
+    by_momenta: bool = False,
 ) -> State:
     """The state of `System.state`; with `co.each` among the arguments, of all members with a leading axis.
 
@@ -110,7 +120,7 @@ def _state_of(
     """n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17), and (μ, π) of (ξ, ν) or the other way round; `many` have a leading axis."""
     group, Q, V = system.places
 
-    def body(given: Checked, internal, parameters) -> State:
+    def body(given: Checked, internal: PyTree, parameters) -> State:
         here = replace_parameters(system, parameters)
         back = group.inverse(given.g)
         n, a = Q.act(group, back, given.q), V.act(group, back, given.a0)
@@ -263,7 +273,17 @@ def with_own_momenta(system: ReducedFunctions, start: State) -> State:
     return evaluate(jax.vmap(begun, in_axes=(axes, 0)), parameters, start)
 
 
-def legendre(system: ReducedFunctions, xi, n, nu, a, t=0.0, inputs=None, internal=None, near=None) -> tuple[Any, Any]:
+def legendre(
+    system: ReducedFunctions,
+    xi: Array,
+    n: Array,
+    nu: Array,
+    a: Array,
+    t: Scalar = 0.0,
+    inputs: PyTree = None,
+    internal: PyTree = None,
+    near: tuple[Array, Array] | None = None,
+) -> tuple[Any, Any]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian.
 
     near: (μ, π) from which the Legendre transform of ℋ is solved, as in `System.reduced_lagrangian`.

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, Coordinates, Scalar
 from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup, Power
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
@@ -38,20 +39,29 @@ class Checked(NamedTuple):
     t: Array
 
 
-def checked(system: ReducedFunctions, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> Checked:
+def checked(
+    system: ReducedFunctions,
+    element: Element,
+    q: Coordinates | None,
+    qdot: Coordinates | None,
+    xi: Coordinates | None,
+    a0: Coordinates | None,
+    t: Scalar,
+    by_momenta: bool = False,
+) -> Checked:
     if by_momenta:
         size = system.additional.ambient(system.group)
-        if qdot is not None and size == 0 and np.shape(qdot) != (0,):
+        if qdot is not None and size == 0 and np.shape(cast(Array, qdot)) != (0,):
             raise ArgumentError("This system has no additional dynamics: leave out `pi`.")
-        pi = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
-        q, qdot = _pair(system, q, None)[0], pi
+        rate = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
+        place = _pair(system, q, None)[0]
     else:
-        q, qdot = _pair(system, q, qdot)
-    xi = np.zeros(system.group.dim) if xi is None else _of_links(system.group, xi, "mu" if by_momenta else "xi")
-    t = float64(t, "Argument `t`")
-    if np.shape(t) != ():
-        raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(t)}.")
-    return Checked(element, q, qdot, xi, _advected(system, a0), t)
+        place, rate = _pair(system, q, qdot)
+    turning = np.zeros(system.group.dim) if xi is None else _of_links(system.group, xi, "mu" if by_momenta else "xi")
+    time = float64(t, "Argument `t`")
+    if np.shape(time) != ():
+        raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(time)}.")
+    return Checked(element, place, rate, turning, _advected(system, a0), time)
 
 
 def _of_links(group: LieGroup, xi: Any, name: str) -> Array:
@@ -163,7 +173,7 @@ def _require_inside(group: LieGroup, element: Element) -> None:
     raise ArgumentError(f"Argument `g` must lie in {given!r}, but{of} {why}; for a rotation, make it by co.attitude.")
 
 
-def _pair(system: ReducedFunctions, q: Any, qdot: Any) -> tuple[Any, Any]:
+def _pair(system: ReducedFunctions, q: Coordinates | None, qdot: Coordinates | None) -> tuple[Any, Any]:
     group, Q = system.group, system.additional
     size = Q.ambient(group)
     if size == 0:
@@ -196,7 +206,7 @@ def _require_tangent(system: ReducedFunctions, point: Array, velocity: Array) ->
         )
 
 
-def _advected(system: ReducedFunctions, a0: Any) -> Array:
+def _advected(system: ReducedFunctions, a0: Coordinates | None) -> Array:
     group, V = system.group, system.advected
     if V.ambient(group) == 0:
         if a0 is not None:

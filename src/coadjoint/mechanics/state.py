@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Space
 
@@ -82,7 +83,7 @@ class State:
     internal_end: Any = None
     internal_due: Any = None
     ledger: Any = None
-    t_rest: Array = 0.0
+    t_rest: Scalar = 0.0
     places: Places = field(metadata={"static": True}, kw_only=True)
     from_velocities: bool = field(metadata={"static": True}, kw_only=True, default=False)
     origin: Origin = field(metadata={"static": True}, kw_only=True, default=Origin(), repr=False)
@@ -119,7 +120,7 @@ class State:
         there = "t", "g", "q", "qdot", "n", "nu", "xi", "a", "mu", "pi", "inputs", "internal", "named"
         raise _lacking("A state", name, there)
 
-    def later(self, h: Array, **changes: Any) -> State:
+    def later(self, h: Scalar, **changes: Any) -> State:
         """A copy at t + h with some fields replaced. h: one number, s."""
         step = h + self.t_rest
         t = self.t + step
@@ -176,7 +177,7 @@ class Motion(NamedTuple):
     n: Any
     nu: Any
     a: Any
-    t: Array
+    t: Scalar
     inputs: Any
     internal: Any
 
@@ -199,7 +200,7 @@ class NodeMotion(NamedTuple):
     n: Any
     nu: Any
     a: Any
-    t: Array
+    t: Scalar
     inputs: Any
     internal: Any
     g: Any

@@ -8,8 +8,10 @@ from typing import Any
 
 import jax
 
+from coadjoint.arrays import Coordinates, PyTree, Scalar
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Element
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
@@ -188,16 +190,16 @@ class System(ReducedFunctions, Portable):
     def state(
         self,
         *,
-        g=None,
-        q=None,
-        xi=None,
-        qdot=None,
-        mu=None,
-        pi=None,
-        a0=None,
-        t: float = 0.0,
-        inputs=None,
-        internal=None,
+        g: Element | None = None,
+        q: Coordinates | None = None,
+        xi: Coordinates | None = None,
+        qdot: Coordinates | None = None,
+        mu: Coordinates | None = None,
+        pi: Coordinates | None = None,
+        a0: Coordinates | None = None,
+        t: Scalar = 0.0,
+        inputs: PyTree = None,
+        internal: PyTree = None,
     ) -> State:
         """The state at configuration (g, q) with body velocity ξ, space-frame velocity q̇ and advected a₀.
 

@@ -8,9 +8,9 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, SOn, SUn, Un
-from coadjoint.groups.group import Array
 from coadjoint.groups.unitary import ComplexMatrix, product
 from coadjoint.mechanics.invariance import group_of
 from coadjoint.mechanics.state import State

@@ -11,7 +11,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 from coadjoint.mechanics.continuous import energy
 from coadjoint.mechanics.forces import INPUTS, INTERNAL, TIME
 from coadjoint.mechanics.state import State

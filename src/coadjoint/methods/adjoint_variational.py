@@ -8,7 +8,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -23,20 +23,20 @@ class AdjointVariational(Variational, adjoint_of=Variational):
     φ⁺ = hf at (ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h).
     """
 
-    def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
+    def _value(self, system: System, record: State, h: Scalar, t: Scalar) -> Array:
         s = record.n + h * record.nu
         return self._discrete(system, record, h, record.xi, record.n, s, record.a, t)
 
-    def _discrete(self, system: System, record: State, h: Array, xi: Array, n: Array, s: Array, a: Array, t: Array):
+    def _discrete(self, system: System, record: State, h: Scalar, xi: Array, n: Array, s: Array, a: Array, t: Scalar):
         group, Q, V = system.places
         back = group.inverse(self.difference_map.tau(group, h * xi))
         carried = Q.act(group, back, s), Q.act(group, back, n), V.act(group, back, a)
         return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs, record.over_step)
 
-    def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
+    def _slopes(self, system: System, record: State, h: Scalar) -> LagrangianSlopes:
         s = record.n + h * record.nu
 
-        def discrete(xi, n, s, a):
+        def discrete(xi: Array, n: Array, s: Array, a: Array):
             return self._discrete(system, record, h, xi, n, s, a, record.t)
 
         slopes = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
@@ -45,26 +45,26 @@ class AdjointVariational(Variational, adjoint_of=Variational):
         nothing = jnp.zeros(system.group.dim), jnp.zeros_like(record.n)
         return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *nothing)
 
-    def _end(self, system: System, record: State, h: Array) -> State:
+    def _end(self, system: System, record: State, h: Scalar) -> State:
         """(ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h), where the forces act."""
         group, Q, V = system.places
         back = group.inverse(self.relative(system, record, h))
         n, a = Q.act(group, back, record.n + h * record.nu), V.act(group, back, record.a)
         return record.replace(n=n, a=a, nu=Q.push(group, back, record.n, record.nu), t=record.t + h)
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         torque, force = self._impulse(system, self._end(system, record, h), h)
         after = super().advance(system, record, h)
         pi = system.additional.momentum(system.group, after.n, after.pi + force, after.pi + force)
         return after.replace(mu=after.mu + torque, pi=pi)
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         group, Q, _ = system.places
         end = self._end(system, record, h)
         torque, force = self._impulse(system, end, h)
         return super().sources(system, record, h)[0], torque - Q.diamond(group, force, end.n)
 
-    def work(self, system: System, record: State, h: Array) -> Array:
+    def work(self, system: System, record: State, h: Scalar) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the right node, then −∂_tΛ*."""
         end = self._end(system, record, h)
         motion = system.motion(end.xi, end.n, end.nu, end.a, end.t, end.inputs, end.over_step)
@@ -72,11 +72,11 @@ class AdjointVariational(Variational, adjoint_of=Variational):
         along_t = [jax.grad(value)(jnp.asarray(record.t)) / h] if system.depends_on_time else []
         return h * power(system.body_forces(motion), end.xi, end.nu, along_t)
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         """E_k = −∂_hΛ* at fixed F and s: −∂_hΛ* + ⟨∂_ξΛ*, ξ⟩/h in algebra form."""
         s = record.n + h * record.nu
 
-        def discrete(xi, h):
+        def discrete(xi: Array, h: Scalar):
             return self._discrete(system, record, h, xi, record.n, s, record.a, record.t)
 
         along_xi, along_h = jax.grad(discrete, argnums=(0, 1))(record.xi, h)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate, traced
@@ -41,13 +42,13 @@ def require_coupling(system: System, equations: Callable[..., Any], state: State
     eta, z, v = 0.3 * random.normal(size=system.group.dim), random.normal(size=m), random.normal(size=m)
     h = np.float64(0.1)
 
-    def residual(eta, z):
+    def residual(eta: Array, z):
         g = system.group.exp(eta)
         back = system.group.inverse(g)
         here = state.replace(a=system.advected.act(system.group, back, state.a), memory=None)
         return equations(system, here, h, z)
 
-    def compared(eta, z, v):
+    def compared(eta: Array, z, v: Array):
         along = jnp.concatenate([how.seeds(), v[None]])
         columns = jax.vmap(lambda v: jax.jvp(lambda z: residual(eta, z), (z,), (v,))[1])(along)
         lower, diagonal, upper = how.placed(columns[:-1])
@@ -80,7 +81,7 @@ def require_coupling(system: System, equations: Callable[..., Any], state: State
         return
     link = int(np.argmax(per_link))
 
-    def of_link(eta, z):
+    def of_link(eta: Array, z):
         _, pull = jax.vjp(lambda z: residual(eta, z), z)
         weights = np.zeros((how.count, sum(how.sizes)))
         weights[link] = random.normal(size=sum(how.sizes))

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps.secant import require_secant, secant, secant_dual
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.continuous import energy
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.reduced_functions import added
@@ -125,10 +126,10 @@ class EnergyMomentum(Method, Halved):
         """The same velocities at every point."""
         return jnp.concatenate([jnp.tile(xi, self.points), jnp.tile(nu, self.points)])
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         return jnp.concatenate([state.xi, state.nu]) if self.points == 1 else state.memory
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         """ξ and ρ, the means over the points; all of z stays in the memory where there are several."""
         _, weights = self._means()
         xi, nu = (jnp.asarray(weights) @ part for part in self._velocities(system, z))
@@ -139,7 +140,7 @@ class EnergyMomentum(Method, Halved):
         end = self.blocks(system)[0]
         return z[:end].reshape(self.points, -1), z[end:].reshape(self.points, -1)
 
-    def _leap(self, system: System, record: State, h: Array) -> _Leap:
+    def _leap(self, system: System, record: State, h: Scalar) -> _Leap:
         group, Q, V = system.places
         places, weights = self._means()
         xi, map_ = record.xi, self.difference_map
@@ -155,8 +156,8 @@ class EnergyMomentum(Method, Halved):
         ):
             n, advected = record.n + c * (n_next - record.n), record.a + c * (a_next - record.a)
             slopes.append(self._slopes(system, record, (velocities[0], n, velocities[1], advected), record.t + c * h))
-        phi = sum(w * at.along_n for w, at in zip(weights, slopes, strict=True))
-        beta = sum(w * at.along_a for w, at in zip(weights, slopes, strict=True))
+        phi = cast(Array, sum(w * at.along_n for w, at in zip(weights, slopes, strict=True)))
+        beta = cast(Array, sum(w * at.along_a for w, at in zip(weights, slopes, strict=True)))
 
         n = start + 0.5 * h * nu
         middle = self._middle(system, record, half, n, a, h)
@@ -181,21 +182,21 @@ class EnergyMomentum(Method, Halved):
     def _unknowns(self, record: State) -> Array:
         return jnp.concatenate([record.xi, record.nu]) if self.points == 1 else record.memory
 
-    def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Array) -> _Slopes:
-        def lagrangian(xi, n, nu, a, t):
+    def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Scalar) -> _Slopes:
+        def lagrangian(xi: Array, n: Array, nu: Array, a: Array, t: Scalar):
             return system.reduced_lagrangian(
                 xi, n, nu, a, t, record.inputs, record.over_step, near=(record.mu, record.pi)
             )
 
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 
-    def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Array) -> Motion:
+    def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Scalar) -> Motion:
         """The motion that forces read in the middle, with the velocity ½(H + H⁻¹)ρ that gives their power."""
         group, Q, _ = system.places
         nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, group.inverse(half), n, record.nu))
         return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.over_step)
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         """∂_ξℓ − μ and ∂_νℓ − π at the points of the line from (μ₀, π₀) to (μ₁, π₁)."""
         leap, (places, _) = self._leap(system, record, h), self._means()
         of_mu, of_pi = [], []
@@ -204,23 +205,23 @@ class EnergyMomentum(Method, Halved):
             of_pi.append(at.pi - record.pi - c * (leap.pi - record.pi))
         return jnp.concatenate([*of_mu, *of_pi])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         leap = self._leap(system, record, h)
         g = system.group.compose(record.g, system.group.compose(leap.half, leap.half))
         return record.later(h, g=g, n=leap.n, a=leap.a, mu=leap.mu, pi=leap.pi)
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         leap = self._leap(system, record, h)
         source = system.group.Ad_dual(system.group.inverse(leap.half), leap.source)
         return source, jnp.zeros_like(source)
 
-    def work(self, system: System, record: State, h: Array) -> Array:
+    def work(self, system: System, record: State, h: Scalar) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩) of each force, then −h mean ∂_tℓ: the change of ℋ, to round-off."""
         leap, (_, weights) = self._leap(system, record, h), self._means()
         forces = system.body_forces(system.motion(*leap.middle))
-        along_t = sum(w * at.along_t for w, at in zip(weights, leap.slopes, strict=True))
+        along_t = cast(Array, sum(w * at.along_t for w, at in zip(weights, leap.slopes, strict=True)))
         return h * power(forces, record.xi, leap.middle.nu, [along_t] if system.depends_on_time else [])
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         """ℋ at the node, which this method keeps; it has no Λ."""
         return energy(system, record)

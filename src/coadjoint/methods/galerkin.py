@@ -8,8 +8,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
@@ -101,7 +102,7 @@ class Galerkin(Method, Step):
     def remember(self, system: System, state: State) -> State:
         """Ω and V of the last step; at a start, constant velocities."""
 
-        def constant(xi, nu):
+        def constant(xi: Array, nu: Array):
             return jnp.concatenate([xi] * self.degree + [nu] * self.degree, axis=-1)
 
         return state.replace(memory=evaluate(constant, state.xi, state.nu))
@@ -115,13 +116,13 @@ class Galerkin(Method, Step):
         split = self.blocks(system)[0]
         return z[:split].reshape(self.degree, -1), z[split:].reshape(self.degree, system.additional.dim(system.group))
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         """The velocities at the middle, where dτ = 1, and the unknowns themselves."""
         omega, v = self._velocities(system, z)
         middle = gauss(self.degree).middle
         return state.replace(xi=middle @ omega, nu=middle @ v, memory=z)
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         """The curve of the last step, continued by its polynomials, in the frame of the new middle.
 
         With the old chart's Θ_i at the new nodes, ξ_i = dτ_{−Θ_i} Ω_i stays, and the new chart has dτ⁻¹_{−Θ_i} ξ_i.
@@ -139,12 +140,12 @@ class Galerkin(Method, Step):
         v = jnp.stack([Q.push(group, turned, state.n, at) for at in v])
         return jnp.concatenate([jnp.ravel(omega), jnp.ravel(v)])
 
-    def _ends(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def _ends(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """Θ₀ and Θ₁."""
         rule, (omega, _) = gauss(self.degree), self._velocities(system, record.memory)
         return -h * (rule.half @ omega), h * (rule.half[::-1] @ omega)
 
-    def _curve(self, system: System, record: State, h: Array) -> _Curve:
+    def _curve(self, system: System, record: State, h: Scalar) -> _Curve:
         group, Q, V = system.places
         rule, (omega, v) = gauss(self.degree), self._velocities(system, record.memory)
         first, last = self._ends(system, record, h)
@@ -155,7 +156,7 @@ class Galerkin(Method, Step):
         nodes = [self._node(system, record, theta[i], omega[i], x[i], v[i], a, t[i]) for i in range(self.degree)]
         return _Curve(first, last, group.inverse(start), x_first, x_first + h * (rule.b @ v), a, nodes)
 
-    def _node(self, system: System, record: State, theta, omega, x, v, a, t) -> _Node:
+    def _node(self, system: System, record: State, theta, omega, x: Array, v: Array, a: Array, t: Scalar) -> _Node:
         group, Q, V = system.places
         tau = self.difference_map
         back = tau.tau(group, -theta)
@@ -177,14 +178,14 @@ class Galerkin(Method, Step):
         """Σ b_i of the values at the nodes."""
         return gauss(self.degree).b @ jnp.stack([getattr(at, name) for at in curve.nodes])
 
-    def _momenta(self, system: System, record: State, h: Array, curve: _Curve) -> tuple[Array, Array, Array]:
+    def _momenta(self, system: System, record: State, h: Scalar, curve: _Curve) -> tuple[Array, Array, Array]:
         """π̃₀, μ̃₁, π̃₁."""
         group, Q, _ = system.places
         pi = Q.pull(group, curve.back, curve.x_first, record.pi)
         mu = group.Ad_dual(curve.back, record.mu)
         return pi, mu + h * self._sum(curve, "torque"), pi + h * self._sum(curve, "force")
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, rule = system.group, gauss(self.degree)
         curve = self._curve(system, record, h)
         pi, mu, _ = self._momenta(system, record, h, curve)
@@ -195,7 +196,7 @@ class Galerkin(Method, Step):
         of_g = p + h * ((rule.centred.T * rule.b / rule.b[:, None]) @ r) - share * left - (1 - share) * right
         return jnp.concatenate([jnp.ravel(of_g), jnp.ravel(P - pi - h * (rule.until @ force))])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, V = system.places
         curve = self._curve(system, record, h)
         _, mu, pi = self._momenta(system, record, h, curve)
@@ -211,21 +212,21 @@ class Galerkin(Method, Step):
             pi=Q.pull(group, end, n, pi),
         )
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         curve = self._curve(system, record, h)
         return [(float(b), at.at) for b, at in zip(gauss(self.degree).b, curve.nodes, strict=True)]
 
-    def relative(self, system: System, record: State, h: Array) -> Element:
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
         group, tau = system.group, self.difference_map
         first, last = self._ends(system, record, h)
         return group.compose(group.inverse(tau.tau(group, first)), tau.tau(group, last))
 
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
+    def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         """The further of the two ends."""
         ends = [self.difference_map.chart(system.group, theta) for theta in self._ends(system, record, h)]
         return jnp.maximum(*ends)
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """Σ b_i h Δ_i, carried from the middle to the frame of node k."""
         curve = self._curve(system, record, h)
         start = self.difference_map.tau(system.group, curve.first)

@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -59,7 +60,7 @@ class GroupVariational(Variational):
         )
         return unsolved, "F differs too much from the last increment; take a smaller dt or a slower start"
 
-    def begin(self, system: System, state: State, h: float) -> State:
+    def begin(self, system: System, state: State, h: Scalar) -> State:
         self.require_fit(system)
         first = self._first(system, state, h)
         begun = super().begin(system, state.replace(memory=first), h).replace(memory=first)
@@ -67,14 +68,14 @@ class GroupVariational(Variational):
             _require_regular(self, system, begun, h)
         return begun
 
-    def _first(self, system: System, state: State, h: float) -> LastIncrement:
+    def _first(self, system: System, state: State, h: Scalar) -> LastIncrement:
         """F₀ = τ(hξ₀), or the last increment if a run of this method continues with the same step."""
         last = state.memory
         if isinstance(last, LastIncrement) and not state.from_velocities and not traced(last.h, h) and last.h == h:
             return last
         group, tau = system.group, self.difference_map
 
-        def first(xi, h):
+        def first(xi: Array, h: Scalar):
             return tau.tau(group, h * xi), tau.chart(group, h * xi)
 
         F, reach = evaluate(first, state.xi, h)
@@ -85,10 +86,10 @@ class GroupVariational(Variational):
             )
         return LastIncrement(F, evaluate(jnp.zeros_like, state.xi), evaluate(jnp.asarray, h))
 
-    def relative(self, system: System, record: State, h: Array) -> Element:
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
         return record.memory.F
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         group = system.group
         xi, y = z[: group.dim], z[group.dim :]
         change = h * (xi - state.xi)
@@ -99,35 +100,35 @@ class GroupVariational(Variational):
             memory=LastIncrement(F, change, jnp.asarray(h)),
         )
 
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
+    def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         return self.difference_map.chart(system.group, record.memory.change)
 
-    def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
+    def _slopes(self, system: System, record: State, h: Scalar) -> LagrangianSlopes:
         s, F = record.n + h * record.nu, record.memory.F
 
-        def discrete(F, n, s, a):
+        def discrete(F: Element, n: Array, s: Array, a: Array):
             return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs, record.over_step)
 
         momentum = right_derivative(system.group, lambda F: discrete(F, record.n, s, record.a), F)
         along_n, along_s, along_a = jax.grad(discrete, argnums=(1, 2, 3))(F, record.n, s, record.a)
         return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         after, group = super().advance(system, record, h), system.group
         F = group.project(record.memory.F) if group.constrained else record.memory.F
         return after.replace(memory=record.memory._replace(F=F))
 
-    def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
+    def _value(self, system: System, record: State, h: Scalar, t: Scalar) -> Array:
         s = record.n + h * record.nu
         return system.reduced_group_lagrangian(
             record.memory.F, record.n, s, record.a, h, t, record.inputs, record.over_step
         )
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         """E_k = −∂_hΛ at fixed F and s."""
         s = record.n + h * record.nu
 
-        def discrete(h):
+        def discrete(h: Scalar):
             return system.reduced_group_lagrangian(
                 record.memory.F, record.n, s, record.a, h, record.t, record.inputs, record.over_step
             )
@@ -135,16 +136,16 @@ class GroupVariational(Variational):
         return -jax.grad(discrete)(h)
 
 
-def _velocity(system: System, F: Element, h: Array) -> Array:
+def _velocity(system: System, F: Element, h: Scalar) -> Array:
     """(F − F⁻¹)ᵛ/2h, the velocity of an increment without a logarithm: ξ + O(h²)."""
     group = system.group
     return group.vee(group.matrix(F) - group.matrix(group.inverse(F))) / (2 * h)
 
 
-def _require_regular(step: Step, system: System, state: State, h: float) -> None:
+def _require_regular(step: Step, system: System, state: State, h: Scalar) -> None:
     """Raise LagrangianError if the derivative of (ξ, y) ↦ (μ_k, π_k) is singular at the first increment."""
 
-    def derivative(state, parameters, h):
+    def derivative(state, parameters, h: Scalar):
         z = step.guess(system, state, h)
         return jax.jacfwd(lambda z: step.residual(system, state, h, z))(z)
 

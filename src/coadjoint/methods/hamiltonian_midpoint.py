@@ -8,8 +8,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, power
 from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import State
@@ -62,15 +63,15 @@ class HamiltonianMidpoint(Midpoint):
     def remember(self, system: System, state: State) -> State:
         return state.replace(memory=MiddleMomenta(state.mu, state.pi))
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         return jnp.concatenate([state.xi, state.nu, state.memory.mu, state.memory.pi])
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         dim, ambient = system.group.dim, len(state.nu)
         xi, nu, mu, pi = jnp.split(z, [dim, dim + ambient, 2 * dim + ambient])
         return state.replace(xi=xi, nu=nu, memory=MiddleMomenta(mu, pi))
 
-    def _at(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node, Array]:
+    def _at(self, system: System, record: State, h: Scalar) -> tuple[Element, Array, Point, Node, Array]:
         """The half step, H⁻¹n, the middle, ℋ and its slopes there, and (∂_μℋ, ∂_πℋ)."""
         group, Q, V = system.places
         half = self.turn(system, h, record.xi)
@@ -79,7 +80,7 @@ class HamiltonianMidpoint(Midpoint):
         n, a, t = start + 0.5 * h * record.nu, V.act(group, back, record.a), record.t + 0.5 * h
         point, (mu, pi) = Point(record.xi, n, record.nu, a, t), record.memory
 
-        def hamiltonian(mu, n, pi, a, t):
+        def hamiltonian(mu: Array, n: Array, pi: Array, a: Array, t: Scalar):
             return system.reduced_hamiltonian(mu, n, pi, a, t, record.inputs, record.over_step)
 
         along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)
@@ -101,14 +102,14 @@ class HamiltonianMidpoint(Midpoint):
         )
         return half, start, point, node, jnp.concatenate([xi, nu])
 
-    def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
+    def _node(self, system: System, record: State, h: Scalar) -> tuple[Element, Array, Point, Node]:
         return self._at(system, record, h)[:4]
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         velocities = jnp.concatenate([record.xi, record.nu])
         return jnp.concatenate([super().equations(system, record, h), velocities - self._at(system, record, h)[-1]])
 
-    def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
+    def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|equations|∞, those of momenta relative to (μ, π), the others relative to (ξ, ν)."""
         rows = jnp.abs(self.equations(system, record, h))
         size = len(record.xi) + len(record.nu)

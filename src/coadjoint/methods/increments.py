@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.step import Step
@@ -11,7 +12,7 @@ from coadjoint.methods.step import Step
 class Whole(Step):
     """F = τ(hξ) of the difference map τ."""
 
-    def relative(self, system: System, record: State, h: Array) -> Element:
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
         return self.difference_map.tau(system.group, h * record.xi)
 
 
@@ -21,13 +22,13 @@ class Halved(Step):
     ν is that of the middle, in the frame H⁻¹.
     """
 
-    def turn(self, system: System, h: Array, xi: Array) -> Element:
+    def turn(self, system: System, h: Scalar, xi: Array) -> Element:
         """H = σ(hξ/2)."""
         return self.difference_map.tau(system.group, 0.5 * h * xi)
 
-    def relative(self, system: System, record: State, h: Array) -> Element:
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
         half = self.turn(system, h, record.xi)
         return system.group.compose(half, half)
 
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
+    def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         return self.difference_map.chart(system.group, 0.5 * h * record.xi)

@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power, SOn, SUn, Un
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.groups.unitary import ComplexMatrix, product, sum_of_parts
 
 
@@ -57,7 +58,7 @@ class Algebra(abc.ABC):
         """The coordinates (unknowns,) of [B, Θ] and of BΘP + PΘB, of matrices (n, n): the action of B on W."""
 
     @abc.abstractmethod
-    def turn(self, xi: Array, epsilon: Array) -> Any:
+    def turn(self, xi: Array, epsilon: Scalar) -> Any:
         """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂) and ξ (dim,)."""
 
     @abc.abstractmethod
@@ -98,7 +99,7 @@ class Orthogonal(Algebra):
         Z = B @ Theta
         return 2 * self.group.vee(Z), 2 * self.group.vee(Z @ P)
 
-    def turn(self, xi: Array, epsilon: Array) -> Array:
+    def turn(self, xi: Array, epsilon: Scalar) -> Array:
         X = epsilon * self.matrix(xi)
         return jnp.linalg.solve(np.eye(len(X)) - X, 2 * X)
 
@@ -140,7 +141,7 @@ class Unitary(Algebra):
         Z = product(B, Theta)
         return 2 * self.hull.coordinates(Z), 2 * self.hull.coordinates(product(Z, P))
 
-    def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
+    def turn(self, xi: Array, epsilon: Scalar) -> ComplexMatrix:
         A, B = self.matrix(xi)
         X = epsilon * (A + 1j * B)
         D = jnp.linalg.solve(np.eye(self.hull.size) - X, 2 * X)
@@ -186,7 +187,7 @@ class Copies(Algebra):
     def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
         return self._each(self.inner.products_of_force, B, Theta, P)
 
-    def turn(self, xi: Array, epsilon: Array) -> Any:
+    def turn(self, xi: Array, epsilon: Scalar) -> Any:
         return jax.vmap(lambda xi: self.inner.turn(xi, epsilon))(self._rows(xi))
 
     def element(self, D: Any) -> Element:
@@ -225,7 +226,7 @@ class Reversed(Algebra):
     def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
         return self.inner.products_of_force(B, Theta, P)
 
-    def turn(self, xi: Array, epsilon: Array) -> Any:
+    def turn(self, xi: Array, epsilon: Scalar) -> Any:
         return self.inner.turn(-xi, epsilon)
 
     def element(self, D: Any) -> Element:

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.kernels.newton.fixed_point import largest, scales
 from coadjoint.mechanics.system import System
 from coadjoint.methods.isospectral_fields import Moves, moves, rows_of
@@ -51,7 +51,7 @@ class _Correction(NamedTuple):
 
 
 def correction(
-    system: System, slopes: tuple[Array, Array], off: Array, z: Array, epsilon: Array, precision: Any
+    system: System, slopes: tuple[Array, Array], off: Array, z: Array, epsilon: Scalar, precision: Any
 ) -> tuple[Array, Array]:
     """Lδ and the part of it that is odd in ε, (unknowns,) each, of δ with δ − Lδ = −r, for fixed P̃.
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.system import System
 from coadjoint.methods.isospectral_algebra import Algebra, algebra_of
 from coadjoint.spaces import Adjoint, ByInverse, Coadjoint, Links, Several

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import Cayley
 from coadjoint.errors import ArgumentError, GroupError, shown
-from coadjoint.groups.group import Array
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.momentum_sizes import largest, relative
@@ -173,51 +173,53 @@ class IsospectralMidpoint(Method, Whole):
             raise ArgumentError("co.IsospectralMidpoint takes no forces: use co.HamiltonianMidpoint().")
 
     def remember(self, system: System, state: State) -> State:
-        def memory(mu, a, t):
+        def memory(mu: Array, a: Array, t: Scalar):
             z = lifted(system, mu, a)
             times = t - LONG_AGO * jnp.arange(1.0, STEPS + 1)
             return LastSteps(z, jnp.zeros_like(a), jnp.zeros((STEPS, len(z))), times, jnp.asarray(LONG_AGO))
 
         return state.replace(g=state.g if self.carry_g else None, memory=evaluate(memory, state.mu, state.a, state.t))
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         """z_k plus the increment from the polynomial through the rates of the last steps."""
         last = state.memory
         return lifted(system, state.mu, state.a) + h * (_weights(last.times, state.t + 0.5 * h) @ last.rates)
 
-    def _slopes(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, Array]:
+    def _slopes(self, system: System, state: State, h: Scalar, z: Array) -> tuple[Array, Array]:
         """ξ = ∂ℋ/∂μ, (dim G,), and ∂ℋ/∂a, (ambient V*,), at the unknowns."""
 
-        def hamiltonian(mu, a):
+        def hamiltonian(mu: Array, a: Array):
             return self._hamiltonian(system, state, state.t + 0.5 * h, mu, a)
 
         mu, a = momenta_of(system, z)
         return jax.grad(hamiltonian, argnums=(0, 1))(mu, a) if len(a) else (jax.grad(hamiltonian)(mu, a), a)
 
-    def _hamiltonian(self, system: System, state: State, t: Array, mu: Array, a: Array) -> Array:
+    def _hamiltonian(self, system: System, state: State, t: Scalar, mu: Array, a: Array) -> Array:
         return system.reduced_hamiltonian(mu, state.n, state.pi, a, t, state.inputs, state.over_step)
 
-    def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
+    def residual(self, system: System, state: State, h: Scalar, z: Array) -> Array:
         """z − G(z), (unknowns,), G the right sides of the equations for W̃ and Θ̃."""
         return self.evaluated(system, state, h, z)[0]
 
-    def evaluated(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, RightSides]:
+    def evaluated(self, system: System, state: State, h: Scalar, z: Array) -> tuple[Array, RightSides]:
         """z − G(z), (unknowns,), and the right sides from which it is computed."""
         found = self._right_sides(system, state, h, z, self._slopes(system, state, h, z))
         return found.off, found
 
-    def _right_sides(self, system: System, state: State, h: Array, z: Array, slopes: tuple[Array, Array]) -> RightSides:
+    def _right_sides(
+        self, system: System, state: State, h: Scalar, z: Array, slopes: tuple[Array, Array]
+    ) -> RightSides:
         whole, odd = moves(system, *slopes, z, 0.5 * h)
         return RightSides(z, *slopes, z - lifted(system, state.mu, state.a) - whole, odd)
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         xi, along_a = self._slopes(system, state, h, z)
         return state.replace(xi=xi, memory=state.memory._replace(middle=z, along_a=along_a))
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         return self.residual(system, record, h, record.memory.middle)
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         """C W_k C† = W_k + 2ε[P̃, Ŵ], where Ŵ = W_k + ε[P̃, Ŵ] + ε² P̃ŴP̃ with P̃ fixed, independent of Ŵ.
 
         P̃ is evaluated at the last iterate W: [P̃, Ŵ] = [P̃, W] + [P̃, δ], where the first term is known from there and
@@ -247,26 +249,26 @@ class IsospectralMidpoint(Method, Whole):
         )
         return record.later(h, g=g, mu=record.mu + mu, a=record.a + a, memory=jax.lax.stop_gradient(last))
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         return jnp.zeros(system.group.dim), jnp.zeros(system.group.dim)
 
-    def impulse(self, system: System, record: State, h: Array, after: State) -> Array:
+    def impulse(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """0: nothing forces."""
         return jnp.zeros(system.group.dim)
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         """ℋ at the unknown, one number: this method has no Λ."""
         middle = momenta_of(system, record.memory.middle)
         return self._hamiltonian(system, record, record.t + 0.5 * h, *middle)
 
-    def work(self, system: System, record: State, h: Array) -> Array:
+    def work(self, system: System, record: State, h: Scalar) -> Array:
         """h ∂_tℋ in the middle where ℋ depends on time, (lines,)."""
         if not system.depends_on_time:
             return jnp.zeros(0)
         middle = momenta_of(system, record.memory.middle)
         return h * jax.grad(lambda t: self._hamiltonian(system, record, t, *middle))(record.t + 0.5 * h)[None]
 
-    def balance(self, system: System, record: State, h: Array, after: State) -> Array:
+    def balance(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|X_{k+1} − X̃ + G(−ε)|∞ relative to X = (W, Θ), one number: both ends of the step fit the same X̃.
 
         Of W: W_{k+1} = (1 + εP̃)W̃(1 − εP̃) = W̃ + ε[P̃, W̃] − ε² P̃W̃P̃ = W̃ − G(−ε), where G(ε) = ε[P̃, W̃] + ε² P̃W̃P̃.
@@ -275,12 +277,12 @@ class IsospectralMidpoint(Method, Whole):
         off = lifted(system, after.mu, after.a) - z + moved(system, *slopes, z, -0.5 * h)
         return relative(jnp.max(jnp.abs(off)), largest(after.mu, after.a))
 
-    def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
+    def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|equations|∞ relative to W and Θ, one number."""
         return relative(jnp.max(jnp.abs(self.equations(system, record, h))), largest(record.mu, record.a))
 
 
-def _weights(times: Array, t: Array) -> Array:
+def _weights(times: Array, t: Scalar) -> Array:
     """Lagrange's weights (k,) of values at `times` (k,) for the value at t, of as many of the first as are not wild."""
     count = len(times)
     apart = times[:, None] - times[None] + jnp.eye(count)

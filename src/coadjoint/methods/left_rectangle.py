@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -31,21 +31,21 @@ class LeftRectangle(Method, Whole):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def _node(self, system: System, record: State, h: Array) -> tuple[Point, Node]:
+    def _node(self, system: System, record: State, h: Scalar) -> tuple[Point, Node]:
         point = Point(record.xi, record.n, record.nu, record.a, record.t)
         return point, node(system, record, point)
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[1])]
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         group = system.group
         point, at = self._node(system, record, h)
         momentum = self.difference_map.dtau_inverse_dual(group, h * point.xi, at.mu)
         rest = self.coordinates(system, record, None, at.pi - record.pi - h * at.force)
         return jnp.concatenate([momentum - record.mu - h * at.torque, rest])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, V = system.places
         point, at = self._node(system, record, h)
         F = self.relative(system, record, h)
@@ -61,6 +61,6 @@ class LeftRectangle(Method, Whole):
             pi=Q.momentum(group, n, transported, Q.pull(group, F, n, at.pi)),
         )
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         source = h * self._node(system, record, h)[1].source
         return source, jnp.zeros_like(source)

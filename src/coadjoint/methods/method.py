@@ -10,9 +10,9 @@ from typing import Any, Literal, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import Cayley, DifferenceMap
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import jacobian_solve
@@ -105,7 +105,7 @@ class Method(ABC):
         """The records whose steps the claim on energy covers, (rows,): all, unless the method overrides this."""
         return np.ones(np.shape(records.t), bool)
 
-    def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:
+    def over_fixed_steps(self, records: State, h: Scalar) -> tuple[State, Array]:
         """Records with a leading axis as starts of steps of any size, and the sizes (rows,) of those they began."""
         return records, np.full(np.shape(records.t), h)
 
@@ -154,7 +154,7 @@ class Method(ABC):
         """The method as text, for certificates and figures."""
         return f"{type(self).__name__}({shown(self.difference_map)})"
 
-    def begin(self, system: System, state: State, h: float) -> State:
+    def begin(self, system: System, state: State, h: Scalar) -> State:
         """The state with the momenta and memory that the method starts from."""
         steps = [step for step, _ in self.stages]
         for step in steps:
@@ -173,11 +173,11 @@ class Method(ABC):
         return reduce(lambda state, step: step.remember_by_xla(system, state), [step for step, _ in self.stages], begun)
 
 
-def velocity_start(system: System, state: State, step: Step, fraction: float, h: float) -> State:
+def velocity_start(system: System, state: State, step: Step, fraction: float, h: Scalar) -> State:
     """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""
     group, Q, _ = system.places
 
-    def momenta(state, parameters, h):
+    def momenta(state, parameters, h: Scalar):
         here = replace_parameters(system, parameters)
         over = advanced(here, state.replace(mu=None), h)
         state = state.with_course(over.internal, over.internal_mean, over.internal_end, over.internal_due)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -36,7 +37,7 @@ class Midpoint(Method, Halved):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
+    def _node(self, system: System, record: State, h: Scalar) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
         xi = record.xi
         half = self.turn(system, h, xi)
@@ -45,10 +46,10 @@ class Midpoint(Method, Halved):
         point = Point(xi, start + 0.5 * h * nu, nu, V.act(group, back, record.a), record.t + 0.5 * h)
         return half, start, point, node(system, record, point)
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[-1])]
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         half, start, point, at = self._node(system, record, h)
         momentum = 2 * self.difference_map.dtau_inverse_dual(group, 0.5 * h * point.xi, at.mu)
@@ -56,7 +57,7 @@ class Midpoint(Method, Halved):
         rest = at.pi - Q.pull(group, half, start, record.pi) - 0.5 * h * at.force
         return jnp.concatenate([momentum - carried, self.coordinates(system, record, half, rest)])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, V = system.places
         half, start, point, at = self._node(system, record, h)
         back = group.inverse(half)
@@ -71,7 +72,7 @@ class Midpoint(Method, Halved):
             pi=Q.momentum(group, n, transported, Q.pull(group, half, n, at.pi + 0.5 * h * at.force)),
         )
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """⟨Ad_{H⁻¹}𝒦_k, hΔ⟩ = ⟨𝒦_k, Ad*_{H⁻¹} hΔ⟩."""
         half, _, _, at = self._node(system, record, h)
         source = system.group.Ad_dual(system.group.inverse(half), h * at.source)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.mechanics.copies import replace_parameters
@@ -42,7 +42,7 @@ class Constants:
 
     system: Parameters | None
     monitors: Any
-    renewal: Array | None = None
+    renewal: Scalar | None = None
 
 
 jax.tree_util.register_dataclass(Constants, ["system", "monitors", "renewal"], [])
@@ -53,7 +53,7 @@ RENEWED, INPUTS_HELD, ALL_HELD = 2.0, 3.0, 4.0
 Monitor = Callable[[System, Step, State, Any, Any], Any]
 
 
-def held(system: System, state: State, h: Array, renewal: Array | None = None) -> State:
+def held(system: System, state: State, h: Scalar, renewal: Scalar | None = None) -> State:
     """The state at a node with the inputs and the internal state over the step of h from there.
 
     h: one number, s. renewal: one number, see `Constants`.
@@ -64,7 +64,7 @@ def held(system: System, state: State, h: Array, renewal: Array | None = None) -
     )
 
 
-def _with_inputs(system: System, state: State, renewal: Array | None) -> State:
+def _with_inputs(system: System, state: State, renewal: Scalar | None) -> State:
     if system.inputs is None or not system.inputs.holds:
         return state
     motion = system.motion_at(at_node(system, state))
@@ -124,14 +124,14 @@ class StepProgram:
     def substeps(self) -> tuple[float, ...]:
         return self.method.substeps
 
-    def prepare(self, parameters: Constants, state: State, h: Array) -> State:
+    def prepare(self, parameters: Constants, state: State, h: Scalar) -> State:
         """The state with the inputs and the internal state over the step of h, one number.
 
         A ledger records their change of ℋ; the rule for the internal state reads the new inputs.
         """
         return held(replace_parameters(self.skeleton, parameters.system), state, h, parameters.renewal)
 
-    def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
+    def monitors(self, parameters: Constants, record: State, h: Scalar) -> Mapping[str, Array]:
         """The values of all monitors at a record, arrays of fixed shapes by name; h: one number."""
         system = replace_parameters(self.skeleton, parameters.system)
         step, fraction = self.method.recorded
@@ -187,7 +187,7 @@ class StepStage:
         """The state with the values that the solution of its step leaves for the next one."""
         return self.step.carry(after, carried)
 
-    def equations(self, parameters: Constants, state: State, h: Array) -> Callable[[Array], Any]:
+    def equations(self, parameters: Constants, state: State, h: Scalar) -> Callable[[Array], Any]:
         """The function of z that `structure` solves. h: the length of the stage, one number, as below."""
         system = self._system(parameters)
         return lambda z: self.step.evaluated(system, state, h, z)
@@ -199,23 +199,23 @@ class StepStage:
     def _system(self, parameters: Constants) -> System:
         return replace_parameters(self.skeleton, parameters.system)
 
-    def guess(self, parameters: Constants, state: State, h: Array) -> Array:
+    def guess(self, parameters: Constants, state: State, h: Scalar) -> Array:
         """Where Newton's iteration begins, (unknowns,)."""
         return self.step.guess(self._system(parameters), state, h)
 
-    def residual(self, parameters: Constants, state: State, h: Array, z: Array) -> Array:
+    def residual(self, parameters: Constants, state: State, h: Scalar, z: Array) -> Array:
         """The equations at the unknowns z, both of shape (unknowns,)."""
         return self.step.residual(self._system(parameters), state, h, z)
 
-    def record(self, parameters: Constants, state: State, h: Array, z: Array) -> State:
+    def record(self, parameters: Constants, state: State, h: Scalar, z: Array) -> State:
         """The state with the unknowns z (unknowns,) of the stage that starts at it."""
         return self.step.record(self._system(parameters), state, h, z)
 
-    def chart(self, parameters: Constants, state: State, h: Array, z: Array) -> Array | float:
+    def chart(self, parameters: Constants, state: State, h: Scalar, z: Array) -> Array | float:
         """How far the difference map is used into its chart, one number, with the unknowns z (unknowns,)."""
         return self.step.chart(self._system(parameters), self.record(parameters, state, h, z), h)
 
-    def advance(self, parameters: Constants, state: State, h: Array, z: Array, sound: Array) -> State:
+    def advance(self, parameters: Constants, state: State, h: Scalar, z: Array, sound: Array) -> State:
         """The next state, of unknowns z (unknowns,); a ledger, if any, records the work of forces in this stage.
 
         sound: one number, 0 if the equations have no solution.
@@ -230,7 +230,7 @@ class StepStage:
         return after.replace(ledger=entered(state.ledger, *done))
 
     def certificate(
-        self, parameters: Constants, before: State, h: Array, z: Array, after: State
+        self, parameters: Constants, before: State, h: Scalar, z: Array, after: State
     ) -> Mapping[str, Array]:
         """The balance of momentum and Newton's residual of the stage, one number each."""
         if self.step.tolerant:

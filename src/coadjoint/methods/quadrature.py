@@ -33,12 +33,12 @@ def gauss(count: int) -> Gauss:
     c, b = 0.5 * (1 + x), 0.5 * w
     same = np.eye(count, dtype=bool)
 
-    def basis(t):
+    def basis(t: np.ndarray):
         """L_j(t), j along the last axis."""
         ratio = (t[..., None, None] - c) / np.where(same, 1.0, c[:, None] - c)
         return np.prod(np.where(same, 1.0, ratio), axis=-1)
 
-    def integral(end):
+    def integral(end: np.ndarray) -> np.ndarray:
         """∫₀^end L_j, by the quadrature itself."""
         return end[:, None] * (b @ basis(end[:, None] * c))
 

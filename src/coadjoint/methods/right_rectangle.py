@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -34,10 +35,10 @@ class RightRectangle(Method, Whole, adjoint_of=LeftRectangle):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def turn(self, system: System, h: Array, xi: Array) -> Element:
+    def turn(self, system: System, h: Scalar, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
-    def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
+    def _node(self, system: System, record: State, h: Scalar) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
         xi = record.xi
         F = self.relative(system, record, h)
@@ -46,17 +47,17 @@ class RightRectangle(Method, Whole, adjoint_of=LeftRectangle):
         point = Point(xi, start + h * nu, nu, V.act(group, back, record.a), record.t + h)
         return F, start, point, node(system, record, point)
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[-1])]
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         F, start, point, at = self._node(system, record, h)
         momentum = self.difference_map.dtau_inverse_dual(group, h * point.xi, at.mu)
         rest = self.coordinates(system, record, F, at.pi - Q.pull(group, F, start, record.pi))
         return jnp.concatenate([momentum - record.mu, rest])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, _ = system.places
         F, start, point, at = self._node(system, record, h)
         kick = h * at.force
@@ -70,6 +71,6 @@ class RightRectangle(Method, Whole, adjoint_of=LeftRectangle):
             pi=Q.momentum(group, point.n, transported, at.pi + kick),
         )
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         source = h * self._node(system, record, h)[-1].source
         return jnp.zeros_like(source), source

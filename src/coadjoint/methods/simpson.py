@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -55,7 +56,7 @@ class Simpson(Method, Halved):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def _nodes(self, system: System, record: State, h: Array) -> _Nodes:
+    def _nodes(self, system: System, record: State, h: Scalar) -> _Nodes:
         group, Q, V = system.places
         xi, nu, t = record.xi, record.nu, record.t
         half = self.turn(system, h, xi)
@@ -68,11 +69,11 @@ class Simpson(Method, Halved):
         left, mid, right = (node(system, record, point) for point in (first, Point(xi, n, nu, a, t + 0.5 * h), last))
         return _Nodes(half, begin, n, last.n, last.a, left, mid, right)
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         at = self._nodes(system, record, h)
         return [(_END, at.left), (_MIDDLE, at.mid), (_END, at.right)]
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         at = self._nodes(system, record, h)
         mean = _END * (at.left.mu + at.right.mu) + _MIDDLE * at.mid.mu
@@ -84,7 +85,7 @@ class Simpson(Method, Halved):
         rest = Q.pull(group, at.half, at.begin, first) + last + _MIDDLE * (at.mid.pi - 0.5 * h * at.mid.force)
         return jnp.concatenate([rows, self.coordinates(system, record, at.half, rest)])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, _ = system.places
         at = self._nodes(system, record, h)
         half = at.half
@@ -108,7 +109,7 @@ class Simpson(Method, Halved):
             pi=Q.momentum(group, at.n, transported + behind, legendre + _END * at.right.pi + behind),
         )
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         at = self._nodes(system, record, h)
         back = system.group.inverse(at.half)
         ahead = _END * h * at.left.source + system.group.Ad_dual(back, _MIDDLE * h * at.mid.source)

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_own_map
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.newton.coupled import Coupled, Factors
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import FLOOR, Structure
@@ -66,7 +67,7 @@ class Step(ABC):
         """The state after a step with its factors for the next one; `carried` None removes them, () changes nothing."""
         return after if carried == () else after.replace(memory=carried)
 
-    def evaluated(self, system: System, state: State, h: Array, z: Array) -> Any:
+    def evaluated(self, system: System, state: State, h: Scalar, z: Array) -> Any:
         """The function values for `structure` at the unknowns z (unknowns,): `residual`."""
         return self.residual(system, state, h, z)
 
@@ -102,11 +103,11 @@ class Step(ABC):
         """
         return
 
-    def turn(self, system: System, h: Array, xi: Array) -> Element | None:
+    def turn(self, system: System, h: Scalar, xi: Array) -> Element | None:
         """X for which ν of the rule's own node is given in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""
         return None
 
-    def velocity(self, system: System, state: State, h: Array, xi: Array, y: Array) -> Array:
+    def velocity(self, system: System, state: State, h: Scalar, xi: Array, y: Array) -> Array:
         """ν = y on a flat Q; on a curved one X⁻¹(ρ(n, hE_n y) − n)/h, (ambient,).
 
         xi: (dim G,). y: (dim Q,) in the frame E of n itself, which stays while the equations are solved.
@@ -126,16 +127,16 @@ class Step(ABC):
         carried = b if X is None else Q.pull(group, group.inverse(X), record.n, b)
         return Q.coordinates(group, record.n, carried)
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         """`state` with the unknowns z = (ξ, y), (dim G + dim Q,), of the step that starts at it."""
         xi, y = z[: system.group.dim], z[system.group.dim :]
         return in_records(state).replace(xi=xi, nu=self.velocity(system, state, h, xi, y))
 
-    def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
+    def residual(self, system: System, state: State, h: Scalar, z: Array) -> Array:
         """The equations of the step at the unknowns z; both of shape (unknowns,)."""
         return self.equations(system, self.record(system, state, h, z), h)
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         """Where Newton's iteration begins, (unknowns,): the last unknowns."""
         group, Q, _ = system.places
         if Q.flat:
@@ -144,30 +145,30 @@ class Step(ABC):
         nu = state.nu if X is None else Q.push(group, X, state.n, state.nu)
         return jnp.concatenate([state.xi, Q.coordinates(group, state.n, nu)])
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and values of ℓ at a node."""
         raise NotImplementedError
 
-    def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
+    def discrete_lagrangian(self, system: System, record: State, h: Scalar) -> Scalar:
         """Λ of the step that starts at the record, one number."""
         return h * sum(weight * at.lagrangian for weight, at in self.nodes(system, record, h))
 
     @abstractmethod
-    def relative(self, system: System, record: State, h: Array) -> Element:
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
         """F = g_k⁻¹g_{k+1}, an element, of the step that starts at the record. h: one number, as in all members."""
 
     @abstractmethod
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         """The left discrete Legendre transform minus (μ_k, π_k), (unknowns,).
 
         It is zero for the step that starts at the record.
         """
 
     @abstractmethod
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         """The state at t + h, from the right discrete Legendre transform and (P43), (P44). h: one number."""
 
-    def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
+    def advance_if(self, system: System, record: State, h: Scalar, sound: Array) -> State:
         """The state after a tolerant step.
 
         sound: one number; where it is 0 the equations have no solution and z is the guess.
@@ -175,32 +176,32 @@ class Step(ABC):
         raise NotImplementedError
 
     @abstractmethod
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """(Δ⁻, Δ⁺) ∈ 𝔤*, (dim G,) each, in frames k and k+1: I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
 
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
+    def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         """How far the difference map is used into its chart, one number; below 1 is inside."""
         return self.difference_map.chart(system.group, h * record.xi)
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s, one number: Σ w E(node).
 
         With the left rule it is K_k + U_k of (P68), (P69).
         """
         return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
-    def size(self, record: State, h: Array) -> Array:
+    def size(self, record: State, h: Scalar) -> Scalar:
         """The size of the step that starts at the record, one number."""
         return h
 
-    def work(self, system: System, record: State, h: Array) -> Array:
+    def work(self, system: System, record: State, h: Scalar) -> Array:
         """Σ hw (⟨T, ξ⟩ + ⟨f, ν⟩) of each force, then −Σ hw ∂_tℓ where ℓ depends on time, (lines,).
 
         Their sum is E_{k+1} − E_k + O(h^{p+1}).
         """
         return h * sum(weight * at.power for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
-    def impulse(self, system: System, record: State, h: Array, after: State) -> Array:
+    def impulse(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """Ad*_{g_k⁻¹}Δ⁻ + Ad*_{g_{k+1}⁻¹}Δ⁺ ∈ 𝔤*, (dim G,).
 
         By this the step changes the spatial momentum (Theorem 7).
@@ -209,7 +210,7 @@ class Step(ABC):
         ahead, behind = self.sources(system, record, h)
         return group.Ad_dual(group.inverse(record.g), ahead) + group.Ad_dual(group.inverse(after.g), behind)
 
-    def balance(self, system: System, record: State, h: Array, after: State) -> Array:
+    def balance(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|, one number: Theorem 7 as one vector identity."""
         ahead, behind = self.sources(system, record, h)
         F = self.relative(system, record, h)
@@ -217,7 +218,7 @@ class Step(ABC):
         error = jnp.max(jnp.abs(total_momentum(system, after) - expected), initial=0.0)
         return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind), initial=0.0))
 
-    def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
+    def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both, one number.
 
         |μ| is the largest at both nodes, or the momentum of ξ or ν alone if these cancel; |π| likewise. The residual
@@ -242,7 +243,7 @@ class _Sizes(NamedTuple):
     least: Array
 
 
-def _momentum_sizes(system: System, record: State, h: Array) -> tuple[_Sizes, _Sizes]:
+def _momentum_sizes(system: System, record: State, h: Scalar) -> tuple[_Sizes, _Sizes]:
     """The sizes of μ and of π."""
     least = FLOOR / jnp.abs(h)
     xi, nu = record.xi + least, record.nu + least

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -46,7 +47,7 @@ class Trapezoidal(Method, Whole):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def _ends(self, system: System, record: State, h: Array) -> _Ends:
+    def _ends(self, system: System, record: State, h: Scalar) -> _Ends:
         group, Q, V = system.places
         xi = record.xi
         nu = record.nu
@@ -58,11 +59,11 @@ class Trapezoidal(Method, Whole):
         last = Point(xi, Q.act(group, back, end), carried, V.act(group, back, record.a), record.t + h)
         return _Ends(F, first, last, node(system, record, first), node(system, record, last))
 
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         ends = self._ends(system, record, h)
         return [(0.5, ends.at_first), (0.5, ends.at_last)]
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         F, first, _last, start, end = self._ends(system, record, h)
         mean = 0.5 * (start.mu + end.mu)
@@ -74,7 +75,7 @@ class Trapezoidal(Method, Whole):
             [momentum - record.mu - 0.5 * h * start.torque, self.coordinates(system, record, F, rest)]
         )
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, _ = system.places
         F, _, last, start, end = self._ends(system, record, h)
         transported = Q.pull(group, F, last.n, record.pi + 0.5 * h * start.force) + 0.5 * h * end.force
@@ -88,6 +89,6 @@ class Trapezoidal(Method, Whole):
             pi=Q.momentum(group, last.n, transported, legendre),
         )
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         ends = self._ends(system, record, h)
         return 0.5 * h * ends.at_first.source, 0.5 * h * ends.at_last.source

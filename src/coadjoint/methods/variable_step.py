@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Claims, Method, Start
@@ -68,41 +69,41 @@ class Paced(Step):
     def blocks(self, system: System) -> tuple[int, ...]:
         return self.base.blocks(system)
 
-    def relative(self, system: System, record: State, h: Array) -> Element:
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
         return self.base.relative(system, record, h * record.memory.ratio)
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         return self.base.guess(system, state, h * state.memory.ratio)
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         return self.base.record(system, state, h * state.memory.ratio, z)
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         return self.base.equations(system, record, h * record.memory.ratio)
 
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
+    def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         return self.base.chart(system, record, h * record.memory.ratio)
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         """The base rule's; the first step, over dt itself, gives E₀."""
         pace = record.memory
         first = jnp.where(pace.known > 0, pace.energy, self.energy(system, record, h))
         after = self.base.advance(system, record, h * pace.ratio)
         return after.replace(memory=pace._replace(energy=first, known=jnp.ones_like(pace.known)))
 
-    def size(self, record: State, h: Array) -> Array:
+    def size(self, record: State, h: Scalar) -> Array:
         return h * record.memory.ratio
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         return self.base.energy(system, record, h * record.memory.ratio)
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         return self.base.sources(system, record, h * record.memory.ratio)
 
-    def balance(self, system: System, record: State, h: Array, after: State) -> Array:
+    def balance(self, system: System, record: State, h: Scalar, after: State) -> Array:
         return self.base.balance(system, record, h * record.memory.ratio, after)
 
-    def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
+    def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
         return self.base.newton_residual(system, record, h * record.memory.ratio, after)
 
 
@@ -115,7 +116,7 @@ class _Predict(Paced):
 
     tolerant = True
 
-    def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
+    def advance_if(self, system: System, record: State, h: Scalar, sound: Array) -> State:
         return record
 
 
@@ -129,29 +130,29 @@ class _Search(Paced):
     def blocks(self, system: System) -> tuple[int, ...]:
         return (*self.base.blocks(system), 1)
 
-    def guess(self, system: System, state: State, h: Array) -> Array:
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
         return jnp.concatenate([super().guess(system, state, h), state.memory.ratio[None]])
 
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         return super().record(system, self._over(state, z[-1]), h, z[:-1])
 
     def _over(self, state: State, ratio: Array) -> State:
         return state.replace(memory=state.memory._replace(ratio=ratio))
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         pace = record.memory
         gap = self.energy(system, record, h) - pace.energy
         row = jnp.where(pace.known > 0, gap, pace.ratio - 1.0)
         return jnp.concatenate([super().equations(system, record, h), row[None]])
 
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
+    def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         """That of the base rule; 1 for a ratio out of bounds, and where E does not depend on it."""
         low, high = self.within
         ratio = record.memory.ratio
         usable = (ratio > low) & (ratio < high) & self._sharp(system, record, h)
         return jnp.where(usable, super().chart(system, record, h), 1.0)
 
-    def _sharp(self, system: System, record: State, h: Array) -> Array:
+    def _sharp(self, system: System, record: State, h: Scalar) -> Array:
         """Whether E changes with h along the solutions of the base rule by more than BLUNT; true for the first step.
 
         dE/dh = ∂_hE − ∂_zE (∂_zR)⁻¹ ∂_hR for its equations R(z, h) = 0.
@@ -168,7 +169,7 @@ class _Search(Paced):
         size = jnp.abs(pace.energy) + jnp.abs(record.mu @ record.xi) + jnp.abs(record.pi @ record.nu)
         return (jnp.abs(slope * pace.ratio) > BLUNT * size) | (pace.known == 0)
 
-    def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
+    def advance_if(self, system: System, record: State, h: Scalar, sound: Array) -> State:
         """The same state with h/dt of its step; without a solution h/dt is 1, and the step is counted as fixed."""
         pace = record.memory
         ratio = jnp.where(sound > 0, pace.ratio, 1.0)
@@ -232,7 +233,7 @@ class VariableStep(Method):
         """Whether the claim holds: for the first step, which gives E₀, and for steps that are not fixed."""
         return (np.asarray(records.memory.known) == 0) | (np.asarray(records.memory.ratio) != 1.0)
 
-    def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:
+    def over_fixed_steps(self, records: State, h: Scalar) -> tuple[State, Array]:
         """With E₀ unknown, a step has the requested size."""
         pace = records.memory
         one = np.ones_like(pace.ratio)

@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import power
@@ -98,13 +98,13 @@ class Variational(Method, Whole):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
+    def discrete_lagrangian(self, system: System, record: State, h: Scalar) -> Array:
         return self._value(system, record, h, record.t)
 
-    def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
+    def _slopes(self, system: System, record: State, h: Scalar) -> LagrangianSlopes:
         s = record.n + h * record.nu
 
-        def discrete(xi, n, s, a):
+        def discrete(xi: Array, n: Array, s: Array, a: Array):
             return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs, record.over_step)
 
         slopes = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
@@ -112,7 +112,7 @@ class Variational(Method, Whole):
         momentum = self.difference_map.dtau_inverse_dual(system.group, h * record.xi, along_xi / h)
         return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
 
-    def _impulse(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def _impulse(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """(T⁻, φ⁻) = (hT, hf) at the left node."""
         motion = system.motion(record.xi, record.n, record.nu, record.a, record.t, record.inputs, record.over_step)
         torque, force = system.body_force(motion)
@@ -124,12 +124,12 @@ class Variational(Method, Whole):
         from_q = Q.diamond(group, at.along_n, state.n) + Q.diamond(group, at.along_s, at.s)
         return V.diamond(group, at.along_a, state.a) + from_q + at.torque
 
-    def equations(self, system: System, record: State, h: Array) -> Array:
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
         at = self._slopes(system, record, h)
         rest = self.coordinates(system, record, None, record.pi + at.force + at.along_n)
         return jnp.concatenate([at.momentum - self._torque(system, record, at) - record.mu, rest])
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, V = system.places
         at = self._slopes(system, record, h)
         F = self.relative(system, record, h)
@@ -146,13 +146,13 @@ class Variational(Method, Whole):
             pi=Q.momentum(group, n, transported, legendre),
         )
 
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         group, Q, V = system.places
         at = self._slopes(system, record, h)
         source = V.diamond(group, at.along_a, record.a) + at.torque - Q.diamond(group, at.force, record.n)
         return source, jnp.zeros_like(source)
 
-    def work(self, system: System, record: State, h: Array) -> Array:
+    def work(self, system: System, record: State, h: Scalar) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the left node, then −∂_tΛ."""
         xi, nu = record.xi, record.nu
         motion = system.motion(xi, record.n, nu, record.a, record.t, record.inputs, record.over_step)
@@ -160,18 +160,18 @@ class Variational(Method, Whole):
         along_t = [jax.grad(value)(jnp.asarray(record.t)) / h] if system.depends_on_time else []
         return h * power(system.body_forces(motion), xi, nu, along_t)
 
-    def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
+    def _value(self, system: System, record: State, h: Scalar, t: Scalar) -> Array:
         """Λ at the record, with another time."""
         s = record.n + h * record.nu
         return system.reduced_discrete_lagrangian(
             record.xi, record.n, s, record.a, h, t, record.inputs, record.over_step
         )
 
-    def energy(self, system: System, record: State, h: Array) -> Array:
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
         """E_k = −∂_hΛ at fixed F and s: −∂_hΛ + ⟨∂_ξΛ, ξ⟩/h in algebra form."""
         s = record.n + h * record.nu
 
-        def discrete(xi, h):
+        def discrete(xi: Array, h: Scalar):
             return system.reduced_discrete_lagrangian(
                 xi, record.n, s, record.a, h, record.t, record.inputs, record.over_step
             )

@@ -8,8 +8,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.groups import SO3
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State

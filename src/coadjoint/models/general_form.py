@@ -6,8 +6,8 @@ from functools import partial
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.groups import SE3, SO3
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters

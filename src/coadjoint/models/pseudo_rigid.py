@@ -10,9 +10,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import GLn, LieGroup, SLn
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters

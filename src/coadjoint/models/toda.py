@@ -8,10 +8,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.checks import array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import MatrixGroup
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

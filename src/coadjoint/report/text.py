@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.report.reproduction import FIGURES, Reproduction, numbers
 

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 import xarray
 
+from coadjoint.arrays import Array
 from coadjoint.groups import LieGroup, Power, attitude
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_rule import InternalRule, declared
@@ -242,14 +243,14 @@ def labelled(made: xarray.Dataset, attributes: Mapping[str, Mapping[str, Any]]) 
     return made
 
 
-def _coordinates(group: LieGroup, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+def _coordinates(group: LieGroup, values: Array) -> tuple[tuple[str, ...], Array]:
     """Vectors or covectors of the algebra, (records, dim), by coordinates; of a power by links and coordinates."""
     if isinstance(group, Power):
         return ("time", "link", "algebra"), np.reshape(values, (len(values), group.count, group.factor.dim))
     return ("time", "algebra"), values
 
 
-def _parts(space: Space, group: Any, name: str, values: np.ndarray) -> dict[str, tuple[tuple[str, ...], Any]]:
+def _parts(space: Space, group: Any, name: str, values: Array) -> dict[str, tuple[tuple[str, ...], Any]]:
     if values.shape[-1] == 0:
         return {}
     parts = space.components(group, name)

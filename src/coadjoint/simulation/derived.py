@@ -9,8 +9,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.groups import Power
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node

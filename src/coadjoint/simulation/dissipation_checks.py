@@ -6,6 +6,7 @@ import numpy as np
 from jax import hessian, jacfwd
 from jax import numpy as jnp
 
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
@@ -26,7 +27,7 @@ AMPLIFIED = 1e8
 ALLOW, REFUSE = "allow", "refuse"
 
 
-def require_forward(system: System, method: Method, state: State, h: float) -> list[str]:
+def require_forward(system: System, method: Method, state: State, h: Scalar) -> list[str]:
     """Raise ArgumentError if substeps go backwards and something damps; a warning where it is allowed but unsafe.
 
     A method allows it by `negative_substeps="allow"`. Steps may damp by themselves (`Step.damping_rate`). Forces

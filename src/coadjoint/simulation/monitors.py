@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.extensions import import_string
-from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous, inverse_legendre
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
@@ -81,7 +81,7 @@ def _always(system: System, method: Method, state: State) -> bool:
     ),
     when=_always,
 )
-def discrete_energy(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def discrete_energy(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
     """E_k = −∂_hΛ with the discrete velocities: the paper's K_k + U_k for the left rule (P68, P69)."""
     return {"discrete_energy": step.energy(system, record, h)}
 
@@ -98,7 +98,7 @@ def discrete_energy(system: System, step: Step, record: State, h: Array, constan
     ),
     when=lambda system, method, state: system.continuous,
 )
-def legendre_energy(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def legendre_energy(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
     """The Legendre energy of (μ_k, π_k), at the node itself, and how well the velocities of these were found."""
     if system.hamiltonian is not None:
         return {"energy": continuous.energy(system, record)}
@@ -114,7 +114,7 @@ def legendre_energy(system: System, step: Step, record: State, h: Array, constan
     ),
     when=lambda system, method, state: state.ledger is not None,
 )
-def energy_budget(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def energy_budget(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
     """The work W of each force, and E − ΣW, which is constant to the method's order."""
     put_in = energy_put_in(system, record)
     now = step.energy(system, record, h) if not system.continuous else continuous.energy(system, record)
@@ -134,14 +134,14 @@ _NOETHER = (
 
 
 @monitor(*_NOETHER, when=_always)
-def kelvin_noether(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def kelvin_noether(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
     """⟨Ad_{g⁻¹}c₀, m⟩ for every row c₀ of constants["c0"]: conserved where c₀·a₀ = 0 and nothing forces."""
     c0 = constants["c0"]
     return _with_budget(system, record, c0 @ spatial_momentum(system, record), c0)
 
 
 @monitor(when=lambda system, method, state: bool(system.quantities))
-def quantities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def quantities(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
     """The system's own scalars, of the node: ξ and ν are those of its momenta."""
     node = at_node(system, record)
     return {name: jnp.asarray(value(system, function, node)) for name, function in system.quantities}
@@ -151,7 +151,7 @@ def quantities(system: System, step: Step, record: State, h: Array, constants: A
 class _Chosen:
     quantities: tuple[KelvinNoether, ...]
 
-    def __call__(self, system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+    def __call__(self, system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
         now = jnp.stack([quantity.quantity(system, record) for quantity in self.quantities])
         c0 = [system.group.Ad(record.g, quantity.momentum_map(system, record)) for quantity in self.quantities]
         return _with_budget(system, record, now, jnp.stack(c0))
@@ -173,7 +173,7 @@ def _with_budget(system: System, record: State, now: Array, c0: Array) -> dict[s
     Watched("step_size", "h of the step that starts at the node", unit="s"),
     when=lambda system, method, state: method.variable,
 )
-def step_size(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def step_size(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Scalar]:
     """h of the step, s."""
     return {"step_size": step.size(record, h)}
 
@@ -188,7 +188,7 @@ def step_size(system: System, step: Step, record: State, h: Array, constants: An
     ),
     when=lambda system, method, state: system.group.constrained and state.g is not None,
 )
-def group_defect(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+def group_defect(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
     """How far g is from its group."""
     return {"group_defect": jnp.asarray(system.group.defect(record.g))}
 

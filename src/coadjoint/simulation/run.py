@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, printable
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.simulation.certificate import card, certificate, failure
 from coadjoint.simulation.derived import at_nodes, derivation, known_at_nodes, one_at_node

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units, points, require_group
-from coadjoint.groups.group import Array, LieGroup, transpose
+from coadjoint.groups.group import LieGroup, transpose
 from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.overrides import (
     Identity,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups import LieGroup, Opposite
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.spaces.representations import Trivial
 from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space
@@ -85,7 +84,7 @@ class ByInverse(Space):
     def view(self, group: LieGroup, x: Array) -> Any:
         return self.space.view(_of(group), x)
 
-    def point(self, group: LieGroup, value: Any, name: str) -> np.ndarray:
+    def point(self, group: LieGroup, value: Any, name: str) -> Array:
         return self.space.point(_of(group), value, name)
 
     def velocity(self, group: LieGroup, value: Any, name: str) -> Array:

@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.groups.matrix_functions import exponential_minus_one
 from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.trace.evaluate import evaluate, traced

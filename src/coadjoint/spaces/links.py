@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup, Power
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.spaces.rows import LinkRows
 from coadjoint.spaces.several import Several

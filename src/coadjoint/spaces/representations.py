@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import GroupError
 from coadjoint.groups import SE2, SE3, SO3, LieGroup, SemidirectProduct
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.spaces.space import Space
 
 

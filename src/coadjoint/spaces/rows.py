@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 
 MANY = 4
 """The most stretches of rows, each one after the other, that are taken as slices."""
@@ -30,7 +32,8 @@ class LinkRows:
         if not self.stretches:
             return jnp.zeros((count, *values.shape[1:])).at[self.numbers].add(values)
         ends = [(0, 0)] * (values.ndim - 1)
-        return sum(
+        parts = (
             jnp.pad(values[a:b], [(self.numbers[a], count - self.numbers[a] - (b - a)), *ends])
             for a, b in self.stretches
         )
+        return cast(Array, sum(parts))

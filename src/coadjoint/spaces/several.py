@@ -10,9 +10,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.space import Space
 

@@ -14,9 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, GroupError, shown
-from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.groups.group import Element, LieGroup, transpose
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 
@@ -108,7 +109,7 @@ class Space:
         """A point x (ambient,) as the user's functions see it: an array, or a namespace of arrays."""
         return x
 
-    def point(self, group: LieGroup, value: Any, name: str) -> np.ndarray:
+    def point(self, group: LieGroup, value: Any, name: str) -> Array:
         """The user's point as a flat float64 array (ambient,); raises ArgumentError with `name` for a wrong shape."""
         return checked_vector(value, self.ambient(group), name)
 
@@ -134,7 +135,7 @@ def require_action(space: Space, group: LieGroup) -> None:
     g, x, _ = random_motion(space, group)
     eta = np.random.default_rng(1872).normal(scale=0.5, size=group.dim)
 
-    def measure(g, eta, x):
+    def measure(g: Element, eta: Array, x: Array):
         h = group.exp(eta)
         turn = space.act(group, g, space.act(group, h, x))
         wrong = space.act(group, group.compose(g, h), x) - turn
@@ -154,7 +155,7 @@ def require_action(space: Space, group: LieGroup) -> None:
 def _require_affine(space: Space, group: LieGroup) -> None:
     g, x, v = random_motion(space, group)
 
-    def measure(g, x, v):
+    def measure(g: Element, x: Array, v: Array):
         moved = space.act(group, g, x + v) - space.act(group, g, x)
         return jnp.max(jnp.abs(moved - space.push(group, g, x, v)), initial=0.0), jnp.max(jnp.abs(moved), initial=0.0)
 

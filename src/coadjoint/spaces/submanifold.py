@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.groups.overrides import in_words
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.representations import Defining
@@ -167,7 +168,7 @@ def _require_invariant(space: Submanifold, group: LieGroup, x: np.ndarray) -> No
     """Raise GroupError unless c(gx) = c(x) at a random g and the gradients of c are independent at x."""
     g, _, _ = random_motion(space, group)
 
-    def measure(g, x):
+    def measure(g: Element, x: Array):
         moved = space.equations(group, space.act(group, g, x)) - space.equations(group, x)
         return jnp.max(jnp.abs(moved), initial=0.0), space.normals(group, x)
 

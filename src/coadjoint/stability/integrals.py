@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.casimir_functions import kept_by
 from coadjoint.mechanics.poisson import Phase, vector_field
@@ -97,7 +97,7 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
 def _is_integral(reduced: Reduced, function: Callable) -> bool:
     """Whether dC·Y = 0 and dC·K = 0 at random states."""
 
-    def slope(state: State) -> Array:
+    def slope(state: State) -> tuple[Array, Array]:
         y, rate = reduced.phase(state)
         return jax.grad(lambda y: function(_at(state, y)))(y), rate
 

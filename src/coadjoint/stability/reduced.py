@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import rates
 from coadjoint.mechanics.discrete import Point, node

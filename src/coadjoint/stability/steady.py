@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import least_squares
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -88,7 +88,7 @@ class Search(Remade):
         near: State,
         conditions: Callable[[State, Any], Any] | None = None,
         free: Sequence[str] | Mapping[str, float] = (),
-        aim: Array = 0.0,
+        aim: Scalar = 0.0,
         names: Sequence[str] = (),
         symmetries: Sequence[Callable[[State], Any]] = (),
         remedy: str = "Give a nearer guess, other conditions, or free an actuator that can hold it.",
@@ -118,7 +118,7 @@ class Search(Remade):
         given = self._zero, near, np.asarray(aim, dtype=float)
         self._both, self._state = tabulate(both, *given), tabulate(self._with_momenta, *given[:2])
 
-    def find(self, guess: State, aim: Array = 0.0) -> SteadyMotion:
+    def find(self, guess: State, aim: Scalar = 0.0) -> SteadyMotion:
         """The steady motion near the guess at this aim, an array of the shape of the first one."""
 
         def both(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +147,7 @@ class Search(Remade):
         n = unit[:, dim : dim + ambient] @ held.T
         return np.concatenate([unit[:, :dim], n, unit[:, dim + ambient :]], axis=1)
 
-    def idle(self, guess: State, aim: Array = 0.0) -> list[str]:
+    def idle(self, guess: State, aim: Scalar = 0.0) -> list[str]:
         """Those of `free` that change nothing where the guess has them, such as a propeller that stands.
 
         aim: an array of the shape of the first one.

@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import StepError
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.kernels.newton.solver import DenseStage
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend
@@ -32,19 +33,19 @@ class Algorithm(DenseStage):
     tolerant: bool = False
     stops: bool = False
 
-    def last(self, pair: Any, h: Array) -> tuple[Element, Array, Array]:
+    def last(self, pair: Any, h: Scalar) -> tuple[Element, Array, Array]:
         """The last increment, the point n (ambient,) that s starts from, and the last velocity (s − n)/h (ambient,)."""
         raise NotImplementedError
 
-    def conditions(self, pair: Any, h: Array, F: Element, s: Array) -> tuple[Array, Array]:
+    def conditions(self, pair: Any, h: Scalar, F: Element, s: Array) -> tuple[Array, Array]:
         """The equations that F and s solve, (dim G,) on 𝔤* and (ambient,) on T*Q at n."""
         raise NotImplementedError
 
-    def following(self, pair: Any, h: Array, F: Element, s: Array) -> Any:
+    def following(self, pair: Any, h: Scalar, F: Element, s: Array) -> Any:
         """The next pair, from the increment F and the point s (ambient,)."""
         raise NotImplementedError
 
-    def run(self, pair: Any, h: float, steps: int) -> Any:
+    def run(self, pair: Any, h: Scalar, steps: int) -> Any:
         """The pairs 0 … steps, every leaf with a leading axis; raises StepError at a step that fails."""
         pair = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), pair)
         with jax.enable_x64(True):
@@ -72,51 +73,51 @@ class Algorithm(DenseStage):
     def prepare(self, parameters: Any, state: Any, h: Array | float) -> Any:
         return state
 
-    def monitors(self, parameters: Any, record: Any, h: Array) -> Mapping[str, Array]:
+    def monitors(self, parameters: Any, record: Any, h: Scalar) -> Mapping[str, Array]:
         """None: shape () each, by name."""
         return {}
 
-    def _velocity(self, F: Element, h: Array) -> Array:
+    def _velocity(self, F: Element, h: Scalar) -> Array:
         group = self.group
         return group.vee(group.matrix(F) - group.matrix(group.inverse(F))) / (2 * h)
 
-    def _last(self, pair: Any, h: Array) -> tuple[Element, Array, Array]:
+    def _last(self, pair: Any, h: Scalar) -> tuple[Element, Array, Array]:
         """`last` with F back on its group: what leaves it would grow from step to step."""
         F, n, velocity = self.last(pair, h)
         return self.group.project(F) if self.group.constrained else F, n, velocity
 
-    def guess(self, parameters: Any, state: Any, h: Array) -> Array:
+    def guess(self, parameters: Any, state: Any, h: Scalar) -> Array:
         """The last unknowns (ξ, y), (dim G + dim Q,)."""
         F, n, velocity = self._last(state, h)
         return jnp.concatenate([self._velocity(F, h), self.space.coordinates(self.group, n, velocity)])
 
-    def _solution(self, state: Any, h: Array, z: Array) -> tuple[Element, Array]:
+    def _solution(self, state: Any, h: Scalar, z: Array) -> tuple[Element, Array]:
         group, Q = self.group, self.space
         F, n, _ = self._last(state, h)
         xi, y = z[: group.dim], z[group.dim :]
         F = group.compose(F, self.difference_map.tau(group, h * (xi - self._velocity(F, h))))
         return F, n + Q.difference(group, n, h * Q.tangent(group, n, y))
 
-    def residual(self, parameters: Any, state: Any, h: Array, z: Array) -> Array:
+    def residual(self, parameters: Any, state: Any, h: Scalar, z: Array) -> Array:
         """`conditions` at the unknowns z = (ξ, y), both (dim G + dim Q,)."""
         on_group, on_space = self.conditions(state, h, *self._solution(state, h, z))
         n = self.last(state, h)[1]
         return jnp.concatenate([on_group, self.space.coordinates(self.group, n, on_space)])
 
-    def chart(self, parameters: Any, state: Any, h: Array, z: Array) -> Array | float:
+    def chart(self, parameters: Any, state: Any, h: Scalar, z: Array) -> Array | float:
         """How far the increment of F is into its chart, one number, for the unknowns z (dim G + dim Q,)."""
         F = self._last(state, h)[0]
         return self.difference_map.chart(self.group, h * (z[: self.group.dim] - self._velocity(F, h)))
 
-    def record(self, parameters: Any, state: Any, h: Array, z: Array) -> Any:
+    def record(self, parameters: Any, state: Any, h: Scalar, z: Array) -> Any:
         """The pair itself; the unknowns z (dim G + dim Q,) are in the next one."""
         return state
 
-    def advance(self, parameters: Any, state: Any, h: Array, z: Array, sound: Array) -> Any:
+    def advance(self, parameters: Any, state: Any, h: Scalar, z: Array, sound: Array) -> Any:
         """The next pair, from the unknowns z (dim G + dim Q,)."""
         return self.following(state, h, *self._solution(state, h, z))
 
-    def certificate(self, parameters: Any, before: Any, h: Array, z: Array, after: Any) -> Mapping[str, Array]:
+    def certificate(self, parameters: Any, before: Any, h: Scalar, z: Array, after: Any) -> Mapping[str, Array]:
         """Nothing is measured: no numbers."""
         return {}
 

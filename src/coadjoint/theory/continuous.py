@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import LagrangianError
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.system import System
@@ -69,7 +70,7 @@ def continuous_invariance_defect(
     at = replace(at, t=0.36) if at.t is None else at
     given(L.reduced, at)
 
-    def compare(etas, xi, x, v, a0):
+    def compare(etas, xi: Array, x: Array, v: Array, a0: Array):
         g, moving = group.exp(etas[0]), group.exp(etas[1])
         if base is not None:
             x, v = Q.act(group, g, x), Q.push(group, g, x, Q.tangent(group, x, Q.coordinates(group, x, v)))
@@ -119,7 +120,7 @@ def unreduce_continuous(system: System) -> ContinuousLagrangian:
     # What L takes by keyword has been read from the signals already.
     plain = system.driven(None)
 
-    def unreduced(g, g_dot, *rest, t=0.0, inputs=None, internal=None):
+    def unreduced(g: Element, g_dot, *rest, t: Scalar = 0.0, inputs: PyTree = None, internal: PyTree = None):
         q, q_dot = map(flat, rest[:2]) if dynamic else (np.zeros(0),) * 2
         a0 = flat(rest[2 if dynamic else 0]) if ruled else np.zeros(0)
         back = group.inverse(g)

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Point
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -66,7 +67,7 @@ class Curve(NamedTuple):
     F: Element
     d: Array
     places: list[NodePlace]
-    value: Array
+    value: Scalar
 
 
 class Trial(NamedTuple):
@@ -82,7 +83,7 @@ class Trial(NamedTuple):
     curve: Callable[[Array, Array, Array], Curve]
 
 
-def trial(system: System, step: Step, h: Array, record: State) -> Trial:
+def trial(system: System, step: Step, h: Scalar, record: State) -> Trial:
     """The step of length h, one number, that starts at a record.
 
     Raises ArgumentError for steps without a discrete Lagrangian of their own.
@@ -106,7 +107,7 @@ def trial(system: System, step: Step, h: Array, record: State) -> Trial:
     )
 
 
-def _action(system: System, record: State, h: Array, places: list[NodePlace]) -> Array:
+def _action(system: System, record: State, h: Scalar, places: list[NodePlace]) -> Array:
     """h Σ w ℓ."""
 
     def at(point: Point) -> Array:
@@ -116,7 +117,7 @@ def _action(system: System, record: State, h: Array, places: list[NodePlace]) ->
 
 
 def _place(
-    system: System, weight: float, frame: Element, xi: Array, x: Array, v: Array, a: Array, t: Array
+    system: System, weight: float, frame: Element, xi: Array, x: Array, v: Array, a: Array, t: Scalar
 ) -> NodePlace:
     """A node in the frame X: (ξ, X⁻¹x, X⁻¹v, X⁻¹a) at t."""
     group, Q, V = system.places
@@ -125,7 +126,7 @@ def _place(
     return NodePlace(weight, frame, x, point)
 
 
-def _chord(system: System, step: Step, h: Array, record: State) -> Array:
+def _chord(system: System, step: Step, h: Scalar, record: State) -> Array:
     """d = s − n of a record, from ν in the frame of the rule's own node."""
     group, Q, _ = system.places
     turn = step.turn(system, h, record.xi)
@@ -134,7 +135,7 @@ def _chord(system: System, step: Step, h: Array, record: State) -> Array:
     return h * Q.push(group, turn, Q.act(group, group.inverse(turn), record.n), record.nu)
 
 
-def _quadrature(system: System, step: Step, h: Array, record: State) -> Trial:
+def _quadrature(system: System, step: Step, h: Scalar, record: State) -> Trial:
     group, tau, dim = system.group, step.difference_map, system.group.dim
 
     def curve(z: Array, n: Array, a: Array) -> Curve:
@@ -151,7 +152,7 @@ def _quadrature(system: System, step: Step, h: Array, record: State) -> Trial:
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 
 
-def _of_ones_own(system: System, step: Step, h: Array, record: State) -> Trial:
+def _of_ones_own(system: System, step: Step, h: Scalar, record: State) -> Trial:
     """A rule that only gives its sum h Σ w ℓ, without forces: the places of its nodes are not known."""
     if system.forces is not None:
         raise ArgumentError(
@@ -170,7 +171,7 @@ def _of_ones_own(system: System, step: Step, h: Array, record: State) -> Trial:
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 
 
-def _in_algebra_form(system: System, step: Variational, h: Array, record: State) -> Trial:
+def _in_algebra_form(system: System, step: Variational, h: Scalar, record: State) -> Trial:
     """Λ(ξ, n, s, a) of the user with forces at the left node, or its adjoint with forces at the right one."""
     group, Q, V = system.places
     dim, held = group.dim, (record.inputs, record.over_step)
@@ -192,7 +193,7 @@ def _in_algebra_form(system: System, step: Variational, h: Array, record: State)
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 
 
-def _in_group_form(system: System, step: GroupVariational, h: Array, record: State) -> Trial:
+def _in_group_form(system: System, step: GroupVariational, h: Scalar, record: State) -> Trial:
     """Λ(F, n, s, a) with F = (1 + χ̂)F_k, which is e^χF_k to first order; forces at the left node."""
     group, dim = system.group, system.group.dim
     last = step.relative(system, record, h)
@@ -209,7 +210,7 @@ def _in_group_form(system: System, step: GroupVariational, h: Array, record: Sta
     return Trial(jnp.concatenate([jnp.zeros(dim), h * record.nu]), curve)
 
 
-def _galerkin(system: System, step: Galerkin, h: Array, record: State) -> Trial:
+def _galerkin(system: System, step: Galerkin, h: Scalar, record: State) -> Trial:
     """g(t) = ḡτ(Θ(t)), q(t) = ḡ·x(t) with polynomials of the velocities Ω, V at Gauss's nodes; Θ = 0 in the middle."""
     group, Q, _ = system.places
     tau, rule = step.difference_map, gauss(step.degree)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.connection import random_shapes
@@ -37,13 +37,13 @@ def discrete_mechanical_connection(system: System, method: Method, dt: float) ->
     at = method.begin(system, system.state(q=random_shapes(size, 1)[0]), h)
     at = at.replace(mu=np.zeros(group.dim))
 
-    def increment(x, x_next):
+    def increment(x: Array, x_next):
         here, nu = at.replace(n=x), (x_next - x) / h
 
-        def record(xi):
+        def record(xi: Array):
             return step.record(system, here, h, jnp.concatenate([xi, nu]))
 
-        def momentum(xi):
+        def momentum(xi: Array):
             return step.equations(system, record(xi), h)[: group.dim]
 
         root = solver.solve(momentum, jnp.zeros(group.dim), h, (group.dim,))

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.invariance import is_right
@@ -117,7 +118,7 @@ def equations_of(
     system: System,
     method: Method,
     records: State,
-    h: float,
+    h: Scalar,
     noether: KelvinNoether | None = None,
     unreduced: UnreducedLagrangian | None = None,
 ) -> Equations:
@@ -254,7 +255,7 @@ def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinN
     ]
 
 
-def _of_variations(system: System, step: Step, records: State, h: float) -> Residual:
+def _of_variations(system: System, step: Step, records: State, h: Scalar) -> Residual:
     """(P47): δξ = dτ⁻¹_{−hξ}η⁺/h − dτ⁻¹_{hξ}η/h gives δF = −ηF + Fη⁺, for two fixed η."""
     group = system.group
     eta, ahead = np.random.default_rng(47).normal(size=(2, group.dim))
@@ -263,7 +264,7 @@ def _of_variations(system: System, step: Step, records: State, h: float) -> Resi
         there, back = (trivialised(system, step, h, record.replace(xi=x)) for x in (record.xi, -record.xi))
         change = jnp.linalg.solve(back, ahead) - jnp.linalg.solve(there, eta)
 
-        def increment(xi):
+        def increment(xi: Array):
             return group.matrix(step.relative(system, record.replace(xi=xi), h))
 
         F, moved = jax.jvp(increment, (record.xi,), (change,))
@@ -273,7 +274,7 @@ def _of_variations(system: System, step: Step, records: State, h: float) -> Resi
     return _row("P47", "hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η", values, _largest(eta) + _largest(ahead))
 
 
-def _of_group_form(system: System, records: State, slopes: Slopes, h: float, L: UnreducedLagrangian) -> list[Residual]:
+def _of_group_form(system: System, records: State, slopes: Slopes, h: Scalar, L: UnreducedLagrangian) -> list[Residual]:
     """(P37) and (B8) in the space frame."""
     group, _, V = system.places
     path = Configuration(records.g, records.q)
@@ -281,12 +282,12 @@ def _of_group_form(system: System, records: State, slopes: Slopes, h: float, L: 
     first, second = _pairs(path)
     link, _ = _pairs(slopes.link)
 
-    def value(x, y, link):
+    def value(x: Configuration, y: Configuration, link):
         F, n, s, a, at = link
         below = system.reduced_group_lagrangian(F, n, s, a, h, at.t, at.inputs, at.internal)
         return L(x, y, a0, h, _seen(system, L, at)), below
 
-    def stationary(x, y, z, before, here):
+    def stationary(x: Configuration, y: Configuration, z: Configuration, before, here):
         pair = _seen(system, L, before), _seen(system, L, here)
         return discrete_euler_lagrange(
             L, x, y, z, a0, h, pair, impulse(system, link_of(system.places, y, z, a0, here), h)
@@ -306,10 +307,14 @@ def _of_group_form(system: System, records: State, slopes: Slopes, h: float, L: 
 
 def _seen(system: System, L: UnreducedLagrangian, at: Instant) -> Instant:
     """An instant as an L takes it that is not driven itself: with the inputs that the system sees there."""
-    return at if L.reduced.inputs is not None else Instant(at.t, system.inputs_at(at.t, at.inputs), at.internal)
+    return (
+        at
+        if L.reduced.inputs is not None
+        else Instant(at.t, system.inputs_at(cast(Array, at.t), at.inputs), at.internal)
+    )
 
 
-def _of_semidirect(system: System, slopes: Slopes, h: float) -> list[Residual]:
+def _of_semidirect(system: System, slopes: Slopes, h: Scalar) -> list[Residual]:
     """(B13), where there are no advected parameters."""
     group, Q, V = system.places
     if not has_points(Q) or has_points(V) or not Q.flat:
@@ -330,7 +335,7 @@ def _of_semidirect(system: System, slopes: Slopes, h: float) -> list[Residual]:
     ]  # fmt: skip
 
 
-def _of_poisson(system: System, records: State, slopes: Slopes, h: float, noether: KelvinNoether) -> list[Residual]:
+def _of_poisson(system: System, records: State, slopes: Slopes, h: Scalar, noether: KelvinNoether) -> list[Residual]:
     """(B19) and (B25), where there are no additional dynamics."""
     group, Q, _ = system.places
     if has_points(Q):

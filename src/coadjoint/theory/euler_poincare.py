@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.groups.derivative import left_derivative, right_derivative
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 from coadjoint.theory.algorithm import Algorithm
@@ -40,19 +41,19 @@ class Momenta(NamedTuple):
     pi: Array
 
 
-def _value(system: System, h: Array, at: Instant):
+def _value(system: System, h: Scalar, at: Instant):
     now = given(system, at)
     return lambda F, n, s, a: system.reduced_group_lagrangian(F, n, s, a, h, *now)
 
 
-def velocities(system: System, link: Link, h: Array) -> tuple[Array, Array]:
+def velocities(system: System, link: Link, h: Scalar) -> tuple[Array, Array]:
     """((F − F⁻¹)ᵛ/2h, (s − n)/h), (dim G,) and (ambient,): what forces take for ξ and ν on a step."""
     group = system.group
     turn = group.vee(group.matrix(link.F) - group.matrix(group.inverse(link.F))) / (2 * h)
     return turn, (link.s - link.n) / h
 
 
-def impulse(system: System, link: Link, h: Array) -> tuple[Array, Array]:
+def impulse(system: System, link: Link, h: Scalar) -> tuple[Array, Array]:
     """(T⁻, φ⁻) = (hT, hf), (dim G,) and (ambient,), of forces at the left node of a step, as in
     co.methods.GroupVariational."""
     if system.forces is None:
@@ -62,7 +63,7 @@ def impulse(system: System, link: Link, h: Array) -> tuple[Array, Array]:
     return h * torque, h * force
 
 
-def left_momenta(system: System, link: Link, h: Array) -> Momenta:
+def left_momenta(system: System, link: Link, h: Scalar) -> Momenta:
     """The left discrete Legendre transform F⁻ of a step, μ_k (dim G,) and π_k (ambient,); traceable by JAX.
 
     μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻. h: the length of the step, one number, s.
@@ -77,7 +78,7 @@ def left_momenta(system: System, link: Link, h: Array) -> Momenta:
     return Momenta(mu - torque, Q.project(group, n, -along_n - force))
 
 
-def right_momenta(system: System, link: Link, h: Array) -> Momenta:
+def right_momenta(system: System, link: Link, h: Scalar) -> Momenta:
     """The right discrete Legendre transform F⁺ of a step, μ_{k+1} (dim G,) and π_{k+1} (ambient,); traceable by JAX.
 
     μ_{k+1} = D^L_FΛ and π_{k+1} = F*∂_sΛ (P46). h: the length of the step, one number, s.
@@ -90,7 +91,7 @@ def right_momenta(system: System, link: Link, h: Array) -> Momenta:
     return Momenta(left_derivative(group, lambda F: value(F, n, s, a), F), Q.project(group, ahead, pi))
 
 
-def discrete_euler_poincare(system: System, before: Link, here: Link, h: Array) -> Momenta:
+def discrete_euler_poincare(system: System, before: Link, here: Link, h: Scalar) -> Momenta:
     """(P42) in group form: the left momenta of step k minus the right momenta of step k − 1, zero on solutions.
 
     In algebra form D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h and D^L_FΛ = (dτ⁻¹_{−hξ})*∂_ξΛ/h. With forces it is the discrete
@@ -108,7 +109,7 @@ def advected(system: System, link: Link) -> tuple[Array, Array]:
     return Q.act(group, back, link.s), V.act(group, back, link.a)
 
 
-def instant_after(system: System, link: Link, h: Array) -> Instant:
+def instant_after(system: System, link: Link, h: Scalar) -> Instant:
     """The start of the next step, after one of length h, one number, with the inputs and internal state held over
     it."""
     n, a = advected(system, link)
@@ -149,7 +150,7 @@ def induced_variation(system: System, link: Link, v: Variation) -> Link:
     )
 
 
-def reduced_action(system: System, path: Link, h: float) -> Array:
+def reduced_action(system: System, path: Link, h: Scalar) -> Array:
     """ΣΛ(F_k, n_k, s_k, a_k; h) of steps with a leading axis, one number (P41), (B12); traceable by JAX."""
     return jnp.sum(jax.vmap(lambda link: _value(system, h, link.at)(*link[:4]))(path))
 
@@ -168,21 +169,21 @@ class DiscreteEulerPoincare(Algorithm):
     def space(self) -> Space:  # type: ignore[override]
         return self.system.additional
 
-    def last(self, pair: Link, h):
+    def last(self, pair: Link, h: Scalar):
         group, Q, _ = self.system.places
         n, _ = advected(self.system, pair)
         velocity = Q.push(group, group.inverse(pair.F), pair.s, (pair.s - pair.n) / h)
         return pair.F, n, Q.tangent(group, n, Q.coordinates(group, n, velocity))
 
-    def conditions(self, pair: Link, h, F, s):
+    def conditions(self, pair: Link, h: Scalar, F: Element, s: Array):
         return discrete_euler_poincare(self.system, pair, self.following(pair, h, F, s), h)
 
-    def following(self, pair: Link, h, F, s):
+    def following(self, pair: Link, h: Scalar, F: Element, s: Array):
         n, a = advected(self.system, pair)
         return Link(F, n, s, a, instant_after(self.system, pair, h))
 
 
-def discrete_euler_poincare_algorithm(system: System, first: Link, h: float, steps: int) -> Link:
+def discrete_euler_poincare_algorithm(system: System, first: Link, h: Scalar, steps: int) -> Link:
     """The `steps` links that start with one and solve (P42)–(P44), every leaf with a leading axis.
 
     `system` has a discrete Lagrangian in group form; its time, forces, inputs and internal state go on from `first.at`

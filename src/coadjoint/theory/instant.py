@@ -8,8 +8,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.members import count_members
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -29,7 +29,7 @@ class Instant:
     t: one number; of a sequence of steps all have a leading axis.
     """
 
-    t: Array = None
+    t: Array | None = None
     inputs: Any = None
     internal: Any = None
     internal_end: Any = None
@@ -100,7 +100,7 @@ def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
     return 0.0 if at.t is None else at.t, at.inputs, at.internal
 
 
-def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Array, Array, Array]) -> Instant:
+def next_instant(system: System, at: Instant, h: Scalar, motion: tuple[Array, Array, Array, Array]) -> Instant:
     """The instant of the next step, of h as well, which starts at (n, a) after one with velocities (ξ, ν).
 
     motion: (ξ, n, ν, a), of shapes (dim G,), (ambient,), (ambient,) and (dim V*,). Inputs that are functions of the

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
@@ -37,7 +38,7 @@ class MomentumMaps(NamedTuple):
     plus: Array
 
 
-def discrete_legendre(system: System, method: Method, records: State, h: float) -> Transforms:
+def discrete_legendre(system: System, method: Method, records: State, h: Scalar) -> Transforms:
     """F⁻ and F⁺ of the steps that start at records, a state or states with a leading axis, such as run.records.
 
         μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻,   π_k = −∂_nΛ − φ⁻
@@ -53,7 +54,7 @@ def discrete_legendre(system: System, method: Method, records: State, h: float) 
     return _steps(system, method, records, h).transforms
 
 
-def discrete_momentum_maps(system: System, method: Method, records: State, h: float) -> MomentumMaps:
+def discrete_momentum_maps(system: System, method: Method, records: State, h: Scalar) -> MomentumMaps:
     """J⁻ = Ad*_{g_k⁻¹}(μ_k − π_k⋄n_k) by F⁻, J⁺ = Ad*_{g_{k+1}⁻¹}(μ_{k+1} − π_{k+1}⋄n_{k+1}) by F⁺, in the space frame.
 
     ⟨J⁻, η⟩ = −⟨D₁L, η·(g, q)⟩ and ⟨J⁺, η⟩ = ⟨D₂L, η·(g⁺, q⁺)⟩ of the unreduced L, and the share of forces in each.
@@ -68,7 +69,7 @@ def discrete_momentum_maps(system: System, method: Method, records: State, h: fl
     return MomentumMaps(*(evaluate(spatial, *pair) for pair in zip((starts, found.end), found.transforms, strict=True)))
 
 
-def link_momentum_maps(system: System, g: Element, link: Link, h: Array) -> MomentumMaps:
+def link_momentum_maps(system: System, g: Element, link: Link, h: Scalar) -> MomentumMaps:
     """J⁻ and J⁺ of a step of Λ in group form that starts at g, (dim,) each; traceable by JAX.
 
     They are those of `left_momenta` and `right_momenta`. h: the length of the step, one number, s.
@@ -91,7 +92,7 @@ class _Done(NamedTuple):
     end: tuple[Element, Array]
 
 
-def _steps(system: System, method: Method, records: State, h: float) -> _Done:
+def _steps(system: System, method: Method, records: State, h: Scalar) -> _Done:
     require_one(system)
     _require_whole(method, records, h)
     stages = [(step, fraction * h) for step, fraction in method.stages if not step.tolerant]
@@ -107,7 +108,7 @@ def _steps(system: System, method: Method, records: State, h: float) -> _Done:
     return jax.tree.map(lambda *leaves: np.reshape(np.stack(leaves), (*lead, *np.shape(leaves[0]))), *found)
 
 
-def _require_whole(method: Method, records: State, h: float) -> None:
+def _require_whole(method: Method, records: State, h: Scalar) -> None:
     """Raise ArgumentError where records are nearer to each other than h, so that a step between them was another."""
     if method.variable or not np.ndim(records.t) or traced(records.t, h):
         return
@@ -119,25 +120,25 @@ def _require_whole(method: Method, records: State, h: float) -> None:
         )
 
 
-def _done(system: System, step: Step, record: State, h: Array) -> _Done:
+def _done(system: System, step: Step, record: State, h: Scalar) -> _Done:
     """A stage from the unknowns of its record."""
     slopes = slopes_of(system, step, h, record)
     end = system.group.compose(record.g, slopes.link.F), advected(system, slopes.link)[0]
     return _Done(Transforms(*legendre_transforms(system, slopes)), end)
 
 
-def _stage(system: System, step: Step, record: State, h: Array) -> tuple[_Done, State]:
+def _stage(system: System, step: Step, record: State, h: Scalar) -> tuple[_Done, State]:
     """A stage, and the state after it with the momenta F⁺."""
     done = _done(system, step, record, h)
     right = done.transforms.plus
     return done, step.advance(system, record, h).replace(mu=right.mu, pi=right.pi)
 
 
-def _composed(system: System, stages: list[tuple[Any, float]], like: State) -> Callable[[State], _Done]:
+def _composed(system: System, stages: list[tuple[Step, Scalar]], like: State) -> Callable[[State], _Done]:
     """A step of several stages: the first from its record, the others solved anew; each kind is traced once."""
     kinds: dict[Any, Callable[..., Any]] = {}
 
-    def solved(step: Step, state: State, h: Array):
+    def solved(step: Step, state: State, h: Scalar):
         def residual(z: Array) -> Array:
             return step.residual(system, state, h, z)
 

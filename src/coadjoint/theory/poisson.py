@@ -12,9 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
 from coadjoint.theory.algorithm import Algorithm
@@ -71,7 +72,7 @@ class PoissonLagrangian:
         """The parameter that l sees on a step, (dim V*,): a_k, or a_{k+1} = f_ka_k."""
         return link.a if self.parameter == "left" else self.space.act(self.group, link.f, link.a)
 
-    def slopes(self, link: PoissonLink, h: Array) -> tuple[Array, Array]:
+    def slopes(self, link: PoissonLink, h: Scalar) -> tuple[Array, Array]:
         """D^Rl and D₂l⋄a with the parameter that l sees, both (dim,); ⟨D^Rl, χ⟩ = d/dε l(e^{εχ}f, a)."""
         a = self.taken(link)
 
@@ -83,7 +84,7 @@ class PoissonLagrangian:
         source = self.space.diamond(self.group, jax.grad(value, argnums=1)(link.f, a), a)
         return right_derivative(self.group, lambda f: value(f, a), link.f), source
 
-    def torque(self, link: PoissonLink, h: Array) -> Array:
+    def torque(self, link: PoissonLink, h: Scalar) -> Array:
         """T⁻ = hT, (dim,), what the forces give at the left node of a step."""
         return impulse(self.system, self.link(link), h)[0]
 
@@ -107,7 +108,7 @@ def poisson_system(l: PoissonLagrangian, *, forces: Any = None, internal: Any = 
     return System(l.group, group_lagrangian=taking, advected=l.space, forces=forces, internal=internal)
 
 
-def _on_group(l: PoissonLagrangian, F: Element, a: Array, h: Array, **keywords: Any) -> Array:
+def _on_group(l: PoissonLagrangian, F: Element, a: Array, h: Scalar, **keywords: Any) -> Array:
     """Λ(F, a; h)."""
     f = l.group.inverse(F)
     return l.function(f, l.taken(PoissonLink(f, a)), h, **keywords)
@@ -135,7 +136,7 @@ def _of_group(
     parameter: End,
     f: Element,
     a: Array,
-    h: Array,
+    h: Scalar,
     t: Array | float = 0.0,
     inputs: Any = None,
     internal: Any = None,
@@ -156,7 +157,7 @@ def discrete_euler_poincare_poisson(
     l: PoissonLagrangian,
     before: PoissonLink,
     here: PoissonLink,
-    h: Array,
+    h: Scalar,
 ) -> Array:
     """(B19): Ad*_{f_k}D^Rl_k − D^Rl_{k−1} + D₂l⋄a_k + T⁻_k, zero on solutions, with D₂l of step k for a parameter at
     the left end and of step k − 1 for one at the right end. Shape (dim,); traceable by JAX.
@@ -180,18 +181,18 @@ class EulerPoincarePoisson(Algorithm):
     def space(self) -> Space:  # type: ignore[override]
         return Trivial(0)
 
-    def last(self, pair: PoissonLink, h):
+    def last(self, pair: PoissonLink, h: Scalar):
         return self.group.inverse(pair.f), jnp.zeros(0), jnp.zeros(0)
 
-    def conditions(self, pair: PoissonLink, h, F, s):
+    def conditions(self, pair: PoissonLink, h: Scalar, F: Element, s: Array):
         return discrete_euler_poincare_poisson(self.l, pair, self.following(pair, h, F, s), h), s
 
-    def following(self, pair: PoissonLink, h, F, s):
+    def following(self, pair: PoissonLink, h: Scalar, F: Element, s: Array):
         now = instant_after(self.l.system, self.l.link(pair), h)
         return PoissonLink(self.group.inverse(F), self.l.next_a(pair), now)
 
 
-def poisson_algorithm(l: PoissonLagrangian, first: PoissonLink, h: float, steps: int) -> PoissonLink:
+def poisson_algorithm(l: PoissonLagrangian, first: PoissonLink, h: Scalar, steps: int) -> PoissonLink:
     """The `steps` links (f, a) that start with one and solve (B19), every leaf with a leading axis."""
     first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
     found: Any = EulerPoincarePoisson(l).run(first, h, checks.whole(steps, "steps") - 1)
@@ -203,7 +204,7 @@ def kelvin_noether_poisson(
     before: PoissonLink,
     here: PoissonLink,
     K: Array,
-    h: Array,
+    h: Scalar,
 ) -> tuple[Array, Array]:
     """I^B_k = ⟨D^Rl_{k−1}, 𝒦(c_k, a_k)⟩ (B24) and its change −⟨D₂l⋄a_k + T⁻_k, 𝒦(c_k, a_k)⟩ over the next step (B25).
 

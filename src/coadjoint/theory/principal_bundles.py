@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.derivative import right_derivative
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
@@ -36,7 +37,7 @@ from coadjoint.theory.slopes import impulse_of
 class BundleMotion(NamedTuple):
     """A motion on M × G in reduced variables: times (N+1,), shapes x (N+1, m), σ (N), and g (N+1) rebuilt from them."""
 
-    time: np.ndarray
+    time: Array
     x: np.ndarray
     sigma: Element
     g: Element
@@ -86,7 +87,7 @@ class ReducedLagrangian:
         found = (root.code == Code.CONVERGED) & (jnp.max(jnp.abs(away)) < 1e-9 * jnp.max(jnp.abs(group.matrix(F))))
         return jnp.where(found, root.unknowns, jnp.nan)
 
-    def value(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Array:
+    def value(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Scalar:
         """l(x, σ, x⁺), one number, about the ξ (dim G,) of this step: right in the value and its first derivatives.
 
         x, x_next: (m,). One step of Newton's method takes ξ along with x, σ and x⁺, which is exact to first order.
@@ -111,7 +112,7 @@ class ReducedLagrangian:
         """D^R_σ l, and what stands with it in the equation of the shapes, about the ξ of this step."""
         group, omega = self.system.group, self.connection.increment
 
-        def value(x, sigma, x_next):
+        def value(x: Array, sigma: Element, x_next: Array) -> Scalar:
             return self.value(state, xi, x, sigma, x_next)
 
         D1, D3 = jax.grad(value, argnums=(0, 2))(x, sigma, x_next)
@@ -119,7 +120,7 @@ class ReducedLagrangian:
         carried = group.Ad_dual(group.inverse(self.increment(x, sigma, x_next)), along_sigma)
         back = group.inverse(omega(x, x_next))
 
-        def turned(x, x_next):
+        def turned(x: Array, x_next):
             return group.vee(group.matrix(group.compose(omega(x, x_next), back)))
 
         B1, B2 = jax.vjp(turned, x, x_next)[1](carried)
@@ -194,7 +195,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
     return sigma, _Node(now.group, now.last, _next(system, after, now, h)), root.code
 
 
-def _next(system: System, after: State, slopes: Any, h: Array) -> State:
+def _next(system: System, after: State, slopes: Any, h: Scalar) -> State:
     """The state at the next node, with its momenta and the quantities held over the step from there."""
     return held(system, stepped(after.replace(mu=-slopes.group, pi=slopes.last)), h)
 
@@ -215,7 +216,7 @@ def lagrange_poincare_residual(
     ends = x[:-1], sigma, x[1:]
     xi = evaluate(jax.vmap(partial(l.velocity, state)), *ends)
 
-    def next_state(state, xi, x, sigma, x_next):
+    def next_state(state, xi: Array, x: Array, sigma, x_next):
         after = state.replace(xi=xi, nu=(x_next - x) / l.h).later(l.h, n=x_next)
         return _next(system, after, l.slopes(state, xi, x, sigma, x_next), l.h)
 
@@ -231,7 +232,7 @@ def lagrange_poincare_residual(
     return finite(np.concatenate([turning, moving], axis=1), "The reduced Lagrangian")
 
 
-def _begun(system: System, start: State, method: Method, h: float) -> State:
+def _begun(system: System, start: State, method: Method, h: Scalar) -> State:
     """What the method begins at the start, as in co.simulate: with the start's momenta under the first inputs."""
     if method.start != "velocity":
         start = with_own_momenta(system.driven(None), start)

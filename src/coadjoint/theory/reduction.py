@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import Places
@@ -51,7 +52,7 @@ def defect_of(function: Callable[..., Array], plain: Any, turned: Any) -> Array:
 
 
 def invariance_defect(
-    L: UnreducedLagrangian, h: float = 0.1, q: Any = None, samples: int = 5, at: Instant = ALWAYS
+    L: UnreducedLagrangian, h: Scalar = 0.1, q: Any = None, samples: int = 5, at: Instant = ALWAYS
 ) -> float:
     """The largest |L(g̃g, g̃q, g̃g⁺, g̃q⁺, g̃a₀) − L(g, q, g⁺, q⁺, a₀)| over random elements, relative to |L| (P36).
 
@@ -65,7 +66,7 @@ def invariance_defect(
     at = replace(at, t=0.36) if at.t is None else at
     given(L.reduced, at)
 
-    def compare(etas, points, a0, scale):
+    def compare(etas, points, a0: Array, scale):
         g, moving = group.exp(etas[0]), group.exp(etas[2])
         g_next = group.compose(g, group.exp(scale * etas[1]))
         x, y = points[0], points[0] + scale * (points[1] - points[0])
@@ -87,7 +88,7 @@ def invariance_defect(
     return float(np.max(found))
 
 
-def point_of(places: Places, q: Any) -> np.ndarray | None:
+def point_of(places: Places, q: PyTree) -> Array | None:
     """A point of a curved Q, (ambient,); None on a flat one, where any will do."""
     group, Q, _ = places
     if q is not None:
@@ -97,7 +98,7 @@ def point_of(places: Places, q: Any) -> np.ndarray | None:
     return None
 
 
-def reduce(L: UnreducedLagrangian, h: float = 0.1, q: Any = None, at: Instant = ALWAYS) -> System:
+def reduce(L: UnreducedLagrangian, h: Scalar = 0.1, q: Any = None, at: Instant = ALWAYS) -> System:
     """The reduced system: Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37), (B11), to be run by
     co.methods.GroupVariational.
 
@@ -128,7 +129,7 @@ def unreduce(system: System) -> UnreducedLagrangian:
     # What L takes by keyword has been read from the signals already.
     plain = system.driven(None)
 
-    def unreduced(g, *rest, t=0.0, inputs=None, internal=None):
+    def unreduced(g: Element, *rest, t: Scalar = 0.0, inputs: PyTree = None, internal: PyTree = None):
         rest = list(rest)
         q = rest.pop(0) if dynamic else np.zeros(0)
         g_next = rest.pop(0)
@@ -144,7 +145,7 @@ def unreduce(system: System) -> UnreducedLagrangian:
 
 def flat(value: Array | Named) -> Array:
     """A point as one array (ambient,), whether it came as an array or by names."""
-    return jnp.concatenate([flat(part) for part in value.asdict().values()]) if hasattr(value, "asdict") else value
+    return jnp.concatenate([flat(part) for part in value.asdict().values()]) if isinstance(value, Named) else value
 
 
 def reduced_path(places: Places, path: Configuration, a0: Any = None, at: Instant = ALWAYS) -> Link:

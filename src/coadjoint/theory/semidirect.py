@@ -11,9 +11,10 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 from coadjoint.theory.algorithm import Algorithm
@@ -51,7 +52,7 @@ class SemidirectLagrangian:
         """l as a function with the keywords of the system."""
         return WithKeywords(partial(_of_group, self.system.driven(None)), tuple(filter(self.system.takes, KEYWORDS)))
 
-    def __call__(self, f: Element, y: Array, u: Array, h: Array, **keywords: Any) -> Array:
+    def __call__(self, f: Element, y: Array, u: Array, h: Scalar, **keywords: Any) -> Array:
         """l(f, y, u⁺, h)."""
         return self.function(f, y, u, h, **keywords)
 
@@ -75,7 +76,7 @@ def _of_group(
     f: Element,
     y: Array,
     u: Array,
-    h: Array,
+    h: Scalar,
     t: Array | float = 0.0,
     inputs: Any = None,
     internal: Any = None,
@@ -88,7 +89,7 @@ def _of_group(
 
 
 def _on_group(
-    group: LieGroup, space: Space, l: SemidirectFunction, F: Element, n: Array, s: Array, h: Array, **keywords: Any
+    group: LieGroup, space: Space, l: SemidirectFunction, F: Element, n: Array, s: Array, h: Scalar, **keywords: Any
 ) -> Array:
     """Λ(F, n, s; h)."""
     f = group.inverse(F)
@@ -132,7 +133,7 @@ def discrete_euler_poincare_semidirect(
     l: SemidirectFunction | SemidirectLagrangian,
     before: SemidirectLink,
     here: SemidirectLink,
-    h: Array,
+    h: Scalar,
 ) -> tuple[Array, Array]:
     """(B13): Ad*_{f_k}(D^Rl_k − D₂l_k⋄y_k) − (D^Rl_{k−1} − D₂l_{k−1}⋄y_{k−1}) + T⁻_k − φ⁻_k⋄u_k and
     f_k*D₂l_k + D₃l_{k−1} + φ⁻_k.
@@ -167,15 +168,15 @@ class SemidirectEulerPoincare(Algorithm):
     space: Space
     l: SemidirectFunction | SemidirectLagrangian
 
-    def last(self, pair: SemidirectLink, h):
+    def last(self, pair: SemidirectLink, h: Scalar):
         F = self.group.inverse(pair.f)
         return F, pair.u, (pair.u - pair.y) / h
 
-    def conditions(self, pair: SemidirectLink, h, F, s):
+    def conditions(self, pair: SemidirectLink, h: Scalar, F: Element, s: Array):
         here = self.following(pair, h, F, s)
         return discrete_euler_poincare_semidirect(self.group, self.space, self.l, pair, here, h)
 
-    def following(self, pair: SemidirectLink, h, F, s):
+    def following(self, pair: SemidirectLink, h: Scalar, F: Element, s: Array):
         system = _driven(self.group, self.space, self.l).system
         now = instant_after(system, _link(self.group, self.space, pair), h)
         return semidirect_link(self.group, self.space, Link(F, pair.u, s, np.zeros(0), now))
@@ -186,7 +187,7 @@ def semidirect_algorithm(
     space: Space,
     l: SemidirectFunction | SemidirectLagrangian,
     first: SemidirectLink,
-    h: float,
+    h: Scalar,
     steps: int,
 ) -> SemidirectLink:
     """The `steps` links (f, y, u⁺) that start with one and solve (B13), every leaf with a leading axis."""

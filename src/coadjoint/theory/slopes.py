@@ -11,7 +11,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.arrays import Array, Scalar
+from coadjoint.groups.group import LieGroup
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.step import Step
@@ -51,7 +52,7 @@ class Slopes(NamedTuple):
     inner: Array
 
 
-def slopes_of(system: System, step: Step, h: Array, record: State) -> Slopes:
+def slopes_of(system: System, step: Step, h: Scalar, record: State) -> Slopes:
     """A step with D^R_FΛ and D^L_FΛ, (dim G,) each, the gradients of Λ, and the forces' share.
 
     h: its length, one number.
@@ -71,7 +72,7 @@ def slopes_of(system: System, step: Step, h: Array, record: State) -> Slopes:
     )  # fmt: skip
 
 
-def impulse_of(system: System, step: Step, h: Array, record: State) -> Impulse:
+def impulse_of(system: System, step: Step, h: Scalar, record: State) -> Impulse:
     """What the forces of a step of a rule of one velocity give at its two ends; h: its length, one number."""
     here = trial(system, step, h, record)
     curve = here.curve(here.z, record.n, record.a)
@@ -108,7 +109,7 @@ def _through(ends: Array, along_z: Array, dim: int) -> tuple[Array, Array, Array
 
 
 def _impulse(
-    system: System, here: Trial, h: Array, record: State, link: Link, curve: Curve, ends: Array
+    system: System, here: Trial, h: Scalar, record: State, link: Link, curve: Curve, ends: Array
 ) -> tuple[Impulse, Array]:
     """The virtual work h Σ w (⟨T, g⁻¹δg⟩ + ⟨f, g⁻¹δq⟩) of the nodes as covectors at the ends, and its inner part.
 
@@ -158,7 +159,7 @@ def legendre_transforms(system: System, at: Slopes) -> tuple[Momenta, Momenta]:
     return left, Momenta(at.left + at.impulse.torque_next, Q.project(group, ahead, pi))
 
 
-def trivialised(system: System, step: Step, h: float, record: State) -> Array:
+def trivialised(system: System, step: Step, h: Scalar, record: State) -> Array:
     """The matrix (dim, dim) of δξ ↦ (δF)F⁻¹ ∈ 𝔤 for F = F(hξ), by differentiation of F: h dτ_{hξ}."""
     group = system.group
 

@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import left_derivative
-from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Places
@@ -115,7 +116,7 @@ class LagrangianInSpace:
         """G, Q and V*."""
         return self.reduced.places
 
-    def _value(self, places: list[Any], a0: Array, at: Instant, *last: Array) -> Array:
+    def _value(self, places: list[Any], a0: Array, at: Instant, *last: Scalar) -> Array:
         """The function of places, velocities or both, of a₀ and of the parameters, at an instant."""
         group, _, V = self.places
         require_parameter(self.places, a0)
@@ -138,7 +139,9 @@ class UnreducedLagrangian(LagrangianInSpace):
     def _taken(self, dynamic: bool) -> list[str]:
         return ["g", "q", "g_next", "q_next"] if dynamic else ["g", "g_next"]
 
-    def __call__(self, first: Configuration, second: Configuration, a0: Array, h: Array, at: Instant = ALWAYS) -> Array:
+    def __call__(
+        self, first: Configuration, second: Configuration, a0: Array, h: Scalar, at: Instant = ALWAYS
+    ) -> Array:
         """L at two configurations, one number, of a step of length h that starts at an instant. a0: (dim V*,)."""
         group, Q, _ = self.places
         pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
@@ -210,7 +213,7 @@ def link_of(places: Places, first: Configuration, second: Configuration, a0: Arr
     return Link(group.compose(back, second.g), n, s, a, at)
 
 
-def action(L: UnreducedLagrangian, path: Configuration, a0: Array, h: float, at: Instant = ALWAYS) -> Array:
+def action(L: UnreducedLagrangian, path: Configuration, a0: Array, h: Scalar, at: Instant = ALWAYS) -> Array:
     """A = Σ L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) of a sequence, one number (B7); traceable by JAX.
 
     a0: (dim V*,). h: s. at: the instants of the steps, with a leading axis, where L depends on them.
@@ -226,7 +229,7 @@ def discrete_euler_lagrange(
     here: Configuration,
     after: Configuration,
     a0: Array,
-    h: Array,
+    h: Scalar,
     at: tuple[Instant, Instant] = (ALWAYS, ALWAYS),
     work: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
@@ -238,7 +241,7 @@ def discrete_euler_lagrange(
     """
     group, Q, _ = L.places
 
-    def two(g, q):
+    def two(g: Element, q: Array):
         middle = Configuration(g, q)
         return L(before, middle, a0, h, at[0]) + L(middle, after, a0, h, at[1])
 
@@ -262,18 +265,18 @@ class DiscreteEulerLagrange(Algorithm):
     def space(self) -> Space:  # type: ignore[override]
         return self.L.places.additional
 
-    def last(self, pair, h):
+    def last(self, pair, h: Scalar):
         before, here, *_ = pair
         Q, group = self.space, self.group
         velocity = Q.tangent(group, here.q, Q.coordinates(group, here.q, (here.q - before.q) / h))
         return group.compose(group.inverse(before.g), here.g), here.q, velocity
 
-    def conditions(self, pair, h, F, s):
+    def conditions(self, pair, h: Scalar, F: Element, s: Array):
         before, here, a0, at = pair
         here, after, _, now = self.following(pair, h, F, s)
         return discrete_euler_lagrange(self.L, before, here, after, a0, h, (at, now))
 
-    def following(self, pair, h, F, s):
+    def following(self, pair, h: Scalar, F: Element, s: Array):
         before, here, a0, at = pair
         now = instant_after(self.L.reduced, link_of(self.L.places, before, here, a0, at), h)
         return here, Configuration(self.group.compose(here.g, F), s), a0, now
@@ -284,7 +287,7 @@ def discrete_euler_lagrange_algorithm(
     first: Configuration,
     second: Configuration,
     a0: Any,
-    h: float,
+    h: Scalar,
     steps: int,
     at: Instant = ALWAYS,
 ) -> Configuration:

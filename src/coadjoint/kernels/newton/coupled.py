@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.kernels.newton.layout import LinkOrder, layout
 from coadjoint.kernels.newton.solver import Root, parts_of, sizes_of
 from coadjoint.kernels.program import FLOOR, MAX_UNKNOWNS, STALLED, Code
@@ -72,14 +73,14 @@ class _Iterate(NamedTuple):
     renewals: how many times they were renewed in this stage.
     """
 
-    unknowns: jax.Array
-    iterations: jax.Array
-    settled: jax.Array
-    sizes: jax.Array
-    near: jax.Array
-    due: jax.Array
-    age: jax.Array
-    renewals: jax.Array
+    unknowns: Array
+    iterations: Array
+    settled: Array
+    sizes: Array
+    near: Array
+    due: Array
+    age: Array
+    renewals: Array
 
 
 @dataclass(frozen=True)
@@ -134,19 +135,19 @@ class Coupled:
         blocks = np.zeros((self.layout.rows, *2 * (self.layout.width * sum(self.sizes),)))
         return Factors(blocks, blocks, blocks, np.zeros(()), np.zeros((2, self.count * sum(self.sizes))), np.zeros(()))
 
-    def by_links(self, z: jax.Array) -> jax.Array:
+    def by_links(self, z: Array) -> Array:
         """Unknowns or equations (m,) as (N, b)."""
         ends = np.cumsum([0, *(self.count * size for size in self.sizes)])
         parts = [jnp.reshape(z[a:b], (self.count, -1)) for a, b in pairwise(ends) if b > a]
         return parts[0] if len(parts) == 1 else jnp.concatenate(parts, axis=1)
 
-    def end_to_end(self, rows: jax.Array) -> jax.Array:
+    def end_to_end(self, rows: Array) -> Array:
         """(N, b) as unknowns or equations (m,)."""
         ends = np.cumsum([0, *self.sizes])
         parts = [jnp.reshape(rows[:, a:b], -1) for a, b in pairwise(ends) if b > a]
         return parts[0] if len(parts) == 1 else jnp.concatenate(parts)
 
-    def in_blocks(self, z: jax.Array) -> jax.Array:
+    def in_blocks(self, z: Array) -> Array:
         """Unknowns or equations (m,) in the order of the blocks, (M, w·b)."""
         plan, rows = self.layout, self.by_links(z)
         source = np.full(plan.rows * plan.width, self.count)
@@ -155,22 +156,22 @@ class Coupled:
             rows = jnp.concatenate([rows, jnp.zeros_like(rows[:1])])[source]
         return rows.reshape(plan.rows, -1)
 
-    def out_of_blocks(self, rows: jax.Array) -> jax.Array:
+    def out_of_blocks(self, rows: Array) -> Array:
         """(M, w·b) as unknowns or equations (m,)."""
         return self.end_to_end(rows.reshape(-1, sum(self.sizes))[self.layout.position])
 
-    def seeds(self) -> jax.Array:
+    def seeds(self) -> Array:
         """The vectors v of which J v gives all of J, (colours · b, m): a unit vector at every link of a colour."""
         plan, b = self.layout, sum(self.sizes)
         coloured = (jnp.arange(plan.colours)[:, None] == plan.colour).astype(float)
         seeds = coloured[:, None, :, None] * jnp.eye(b)[None, :, None, :]
         return jax.vmap(self.end_to_end)(seeds.reshape(-1, self.count, b))
 
-    def blocks(self, pushed: Callable[[jax.Array], jax.Array]) -> jax.Array:
+    def blocks(self, pushed: Callable[[Array], Array]) -> Array:
         """L, D and U of v ↦ J v, (3, M, w·b, w·b)."""
         return self.placed(jax.vmap(pushed)(self.seeds()))
 
-    def placed(self, columns: jax.Array) -> jax.Array:
+    def placed(self, columns: Array) -> Array:
         """L, D and U of J, (3, M, w·b, w·b), of J v for the `seeds`, (colours · b, m)."""
         plan, b = self.layout, sum(self.sizes)
         found = jax.vmap(self.by_links)(columns).reshape(plan.colours, b, self.count, b)
@@ -179,11 +180,11 @@ class Coupled:
         placed = jnp.transpose(columns[plan.place], (0, 1, 2, 4, 3, 5))
         return placed.reshape(3, plan.rows, plan.width * b, plan.width * b)
 
-    def factors(self, pushed: Callable[[jax.Array], jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def factors(self, pushed: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
         """The three arrays of `Factors` of v ↦ J v, by elimination from the first block to the last."""
         lower, diagonal, upper = self.blocks(pushed)
 
-        def eliminate(before: jax.Array, row: tuple[jax.Array, ...]) -> tuple[jax.Array, tuple[jax.Array, ...]]:
+        def eliminate(before: Array, row: tuple[Array, ...]) -> tuple[Array, tuple[Array, ...]]:
             L, D, U = row
             inverse = jnp.linalg.inv(D - L @ before)
             behind = inverse @ U
@@ -192,12 +193,12 @@ class Coupled:
         _, (inverse, left, right) = lax.scan(eliminate, jnp.zeros_like(upper[0]), (lower, diagonal, upper))
         return inverse, left, right
 
-    def solve(self, factors: tuple[jax.Array, jax.Array, jax.Array], right: jax.Array) -> jax.Array:
+    def solve(self, factors: tuple[Array, Array, Array], right: Array) -> Array:
         """x with J x = right, both (m,)."""
         inverse, lower, upper = factors
         known = jnp.einsum("mij,mj->mi", inverse, self.in_blocks(right))
 
-        def ahead(before: jax.Array, row: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        def ahead(before: Array, row: tuple[Array, Array]) -> tuple[Array, Array]:
             value = row[1] - jnp.sum(row[0] * before, axis=1)
             return value, value
 
@@ -206,7 +207,7 @@ class Coupled:
         _, solved = lax.scan(ahead, start, (upper, forward), reverse=True, unroll=UNROLLED)
         return self.out_of_blocks(solved)
 
-    def jacobian_solve(self, function: Callable[[jax.Array], jax.Array], z: jax.Array, right: jax.Array) -> jax.Array:
+    def jacobian_solve(self, function: Callable[[Array], Array], z: Array, right: Array) -> Array:
         """x with (∂function/∂z) x = right at z, all (m,); NaN where links without a pair act on each other.
 
         The blocks hold J of paired links. For other links J x differs from them, so that x is corrected for the
@@ -215,7 +216,7 @@ class Coupled:
         pushed = jax.linearize(function, z)[1]
         factors = self.factors(pushed)
 
-        def transposed(right: jax.Array) -> jax.Array:
+        def transposed(right: Array) -> Array:
             return jax.linear_transpose(lambda given: self.solve(factors, given), right)(right)[0]
 
         return lax.custom_linear_solve(
@@ -227,9 +228,9 @@ class Coupled:
 
     def root(
         self,
-        residual: Callable[[jax.Array], jax.Array],
-        guess: jax.Array,
-        h: jax.Array,
+        residual: Callable[[Array], Array],
+        guess: Array,
+        h: Scalar,
         blocks: tuple[int, ...],
         carried: Any = (),
     ) -> Root:
@@ -305,10 +306,10 @@ class Coupled:
         )
 
 
-def _refined(matrix: Callable[..., jax.Array], solve: Callable[..., jax.Array], right: jax.Array) -> jax.Array:
+def _refined(matrix: Callable[..., Array], solve: Callable[..., Array], right: Array) -> Array:
     """x with matrix(x) = right, both (m,), by a `solve` of nearly this matrix; NaN where that is another one."""
 
-    def correct(_: int, found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def correct(_: int, found: tuple[Array, Array]) -> tuple[Array, Array]:
         correction = solve(right - matrix(found[0]))
         return found[0] + correction, jnp.max(jnp.abs(correction))
 

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.kernels.newton.solver import Root
 from coadjoint.kernels.program import Code
 
@@ -35,7 +36,7 @@ OF_TANGENTS = 1e-14
 """The tolerance of derivatives, whatever that of the equations."""
 
 
-def sizes(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
+def sizes(x: Array, y: Array) -> tuple[Array, Array]:
     """|x|∞ and |y|∞ of numbers (m,) both: of few in one pass, which XLA does not split, unlike that of one alone."""
     if x.size > FEW:
         return jnp.max(jnp.abs(x)), jnp.max(jnp.abs(y))
@@ -46,28 +47,28 @@ def sizes(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
     return lax.reduce((jnp.abs(x), jnp.abs(y)), (jnp.zeros((), x.dtype), jnp.zeros((), y.dtype)), larger, (0,))
 
 
-def largest(x: jax.Array, rows: tuple[int, int]) -> jax.Array:
+def largest(x: Array, rows: tuple[int, int]) -> Array:
     """|x|∞ of every copy of every field, (fields, copies), of numbers (m,)."""
     return jnp.max(jnp.abs(jnp.reshape(x, (*rows, -1))), axis=2)
 
 
-def scales(z: jax.Array, rows: tuple[int, int]) -> jax.Array:
+def scales(z: Array, rows: tuple[int, int]) -> Array:
     """The scales of errors of unknowns z, (m,), by (fields, copies): a copy of a field is compared with itself.
 
     The first field, which the others drive, is compared with all fields of its copy; 0 is compared with 1.
     """
-    found = largest(z, rows)
+    found = jnp.asarray(largest(z, rows))
     found = found.at[0].set(jnp.max(found, axis=0)) if rows[0] > 1 else found
     return jnp.where(found > 0, found, 1.0)
 
 
 class _Iterate(NamedTuple):
-    unknowns: jax.Array
-    iterations: jax.Array
-    settled: jax.Array
-    size: jax.Array
-    shrinks: jax.Array
-    stalled: jax.Array
+    unknowns: Array
+    iterations: Array
+    settled: Array
+    size: Array
+    shrinks: Array
+    stalled: Array
     found: Any
 
 
@@ -102,9 +103,9 @@ class FixedPoint:
 
     def root(
         self,
-        residual: Callable[[jax.Array], Any],
-        guess: jax.Array,
-        h: jax.Array,
+        residual: Callable[[Array], Any],
+        guess: Array,
+        h: Scalar,
         blocks: tuple[int, ...],
         carried: Any = (),
     ) -> Root:
@@ -135,12 +136,12 @@ class FixedPoint:
         kept = () if isinstance(carried, tuple) else lax.stop_gradient(shrinks / length)
         return Root(unknowns, iterations.astype(int), code.astype(int), kept, lax.stop_gradient(found))
 
-    def solution(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> jax.Array:
+    def solution(self, residual: Callable[[Array], Array], start: Array, most: int = MOST) -> Array:
         """z with residual(z) = 0 from `start`, both (m,), without derivatives; NaN where the iteration diverges."""
         end = self._iterated(lambda z: (residual(z), ()), start, most)
         return jnp.where(end.settled, end.unknowns, jnp.nan)
 
-    def _size(self, off: jax.Array, z: jax.Array) -> jax.Array:
+    def _size(self, off: Array, z: Array) -> Array:
         """The largest |r|∞/|z|∞ of a copy of a field, one number."""
         if self.rows == (1, 1):
             off_by, scale = sizes(off, z)
@@ -149,10 +150,10 @@ class FixedPoint:
 
     def _iterated(
         self,
-        evaluated: Callable[[jax.Array], tuple[jax.Array, Any]],
-        start: jax.Array,
+        evaluated: Callable[[Array], tuple[Array, Any]],
+        start: Array,
         most: int = MOST,
-        expected: jax.Array | float = 1.0,
+        expected: Array | float = 1.0,
     ) -> _Iterate:
         """evaluated: z ↦ r and further results. expected: the assumed reduction of r by the first iteration."""
 

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code, Structure
 
 
@@ -22,9 +23,9 @@ class Root(NamedTuple):
     found: further results of the structure, for `Stage.solved`.
     """
 
-    unknowns: jax.Array
-    iterations: jax.Array
-    code: jax.Array
+    unknowns: Array
+    iterations: Array
+    code: Array
     carried: Any = ()
     found: Any = ()
 
@@ -40,9 +41,9 @@ class Dense:
 
     def root(
         self,
-        residual: Callable[[jax.Array], jax.Array],
-        guess: jax.Array,
-        h: jax.Array,
+        residual: Callable[[Array], Array],
+        guess: Array,
+        h: Scalar,
         blocks: tuple[int, ...],
         carried: Any = (),
     ) -> Root:
@@ -55,7 +56,7 @@ class DenseStage:
 
     structure: Structure = Dense()
 
-    def equations(self, parameters: Any, state: Any, h: Any) -> Any:
+    def equations(self, parameters: Any, state: Any, h: Scalar) -> Any:
         """The function z ↦ residual(z)."""
         return partial(cast(Any, self).residual, parameters, state, h)
 
@@ -73,11 +74,11 @@ class DenseStage:
 
 
 class _Iterate(NamedTuple):
-    unknowns: jax.Array
-    iterations: jax.Array
-    settled: jax.Array
-    sizes: jax.Array
-    together: jax.Array
+    unknowns: Array
+    iterations: Array
+    settled: Array
+    sizes: Array
+    together: Array
 
 
 def parts_of(blocks: tuple[int, ...]) -> list[slice]:
@@ -86,12 +87,12 @@ def parts_of(blocks: tuple[int, ...]) -> list[slice]:
     return [slice(end - size, end) for size, end in zip(blocks, ends, strict=True) if size] or [slice(None)]
 
 
-def sizes_of(vector: jax.Array, parts: list[slice]) -> jax.Array:
+def sizes_of(vector: Array, parts: list[slice]) -> jax.Array:
     """The largest entry in size of each part of a vector."""
     return jnp.stack([jnp.max(jnp.abs(vector[part])) for part in parts])
 
 
-def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array, blocks: tuple[int, ...]) -> Root:
+def solve(residual: Callable[[Array], Array], guess: Array, h: Scalar, blocks: tuple[int, ...]) -> Root:
     """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ_b|∞ ≤ TOLERANCE·|z_b|∞ + FLOOR/|h| in every block.
 
     `blocks` are the sizes of the blocks of unknowns; `program.TOLERANCE` states the rule for blocks at round-off.

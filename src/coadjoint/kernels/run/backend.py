@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
@@ -77,7 +78,7 @@ def run(
     program: Program,
     parameters: Any,
     state: Any,
-    h: float,
+    h: Scalar,
     records: int,
     save_every: int,
     monitors: bool = True,

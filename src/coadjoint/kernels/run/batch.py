@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.kernels.emit import tangent as tangents
 from coadjoint.kernels.emit.adjoint import tape
 from coadjoint.kernels.emit.plan import plan, specialised
@@ -116,7 +117,7 @@ def driven(program: Program, parameters: Any, state: Any, active: Sequence[int])
 def run(
     code: Driven,
     p: np.ndarray,
-    h: float,
+    h: Scalar,
     start: np.ndarray,
     places: np.ndarray,
     table: np.ndarray,

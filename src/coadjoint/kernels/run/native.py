@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.emit.plan import StepPlan, plan, specialised
 from coadjoint.kernels.emit.stepping import NAME, assemble
@@ -115,7 +116,7 @@ def _record_layout(planned: StepPlan) -> Layout:
 
 
 def run(
-    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
+    program: Program, parameters: Any, state: Any, h: Scalar, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 

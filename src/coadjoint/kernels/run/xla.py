@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from coadjoint.arrays import Scalar
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run.compiled import compiled
@@ -172,7 +173,7 @@ _compiled_loop = compiled("capacity", "monitored")(_loop)
 
 
 def run(
-    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
+    program: Program, parameters: Any, state: Any, h: Scalar, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
     """records·save_every steps of `program` from `state`, keeping every save_every-th record, `capacity` at most."""
     require_own_xla()

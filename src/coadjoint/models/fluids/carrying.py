@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Un
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.fluids.euler import absolute, axial, euler, hbar, require_states, size_of

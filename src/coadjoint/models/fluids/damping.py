@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import IsospectralMidpoint
@@ -88,7 +88,7 @@ class DampedMidpoint(IsospectralMidpoint):
                 f"up to {int(np.cbrt(LARGEST / 8))}, or drag alone."
             )
 
-    def _settled(self, system: System, state: State, t: Array) -> State:
+    def _settled(self, system: System, state: State, t: Scalar) -> State:
         """The state after damping and stirring alone for the time t."""
         rest = planetary(system)
         omega = state.mu - rest
@@ -107,14 +107,14 @@ class DampedMidpoint(IsospectralMidpoint):
         columns = jnp.einsum("jil,lj->ij", harmonics, parts)
         return state.replace(mu=rest + straight(columns).reshape(-1))
 
-    def evaluated(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, RightSides]:
+    def evaluated(self, system: System, state: State, h: Scalar, z: Array) -> tuple[Array, RightSides]:
         return super().evaluated(system, self._settled(system, state, 0.5 * h), h, z)
 
-    def advance(self, system: System, record: State, h: Array) -> State:
+    def advance(self, system: System, record: State, h: Scalar) -> State:
         inner = super().advance(system, self._settled(system, record, 0.5 * h), h)
         return self._settled(system, inner, 0.5 * h)
 
-    def balance(self, system: System, record: State, h: Array, after: State) -> Array:
+    def balance(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """That of the isospectral step inside, one number."""
         inner = self._settled(system, record, 0.5 * h)
         return super().balance(system, inner, h, super().advance(system, inner, h))

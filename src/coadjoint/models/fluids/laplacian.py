@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array
 
 
 def tridiagonal(size: int, m: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.checks import array, float64
 from coadjoint.errors import ArgumentError
-from coadjoint.groups.group import Array
 from coadjoint.kernels.float64 import float64 as float64_scope
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.members import Quantity

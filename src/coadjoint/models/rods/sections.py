@@ -9,8 +9,8 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.groups import SE2, SE3, Power
-from coadjoint.groups.group import Array
 from coadjoint.mechanics.members import Quantity
 from coadjoint.models.quantities import positive
 from coadjoint.spaces.links import GROUND

@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.groups.small_angle import arctangent_ratio
 
 _AXIAL = np.zeros((3, 3, 3))
@@ -15,7 +15,7 @@ _AXIAL = np.zeros((3, 3, 3))
 _AXIAL[range(3), [2, 0, 1], [1, 2, 0]], _AXIAL[range(3), [1, 2, 0], [2, 0, 1]] = 1.0, -1.0
 
 
-def _arctangent_ratios(t: Array) -> tuple[Array, Array]:
+def _arctangent_ratios(t: Scalar) -> tuple[Array, Array]:
     """f = arctan(τ)/τ and q = (1 − f)/τ² of t = τ²."""
     q = arctangent_ratio(1, t)
     return 1 - t * q, q

@@ -54,7 +54,8 @@ def judged_run(run: Result, sampler: Sampler) -> Accuracy | None:
     if not len(rows):
         return None
     records = doubling.probe.layout.unpack(rows)
-    paced, h = run.method.over_fixed_steps(records, run.plan.h)
+    paced, taken = run.method.over_fixed_steps(records, run.plan.h)
+    h = np.asarray(taken)
     rows = rows if paced is records else packing.rows(paced)
     errors, sizes = doubling.errors(rows, h, members)
     if not errors.good.any():
@@ -68,7 +69,8 @@ def unresolved_records(plan: Plan, records: State) -> str | None:
     most = STEPS if plan.backend == "native" else STEPS_BY_XLA
     chosen = np.unique(np.concatenate([np.arange(min(FIRST, count)), np.linspace(0, count - 1, most).astype(int)]))
     some = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], records)
-    paced, h = plan.program.method.over_fixed_steps(some, plan.h)
+    paced, taken = plan.program.method.over_fixed_steps(some, plan.h)
+    h = np.asarray(taken)
     doubling = Doubling(plan, jax.tree.map(lambda leaf: leaf[0], some))
     rows = packing.rows(paced)
     errors, sizes = doubling.errors(rows, h)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.simulation.accuracy.local_error import KEPT, Errors, PartsOfSteps, larger, sizes_of
 
 TOO_MUCH, TOO_MUCH_OF_ORDER_ONE = 0.05, 0.1
@@ -39,7 +40,7 @@ class Verdict(NamedTuple):
 
 
 def verdict(
-    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: Any, errors: Errors, sizes: Any, dt: float,
+    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: Any, errors: Errors, sizes: Any, dt: Scalar,
     turns: bool = True,
 ) -> Verdict:  # fmt: skip
     """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name.
@@ -68,7 +69,7 @@ def whose(members: Any, good: np.ndarray, worst: int) -> Any:
     return None if members is None else np.asarray(members)[good][[worst]]
 
 
-def sentence(dt: float, reasons: Any, resolving: float | None) -> str:
+def sentence(dt: Scalar, reasons: Any, resolving: float | None) -> str:
     """The text of the warning."""
     return (
         f"dt = {dt:g} does not resolve this motion: {'; '.join(reasons)}. Take dt = {resolving:.2g} or less. What is "
@@ -134,7 +135,7 @@ class SampledSteps:
         self.next = self.count + 1 if self.count + 1 < FIRST else 1 << max(self.count, 2).bit_length()
         return True
 
-    def judge(self, rows: np.ndarray, h: float, members: Any = None) -> str | None:
+    def judge(self, rows: np.ndarray, h: Scalar, members: Any = None) -> str | None:
         """The warning about steps of size h from rows (k, size); None if h resolves them."""
         length = np.full(len(rows), float(h))
         with np.errstate(all="ignore"):

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.models.quantities import positive, vector
 from coadjoint_vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint_vehicles.controllers.design import TurningModel, propose_attitude

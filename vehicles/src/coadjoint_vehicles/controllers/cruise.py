@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.models.quantities import positive, vector
 from coadjoint_vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint_vehicles.controllers.design import propose

@@ -10,8 +10,9 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, traced
+from coadjoint.extending import traced
 from coadjoint.mechanics import Held
 from coadjoint.models.quantities import positive
 from coadjoint.spaces import Named

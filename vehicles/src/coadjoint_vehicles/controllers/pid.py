@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 
 
 def pid(

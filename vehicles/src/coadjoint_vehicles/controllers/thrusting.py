@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.models.quantities import positive, vector
 from coadjoint_vehicles.controllers.attitude import attitude_error, attitude_of
 from coadjoint_vehicles.model.controller import Controller, Feedback

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.extending import Array
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint_vehicles.environments.task import End, Function, Task, length, towards
 from coadjoint_vehicles.model.controller import Feedback

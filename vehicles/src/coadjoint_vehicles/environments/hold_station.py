@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.models.quantities import number, positive, vector
 from coadjoint_vehicles.controllers.hover import Hover
 from coadjoint_vehicles.environments.task import End, Function, Task, facing, length, misaligned, towards

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint_vehicles.controllers.proposed import own_controller
 from coadjoint_vehicles.model.controller import Controller, Feedback

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.extending import keep_beside
 from coadjoint_vehicles import axes as border
@@ -21,9 +22,7 @@ NOTICED, REFUSED = 1e-9, 0.05
 POWER = 3 + np.add.outer([0, 0, 0, 1, 1, 1], [0, 0, 0, 1, 1, 1])
 
 
-def read_added_mass(
-    section: Section, axes: border.Axes, density: float, length: float | None, folder: Path
-) -> np.ndarray:
+def read_added_mass(section: Section, axes: border.Axes, density: float, length: float | None, folder: Path) -> Array:
     """M_A about the body origin, (6, 6), in forward, starboard, down, SI units.
 
     `matrix`: (6, 6) or its diagonal, unit "SI", or "prime": M = ½ρL^k M′ with k = 3, 4, 5. `semi_axes`: Lamb's
@@ -53,7 +52,7 @@ def read_added_mass(
     return added_mass_about(found, -about) if np.any(about) else found
 
 
-def _matrix(section: Section, density: float, length: float | None) -> np.ndarray:
+def _matrix(section: Section, density: float, length: float | None) -> Array:
     value, unit = section.quantity("matrix", None, special=("prime",))
     found = np.asarray(value, dtype=float) if isinstance(value, list) else np.zeros(0)
     if found.shape not in ((6,), (6, 6)):
@@ -76,7 +75,7 @@ def _matrix(section: Section, density: float, length: float | None) -> np.ndarra
     return _symmetric(section, full)
 
 
-def _symmetric(section: Section, full: np.ndarray) -> np.ndarray:
+def _symmetric(section: Section, full: np.ndarray) -> Array:
     size = np.sqrt(np.maximum(np.diag(full), 1e-3 * np.max(np.diag(full), initial=0.0)))
     skew = np.abs(full - full.T) / np.maximum(np.outer(size, size), 1e-300)
     i, j = np.unravel_index(np.argmax(skew), skew.shape)
@@ -93,7 +92,7 @@ def _symmetric(section: Section, full: np.ndarray) -> np.ndarray:
     return 0.5 * (full + full.T)
 
 
-def _ellipsoid(section: Section, density: float) -> np.ndarray:
+def _ellipsoid(section: Section, density: float) -> Array:
     from coadjoint_vehicles.hydrodynamics.ellipsoids import ellipsoid_added_mass
 
     axes = section.vector("semi_axes", u.LENGTH)
@@ -102,7 +101,7 @@ def _ellipsoid(section: Section, density: float) -> np.ndarray:
     return ellipsoid_added_mass(axes, density)
 
 
-def _strips(section: Section, density: float) -> np.ndarray:
+def _strips(section: Section, density: float) -> Array:
     from coadjoint_vehicles.hydrodynamics.slender_bodies import slender_body_added_mass
 
     stations, _ = section.quantity("stations", u.LENGTH)
@@ -118,7 +117,7 @@ def _strips(section: Section, density: float) -> np.ndarray:
         raise section.fail(f"cannot be computed from its strips: {error}") from error
 
 
-def _file(section: Section, form: str, density: float, folder: Path) -> np.ndarray:
+def _file(section: Section, form: str, density: float, folder: Path) -> Array:
     """Added mass from a file of a panel program, whose warnings become those of the vehicle."""
     from coadjoint_vehicles.hydrodynamics.capytaine import capytaine_added_mass
     from coadjoint_vehicles.hydrodynamics.wamit import wamit_added_mass

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.models.quantities import matrix, vector
 
@@ -25,7 +26,7 @@ Z_UP_TO_Z_DOWN = np.diag([1.0, -1.0, -1.0])
 """From forward, port, up to forward, starboard, down: half a turn about the x axis."""
 
 
-def added_mass_about(added_mass: Any, point: Any) -> np.ndarray:
+def added_mass_about(added_mass: Any, point: Any) -> Array:
     """The added mass matrix (6, 6) about another point O′ fixed in the body, in the same axes.
 
     M′ = HᵀM H, H = [[I, r̂], [0, I]], since v_O = v_O′ + r × ω; r is the position of O′ from O.
@@ -40,7 +41,7 @@ def added_mass_about(added_mass: Any, point: Any) -> np.ndarray:
     return H.T @ M @ H
 
 
-def added_mass_in_axes(added_mass: Any, rotation: Any) -> np.ndarray:
+def added_mass_in_axes(added_mass: Any, rotation: Any) -> Array:
     """The added mass matrix (6, 6) about the same point in other axes fixed in the body.
 
     M′ = T M Tᵀ, T = diag(S, S), where S takes components in the old axes to components in the new: v′ = S v, ω′ = S ω.
@@ -60,7 +61,7 @@ def added_mass_in_axes(added_mass: Any, rotation: Any) -> np.ndarray:
     return T @ M @ T.T
 
 
-def body_axes(axes: Any) -> np.ndarray:
+def body_axes(axes: Any) -> Array:
     """S of `added_mass_in_axes` from a program's axes to forward, starboard, down."""
     if isinstance(axes, str):
         known = {"z_up": Z_UP_TO_Z_DOWN, "z_down": np.eye(3)}
@@ -73,7 +74,7 @@ def body_axes(axes: Any) -> np.ndarray:
     return matrix(axes, "axes")
 
 
-def computed_added_mass(found: np.ndarray, source: Any, axes: Any, origin: Any) -> np.ndarray:
+def computed_added_mass(found: Array, source: Any, axes: Any, origin: Any) -> Array:
     """The result of a panel program, symmetric, without negative eigenvalues, about `origin` and in the body's axes."""
     point, unit = vector(origin, "origin"), _unit(found)
     scaled = _symmetric_part(found, unit, source)
@@ -81,7 +82,7 @@ def computed_added_mass(found: np.ndarray, source: Any, axes: Any, origin: Any) 
     return added_mass_in_axes(added_mass_about(sound, point), body_axes(axes))
 
 
-def _unit(found: np.ndarray) -> np.ndarray:
+def _unit(found: Array) -> Array:
     """(1, 1, 1, d, d, d): d is the radius of gyration of the water, or the size of the body if it turns without any."""
     moved, turned = np.trace(found[:3, :3]), np.trace(found[3:, 3:])
     if not moved > 0:
@@ -89,7 +90,7 @@ def _unit(found: np.ndarray) -> np.ndarray:
     return np.repeat([1.0, max(np.sqrt(max(turned, 0.0) / moved), np.cbrt(moved / (3 * WATER)))], 3)
 
 
-def _symmetric_part(found: np.ndarray, unit: np.ndarray, source: Any) -> np.ndarray:
+def _symmetric_part(found: Array, unit: Array, source: Any) -> Array:
     """½(A + Aᵀ), scaled; the symmetry is Green's theorem, and a panel method has it up to its error."""
     scaled = found / np.outer(unit, unit)
     diagonal = np.diag(scaled)
@@ -113,7 +114,7 @@ def _symmetric_part(found: np.ndarray, unit: np.ndarray, source: Any) -> np.ndar
     return 0.5 * (scaled + scaled.T)
 
 
-def _semidefinite(scaled: np.ndarray, source: Any) -> np.ndarray:
+def _semidefinite(scaled: Array, source: Any) -> Array:
     """The nearest matrix without negative eigenvalues."""
     values, vectors = np.linalg.eigh(scaled)
     if values[0] >= 0:

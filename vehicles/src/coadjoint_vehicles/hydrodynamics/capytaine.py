@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import FileError
 from coadjoint.extending import engine_of
 from coadjoint.models.quantities import positive
@@ -28,7 +29,7 @@ def capytaine_added_mass(
     origin: Any = (0.0, 0.0, 0.0),
     fluid_density: float | None = None,
     frequency: Literal["infinite", "highest"] = "infinite",
-) -> np.ndarray:
+) -> Array:
     """The added mass matrix (6, 6) at infinite frequency of one body, from a netCDF file of Capytaine.
 
     The file holds added_mass over omega (or period, freq, wavenumber, wavelength), radiating_dof and influenced_dof, in
@@ -108,7 +109,7 @@ def _require_one_body(dataset: Any, source: Path) -> None:
         raise FileError(f"The file {source} was computed with a forward speed: the added mass of a vehicle needs none.")
 
 
-def _at_frequency(dataset: Any, source: Path, frequency: str) -> np.ndarray:
+def _at_frequency(dataset: Any, source: Path, frequency: str) -> Array:
     """A_ij, i the mode that feels the force (influenced) and j the one that moves (radiating)."""
     array = dataset["added_mass"]
     measure = next((name for name in INFINITE if name in array.dims), None)

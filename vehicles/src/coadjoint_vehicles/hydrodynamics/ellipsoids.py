@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from scipy.special import elliprd
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import System
 from coadjoint.models import general_vehicle
 from coadjoint.models.quantities import positive, vector
 
 
-def ellipsoid_added_mass(semi_axes: Any, fluid_density: float = 1025.0) -> np.ndarray:
+def ellipsoid_added_mass(semi_axes: Any, fluid_density: Scalar = 1025.0) -> Array:
     """The added mass matrix (6, 6) of an ellipsoid about its centre, axes along the body's: diagonal.
 
     α₀ = abc ∫₀^∞ ds/((a² + s)Δ), Δ = √((a² + s)(b² + s)(c² + s)), and β₀, γ₀ alike; α₀ + β₀ + γ₀ = 2;
@@ -33,7 +34,7 @@ def ellipsoid_added_mass(semi_axes: Any, fluid_density: float = 1025.0) -> np.nd
     return fluid * np.diag(np.concatenate([depth / (2 - depth), np.array(turning) / 5]))
 
 
-def _turning(b2: float, c2: float, beta: float, gamma: float) -> float:
+def _turning(b2: Scalar, c2: Scalar, beta: float, gamma: float) -> Scalar:
     """A₄₄·5/m_f: zero where the cross section is a circle, which moves no fluid."""
     difference = b2 - c2
     if difference == 0:
@@ -41,7 +42,7 @@ def _turning(b2: float, c2: float, beta: float, gamma: float) -> float:
     return difference**2 * (gamma - beta) / (2 * difference + (b2 + c2) * (beta - gamma))
 
 
-def displaced_mass(semi_axes: Any, fluid_density: float = 1025.0) -> float:
+def displaced_mass(semi_axes: Any, fluid_density: Scalar = 1025.0) -> float:
     """m_f = (4/3)πρabc, kg."""
     return float(4 / 3 * np.pi * positive(fluid_density, "fluid_density") * np.prod(_axes(semi_axes)))
 
@@ -49,7 +50,7 @@ def displaced_mass(semi_axes: Any, fluid_density: float = 1025.0) -> float:
 def ellipsoid(
     *,
     semi_axes: Any,
-    fluid_density: float = 1025.0,
+    fluid_density: Scalar = 1025.0,
     gravity: float = 9.81,
     center_of_mass: Any = (0.0, 0.0, 0.0),
 ) -> System:
@@ -72,7 +73,7 @@ def ellipsoid(
     )
 
 
-def _axes(semi_axes: Any) -> np.ndarray:
+def _axes(semi_axes: Any) -> Array:
     axes = vector(semi_axes, "semi_axes")
     if np.any(axes <= 0):
         raise ArgumentError(f"Argument `semi_axes` must be positive, but is {axes.tolist()}.")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive
@@ -58,7 +59,7 @@ def slender_body_added_mass(
     H, V = _tips(between(horizontal), B), _tips(between(vertical), C)
     sway = density * weight * crosswise_added_mass(C, B, V)
     heave = density * weight * crosswise_added_mass(B, C, H)
-    roll = density * weight @ [rolling_added_mass(*section) for section in zip(B, C, H, V, strict=True)]
+    roll = density * weight @ np.array([rolling_added_mass(*section) for section in zip(B, C, H, V, strict=True)])
 
     found = np.zeros((6, 6))
     found[0, 0] = _axial(x[-1] - x[0], B, C, weight, density)
@@ -69,7 +70,7 @@ def slender_body_added_mass(
     return found
 
 
-def _axial(length: float, B: np.ndarray, C: np.ndarray, weight: np.ndarray, density: float) -> float:
+def _axial(length: float, B: np.ndarray, C: np.ndarray, weight: np.ndarray, density: Scalar) -> Scalar:
     """Lamb's A₁₁ of the ellipsoid with the hull's length, volume and ratio of mean square breadth to height."""
     a = 0.5 * length
     product = weight @ (B * C) / (4 / 3 * a)  # bc, from ∫πbc dx = (4/3)πabc

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import FileError, warn
 from coadjoint.models.quantities import positive
 from coadjoint.texts import text_of
@@ -28,7 +29,7 @@ def wamit_added_mass(
     axes: Any,
     origin: Any = (0.0, 0.0, 0.0),
     infinite_frequency: Literal["zero", "negative"] | None = None,
-) -> np.ndarray:
+) -> Array:
     """The added mass matrix (6, 6) at infinite frequency of one body, from a file `.1` of WAMIT.
 
     Rows are PERIOD I J Ā(I,J) [B̄(I,J)], and A = ρLᵏĀ with k = 3 for I, J ≤ 3, 5 for I, J ≥ 4, 4 otherwise. PERIOD = 0
@@ -146,7 +147,7 @@ def _entries(rows: list[Row], source: Path, chosen: Any) -> dict[tuple[int, int]
     return found
 
 
-def _matrix(entries: dict[tuple[int, int], float], source: Path) -> np.ndarray:
+def _matrix(entries: dict[tuple[int, int], float], source: Path) -> Array:
     missing = [i for i in range(1, 7) if (i, i) not in entries]
     if missing:
         raise FileError(
@@ -163,7 +164,7 @@ def _matrix(entries: dict[tuple[int, int], float], source: Path) -> np.ndarray:
     return found
 
 
-def _require_order(infinite: np.ndarray, steady: np.ndarray, source: Path) -> None:
+def _require_order(infinite: Array, steady: Array, source: Path) -> None:
     """A(0) − A(∞) = (2/π)∫B(ω)/ω² dω has no negative diagonal, since waves only take energy (Ogilvie 1964)."""
     difference = np.trace((steady - infinite)[:3, :3])
     if difference < -1e-3 * np.trace(infinite[:3, :3]):

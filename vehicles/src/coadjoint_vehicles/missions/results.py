@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.csv_tables import csv_text
 from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
@@ -62,9 +63,7 @@ def left_water(dataset: Any) -> list[str]:
     ]
 
 
-def results(
-    output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[np.ndarray], str]
-) -> dict[str, Any]:
+def results(output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[Array], str]) -> dict[str, Any]:
     """Write the log and the animation of one run, and return the mission's part of the summary.
 
     reached: which of the ends of [mission] a place is at.

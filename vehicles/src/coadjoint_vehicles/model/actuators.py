@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, named, starting_values, traced
+from coadjoint.extending import named, starting_values, traced
 from coadjoint.mechanics import InternalRule, NodeMotion, sampled, sampling
 from coadjoint.mechanics.members import Each, count_members, stacked
 from coadjoint.spaces import Named
@@ -69,7 +70,7 @@ class Rule(InternalRule):
         remembered = self.water.start()
         return {**found, "water": remembered} if remembered else found
 
-    def __call__(self, motion: NodeMotion, h: Array, p: Any) -> dict[str, Any]:
+    def __call__(self, motion: NodeMotion, h: Scalar, p: Any) -> dict[str, Any]:
         inputs, ahead = self.inputs(motion), self.inputs(motion._replace(inputs=motion.ahead))
         after: dict[str, Any] = {}
         wanted = {} if self.controller is None else self.controller.inputs
@@ -88,7 +89,9 @@ class Rule(InternalRule):
             after["water"] = self.water.advance(motion.internal.water, h, p.water)
         return after
 
-    def _followed(self, part: Part, command: Any, motion: NodeMotion, h: Array, p: Any, there: dict[str, Array]) -> Any:
+    def _followed(
+        self, part: Part, command: Any, motion: NodeMotion, h: Scalar, p: Any, there: dict[str, Array]
+    ) -> Any:
         """The course of a part under its command and its faults; None stays."""
         now, own = getattr(motion.internal, part.name), getattr(p, part.name)
         faults = [fault for fault in self.faults if fault.part == part.name]
@@ -122,7 +125,7 @@ class Rule(InternalRule):
         water = jax.tree.map(lambda new, old: np.broadcast_to(new, np.shape(old)), begun, internal.water)
         return internal.replace(water=water)
 
-    def failure(self, t: float, h: float) -> str | None:
+    def failure(self, t: Scalar, h: Scalar) -> str | None:
         """Why the step of length h from t has failed, if its controller knows."""
         return self.controller.failure(t, h) if isinstance(self.controller, FunctionController) else None
 
@@ -176,7 +179,7 @@ class Rule(InternalRule):
         return {part.name: part.command.shape for part in self.vehicle.commanded if part.command is not None}
 
     def _sample(
-        self, controller: Controller, motion: NodeMotion, h: Array, p: Any, inputs: Named
+        self, controller: Controller, motion: NodeMotion, h: Scalar, p: Any, inputs: Named
     ) -> tuple[Any, set[str]]:
         """The controller's samples after h, and the names of the parts that it steers."""
         steered: set[str] = set()

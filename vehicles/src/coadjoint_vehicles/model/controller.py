@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, traced
+from coadjoint.extending import traced
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.parts.measured import check_fields, measured, not_negative
 from coadjoint_vehicles.parts.numbers import Numbers
@@ -37,7 +38,7 @@ class Feedback(NamedTuple):
     heading: Array
     depth: Array
     sink: Array
-    t: Array
+    t: Scalar
     inputs: Any
     actual: Any
 

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.mechanics import Force, Motion
 from coadjoint_vehicles.parts.part import Flow, Part, acting_at
 from coadjoint_vehicles.water.water import Water

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, named
+from coadjoint.extending import named
 from coadjoint.mechanics import Course, NodeMotion, jumped
 from coadjoint.models.quantities import number
 from coadjoint_vehicles.parts.part import Part

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.extending import traced
 from coadjoint.spaces import Named
@@ -62,7 +63,7 @@ class FunctionController(Controller):
         require_read(self.function, read, [part.name for part in vehicle.commanded], called(self))
         return found if self.remembers is not None else (found, {})
 
-    def failure(self, t: float, h: float) -> str | None:
+    def failure(self, t: Scalar, h: Scalar) -> str | None:
         """Why it gave no numbers in the step of length h from t, if it did not; for functions called from outside."""
         when, sentence = _FAILED.get(called(self), (np.inf, None))
         return sentence if abs(when - t) < 1.5 * abs(h) else None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.mechanics import Force, Motion
 from coadjoint_vehicles.model import energies
 from coadjoint_vehicles.model.actuators import Rule

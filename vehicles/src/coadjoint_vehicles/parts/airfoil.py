@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, traced
+from coadjoint.extending import traced
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import number, positive
 from coadjoint_vehicles.parts.measured import measured, not_negative, place, share, way

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint_vehicles.parts.measured import lag_or_none, measured, place

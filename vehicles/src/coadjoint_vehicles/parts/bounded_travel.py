@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.mechanics import Force
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
 
@@ -37,7 +37,7 @@ class BoundedTravel(Part):
         """Where it goes: clip(command, low, high)."""
         return jnp.clip(command, own.low, own.high)
 
-    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> Any:
         """x over h, co.mechanics.Course: ẋ = clip((wanted − x)/τ, ±rate), exact for a command that is held."""
         return towards(actual, self.wanted(command, own), h, own)
 

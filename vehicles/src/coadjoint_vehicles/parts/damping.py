@@ -9,8 +9,8 @@ import jax.numpy as jnp
 
 from coadjoint import checks
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.checks import float64
-from coadjoint.extending import Array
 from coadjoint.mechanics import Force
 from coadjoint_vehicles.parts.measured import measured, numbers, six
 from coadjoint_vehicles.parts.part import Flow, Part, speed_of

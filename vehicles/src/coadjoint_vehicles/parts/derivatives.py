@@ -10,8 +10,8 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.mechanics import Force
 from coadjoint.mechanics.members import Each
 from coadjoint.models.quantities import number, positive

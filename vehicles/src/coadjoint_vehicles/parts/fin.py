@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, traced
+from coadjoint.extending import traced
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.parts.measured import measured, not_negative, place, way

@@ -13,9 +13,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint_vehicles.parts.numbers import Numbers
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.mechanics import Force
 from coadjoint_vehicles.parts.measured import measured, not_negative
 from coadjoint_vehicles.parts.part import AHEAD, Flow, Part

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics import Course
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.parts.bounded_travel import BoundedTravel
@@ -45,7 +45,7 @@ class MovingMass(BoundedTravel):
     def at_rest(self, where: Any) -> dict[str, Any]:
         return {"position": where, "speed": 0.0}
 
-    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> dict[str, Any]:
+    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> dict[str, Any]:
         found = towards(actual.position, wanted := self.wanted(command, own), h, own)
         begin, end = (self._speed(wanted - x, own) for x in (actual.position, found.end))
         return {"position": found, "speed": Course(end, (found.end - actual.position) / h, begin)}

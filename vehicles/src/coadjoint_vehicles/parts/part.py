@@ -10,8 +10,8 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.mechanics import Course, Force
 from coadjoint_vehicles.parts.measured import check_fields
 from coadjoint_vehicles.parts.numbers import Numbers
@@ -89,7 +89,7 @@ class Part(Numbers, ABC):
         """The command that a controller may set; None for a part without one."""
         return None
 
-    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> Any:
         """The actuator over h, co.mechanics.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact
         for u held.
 
@@ -98,7 +98,7 @@ class Part(Numbers, ABC):
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
         return towards(actual, wanted, h, own)
 
-    def follow(self, actual: Any, command: Array, h: Array, own: Any, passing: Passing) -> Any:
+    def follow(self, actual: Any, command: Array, h: Scalar, own: Any, passing: Passing) -> Any:
         """As `advance`, for a part that needs to know how the craft goes at the node."""
         return self.advance(actual, command, h, own)
 
@@ -146,7 +146,7 @@ class Part(Numbers, ABC):
             object.__setattr__(self, key, value)
 
 
-def towards(x: Array, wanted: Array, h: Array, own: Any) -> Course:
+def towards(x: Array, wanted: Array, h: Scalar, own: Any) -> Course:
     """The course over h of ẋ = clip((u − x)/τ, ±r) with u held, in closed form: at the rate r, then by the lag τ.
 
     x, wanted: u, of one shape. h: s. own: τ = own.lag (s) and r = own.rate (per s), where it has them; without both, x

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics import Force, jumped
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.parts.measured import measured, not_negative, place
@@ -46,7 +46,7 @@ class Payload(Part):
     def at_rest(self, where: Any) -> dict[str, Any]:
         return {"dropped": where, "momentum": np.zeros(3)}
 
-    def follow(self, actual: Any, command: Array, h: Array, own: Any, passing: Passing) -> Any:
+    def follow(self, actual: Any, command: Array, h: Scalar, own: Any, passing: Passing) -> Any:
         going = (command >= 0.5) & (actual.dropped < 0.5)
         velocity = passing.turn @ (passing.velocity + jnp.cross(passing.omega, own.position))
         return {

@@ -10,9 +10,10 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, evaluate, named, traced
+from coadjoint.extending import evaluate, named, traced
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import direction, positive, vector
 from coadjoint.spaces import Named
@@ -153,7 +154,7 @@ class Thrusters(Part):
         both = self.matrix(own) @ self.thrusts(actual, own, flow.density)
         return Force(torque=both[3:], force=both[:3])
 
-    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> Any:
         return towards(actual, jnp.clip(command, *_ends(own)) if "limit" in own else command, h, own)
 
     def commands_for(self, thrusts: Array, own: Any) -> Array:

@@ -7,7 +7,8 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.extending import Array, replace_parameters
+from coadjoint.arrays import Array, Scalar
+from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, System, continuous
 from coadjoint_vehicles.model.craft import Craft
 from coadjoint_vehicles.model.energies import Surroundings
@@ -54,7 +55,7 @@ def kinematics(
     return at
 
 
-def between(first: Kinematics, last: Kinematics, t: Array) -> Kinematics:
+def between(first: Kinematics, last: Kinematics, t: Scalar) -> Kinematics:
     """The kinematics at the time t, one number in s, from those of the nodes before and after; jax.numpy only.
 
     Place, velocity, attitude, rates and pressure are the cubics that have the values and the slopes of both nodes, so

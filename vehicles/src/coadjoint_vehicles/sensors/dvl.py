@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint_vehicles.parts.measured import measured
 from coadjoint_vehicles.sensors.compass import upright

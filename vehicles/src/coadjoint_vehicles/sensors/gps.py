@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from coadjoint import units as u
-from coadjoint.extending import Array
+from coadjoint.arrays import Array
 from coadjoint.models.quantities import number
 from coadjoint_vehicles.parts.measured import measured
 from coadjoint_vehicles.sensors.errors import Channel, Errors

@@ -13,8 +13,9 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.extending import Array, evaluate, traced
+from coadjoint.extending import evaluate, traced
 from coadjoint.models.quantities import angles, not_negative, number, positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.axes import body_axes

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.extending import Array, replace_parameters
+from coadjoint.arrays import Array
+from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, System, continuous
 
 

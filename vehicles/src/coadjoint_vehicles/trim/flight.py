@@ -70,7 +70,7 @@ class SteadyFlight:
 
         Raises ArgumentError where none is found, and where a held value has another shape than its actuator's command.
         """
-        speed = number(speed, "speed", at_least=0.0)
+        speed = checks.not_negative(speed, "speed")
         self._held(self.craft.start(), 1.0)
         last = self._searches.get(self._last)
         if near is not None and speed > 0 and last is not None:
@@ -235,7 +235,7 @@ class SteadyFlight:
 
     @property
     def _vertical(self) -> bool:
-        return abs(np.cos(self.climb)) < 1e-9
+        return bool(abs(np.cos(self.climb)) < 1e-9)
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.extending import Array, tabulate
+from coadjoint.arrays import Array
+from coadjoint.extending import tabulate
 from coadjoint_vehicles.trim.under_way import Level
 
 STATES = 4096

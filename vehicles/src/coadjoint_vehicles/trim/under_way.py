@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, brent, evaluate, legendre, named, tabulate
+from coadjoint.extending import brent, evaluate, legendre, named, tabulate
 from coadjoint.groups import SE3
 from coadjoint.mechanics import State
 from coadjoint.spaces import Named

@@ -8,8 +8,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, evaluate
+from coadjoint.extending import evaluate
 from coadjoint.mechanics import State
 from coadjoint.models.quantities import number
 from coadjoint_vehicles.water.functions import returned

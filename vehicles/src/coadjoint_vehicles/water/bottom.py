@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.extending import Array, engine_of
+from coadjoint.extending import engine_of
 from coadjoint_vehicles.water.columns import read
 
 MOST = 4_000_000

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, evaluate, traced
+from coadjoint.extending import evaluate, traced
 from coadjoint.mechanics import Held
 from coadjoint.models.quantities import vector
 from coadjoint_vehicles.water.functions import returned
@@ -58,7 +59,7 @@ class TimeCurrent(Water):
             )
         _require_finite(evaluate(lambda t: self.current(jnp.zeros(3), t, None, None), np.float64(0.0)), "The current")
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         return returned(self.function, (t,), (3,), "The current as a function of time")
 
 
@@ -86,7 +87,7 @@ class CurrentField(Water):
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return _arguments(self.function) == 1
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         arguments = (position,) if self.steady else (position, t)
         return returned(self.function, arguments, (3,), "The current as a function of place")
 
@@ -135,6 +136,6 @@ class TidalCurrent(Water):
     def parameters(self) -> dict[str, Any]:
         return {"periods": self.periods, "amplitudes": self.amplitudes, "phases": self.phases, "mean": self.mean}
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         angle = 2 * jnp.pi * t / own.periods[:, None] - own.phases
         return own.mean + jnp.sum(own.amplitudes * jnp.cos(angle), axis=0)

@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, traced
+from coadjoint.extending import traced
 from coadjoint.models.quantities import number, positive
 from coadjoint_vehicles.parts.numbers import Numbers
 from coadjoint_vehicles.water.columns import DOWN, read

@@ -7,8 +7,8 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint.extending import Array
 
 
 def returned(function: Callable[..., Any], arguments: tuple[Any, ...], shape: tuple[int, ...], what: str) -> Array:

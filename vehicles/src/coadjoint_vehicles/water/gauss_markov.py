@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, evaluate
+from coadjoint.extending import evaluate
 from coadjoint.mechanics import jumped
 from coadjoint.mechanics.members import Each
 from coadjoint.models.quantities import positive, vector
@@ -67,7 +68,7 @@ class GaussMarkovCurrent(Water):
     def seeded(self, seed: Any) -> GaussMarkovCurrent:
         return replace(self, seed=seed)
 
-    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
         zeta, random = normal(internal.random, 3)
         kept = jnp.exp(-h / own.correlation_time)
         return {
@@ -75,5 +76,5 @@ class GaussMarkovCurrent(Water):
             "random": jumped(random),
         }
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         return own.mean + own.deviation * internal.z

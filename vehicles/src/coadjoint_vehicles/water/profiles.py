@@ -9,8 +9,9 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array, traced
+from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, vector
 from coadjoint_vehicles.parts.numbers import Numbers
 from coadjoint_vehicles.water.water import UniformWater, Water
@@ -40,7 +41,7 @@ class LinearShear(Water):
             )
         object.__setattr__(self, "gradient", gradient)
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         return own.surface + own.gradient * position[2]
 
 
@@ -145,10 +146,10 @@ class Sheared(Water):
     def start(self) -> dict[str, Any]:
         return self.surface.start()
 
-    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
         return self.surface.advance(internal, h, own.surface)
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         above = self.surface.current(position, t, internal, own.surface)
         return above * self.profile.part(position[2], own.profile)
 

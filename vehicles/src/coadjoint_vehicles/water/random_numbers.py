@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 
 M1, M2 = 4294967087, 4294944443
 FIRST, SECOND = (-810728, 1403580, 0), (-1370589, 0, 527612)

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.mechanics.members import Each
 from coadjoint_vehicles.water.density import Density
 from coadjoint_vehicles.water.water import Water
@@ -82,12 +82,12 @@ class Sea(Water):
         currents = {name: c.seeded(own[name]) if name in own else c for name, c in self.currents.items()}
         return Sea(density=self.own_density, **currents)
 
-    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
         return {
             name: self.currents[name].advance(getattr(internal, name), h, getattr(own, name)) for name in self.start()
         }
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         remembering = self.start()
         total = jnp.zeros(3)
         for name, current in self.currents.items():

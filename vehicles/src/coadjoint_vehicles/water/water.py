@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Array
 from coadjoint.models.quantities import vector
 from coadjoint_vehicles.parts.numbers import Numbers
 
@@ -48,12 +48,12 @@ class Water(Numbers, ABC):
         """The same water with random numbers of another seed, or co.each of seeds; unchanged if it is not random."""
         return self
 
-    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
         """The internal state after h."""
         return {}
 
     @abstractmethod
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         """c(q, t), the velocity of the water, (3,) m/s."""
 
     def density(self, depth: Array, own: Any) -> Array:
@@ -74,7 +74,7 @@ class UniformWater(Water):
     def __post_init__(self) -> None:
         object.__setattr__(self, "velocity", vector(self.velocity, "velocity"))
 
-    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         return own.velocity
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import Scalar
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups import attitude
 from coadjoint.identification.channels import ATTITUDE, VELOCITY
@@ -19,8 +20,8 @@ OTHERS = ("pressure", "latitude", "longitude", *SPEEDS)
 class WaterAbove(NamedTuple):
     """The pressure at the surface, Pa, and the density of the water, kg/m³."""
 
-    surface: float = 101325.0
-    density: float = 1025.0
+    surface: Scalar = 101325.0
+    density: Scalar = 1025.0
 
 
 AXIS, SQUARE = 6378137.0, 6.69437999014e-3
