@@ -30,7 +30,19 @@ STALLED = 0.5
 FLOOR = 1e-15
 """See TOLERANCE; the absolute part is an angle or a length per step."""
 
+REMAINDER = 1e-15
+"""Native code keeps the matrix of an iteration for the next ones, as a chord. Their increments δ₁, δ₂, … shrink by a
+nearly constant factor, so that the one that would follow is δ₂²/δ₁: a chord stops where |δ₂|²/|δ₁| ≤ REMAINDER·|z_b|∞ +
+1e-3·FLOOR/|h| in every block."""
+
+CONTRACTION = 1 / 16
+"""A chord whose increment is larger than this part of the one before is dropped, without being counted, and the stage
+continues by Newton."""
+
 MAX_ITERATIONS = 25
+
+NEWTON = (TOLERANCE, FLOOR, STALLED, REMAINDER, CONTRACTION, MAX_ITERATIONS)
+"""They decide the last digits of results, and are part of the identity of runs and kernels."""
 
 MAX_UNKNOWNS = 60
 """The most unknowns of a stage that native code takes: their elimination is unrolled, and for more unknowns XLA is as

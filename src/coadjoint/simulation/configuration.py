@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint.archives import stored_arrays
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
+from coadjoint.kernels.program import NEWTON, Code
 from coadjoint.kernels.run import disk_cache, plans
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
@@ -197,9 +197,8 @@ def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
     order = {step: i for i, step in enumerate(different)}
     parts = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
     stages = [program.substeps, *parts]
-    newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {
-        "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
+        "equations": digest(NEWTON, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
         "monitors": digest(
             named(plan.constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)
         ),

@@ -75,6 +75,14 @@ class Emitter:
         """The value of a symbol in this scope."""
         self._scopes[-1][node] = value
 
+    def variable(self, kind: Any, value: Any = None) -> Any:
+        """A local variable; LLVM keeps it in a register."""
+        with self.builder.goto_entry_block():
+            place = self.builder.alloca(kind)
+        if value is not None:
+            self.builder.store(value, place)
+        return place
+
     def constant(self, value: float) -> ir.Constant:
         """A number in every lane."""
         # LLVM takes infinities and NaN only in hexadecimal; llvmlite writes them so.

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from coadjoint.kernels.emit.emitter import INT64, Emitter, outer
+from coadjoint.kernels.emit.emitter import Emitter, outer
 from coadjoint.kernels.emit.plan import StagePlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.newton.increments import Increment
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
-
-
-@dataclass
-class _Progress:
-    """The last increment: its size in each group, and whether the unknowns together had settled."""
-
-    sizes: dict[int, Any]
-    together: Any
+from coadjoint.kernels.program import CONTRACTION, FLOOR, MAX_ITERATIONS, REMAINDER, STALLED, TOLERANCE, Code
 
 
 @dataclass
@@ -30,6 +23,51 @@ class Outcome:
     sound: Any
     iterations: Any
     code: Any
+
+
+class _Iterates:
+    """The variables of Newton's loop, in each lane its own: no lane depends on its neighbours.
+
+    `at` is the point z of the matrix, `found` the newest iterate y; `sizes` are those of the last increment in each
+    block, and `together` says whether with it the unknowns together met their tolerance. A lane is `over` when it has
+    settled or has no iterations left. Where it is to `renew` its matrix Newton's increment comes next, elsewhere the
+    chord's, which it takes no longer once `chords` is false.
+    """
+
+    def __init__(self, emit: Emitter, start: list[Any], blocks: Iterable[int], idle: Any) -> None:
+        self.emit = emit
+        self.found = [emit.variable(emit.number, value) for value in start]
+        self.at = self.found if emit.width == 1 else [emit.variable(emit.number, value) for value in start]
+        self.sizes = {g: emit.variable(emit.number, emit.constant(0.0)) for g in blocks}
+        self.together = emit.variable(emit.truth, emit.bit(False))
+        self.settled, self.over = (emit.variable(emit.truth, idle) for _ in range(2))
+        self.renew, self.chords = (emit.variable(emit.truth, emit.bit(True)) for _ in range(2))
+        self.count = emit.variable(emit.counter, emit.counts(0))
+
+    def active(self, renewing: bool) -> Any:
+        """The lanes that take Newton's increment, or the chord's."""
+        b = self.emit.builder
+        renew = b.load(self.renew)
+        return b.and_(self.open(), renew if renewing else b.not_(renew))
+
+    def open(self) -> Any:
+        """The lanes that are not over."""
+        b = self.emit.builder
+        return b.not_(b.load(self.over))
+
+    def put(self, place: Any, value: Any, lanes: Any) -> None:
+        """Store a value in some lanes, or in all (None)."""
+        b = self.emit.builder
+        b.store(value if lanes is None else b.select(lanes, value, b.load(place)), place)
+
+    @contextmanager
+    def where(self, mask: Any) -> Iterator[Any]:
+        """The lanes of what is done inside: one lane branches, several are selected from."""
+        if self.emit.width > 1:
+            yield mask
+        else:
+            with self.emit.builder.if_then(mask):
+                yield None
 
 
 class StageLoop:
@@ -43,88 +81,123 @@ class StageLoop:
         b, emit, scheme = self.b, self.emit, self.stage.scheme
         (h,) = emit.values([self.stage.h])
         self.floor = b.fdiv(emit.constant(FLOOR), emit.intrinsic("fabs", h))
-        start = emit.values(self.stage.guess)
-        settled, iterations = self.idle, self.emit.counts(0)
-        self.done, progress = {}, _Progress({}, emit.bit(False))
+        self.z = dict(enumerate(emit.values(self.stage.guess)))
         if scheme.first is not None:
             delta = increment_values(emit, scheme.first)
-            start = [b.fadd(x, d) for x, d in zip(start, delta, strict=True)]
-            for i, symbol in scheme.settled.items():
-                emit.bind(symbol, start[i])
-            self.done = {i: start[i] for i in scheme.settled}
-            found, progress = self._settled(dict(enumerate(delta)), dict(enumerate(start)), None)
-            settled = b.or_(self.idle, found)
-            iterations = self.emit.counts(1)
-        if scheme.loop is None:
-            # Everything is affine: the second increment is round-off.
-            again = self.emit.counts(2)
-            iterations = b.select(settled, iterations, again)
-            return self._judge(start, emit.bit(True), iterations)
-        found = [start[i] for i in scheme.looped]
-        found, settled, iterations = self._loop(scheme.loop, found, settled, iterations, progress)
-        for i, value in zip(scheme.looped, found, strict=True):
-            start[i] = value
-            emit.bind(self.stage.solution[i], value)
-        return self._judge(start, settled, iterations)
+            for (i, symbol), d in zip(scheme.settled.items(), delta, strict=True):
+                self.z[i] = b.fadd(self.z[i], d)
+                emit.bind(symbol, self.z[i])
+        settled, iterations = emit.bit(True), emit.counts(1)
+        if scheme.loop is not None and scheme.chord is not None:
+            settled, iterations = self._loop(scheme.loop, scheme.chord)
+            for i in scheme.looped:
+                emit.bind(self.stage.solution[i], self.z[i])
+        return self._judge(list(self.z.values()), settled, iterations)
 
-    def _loop(
-        self, increment: Increment, start: list[Any], settled: Any, iterations: Any, progress: _Progress
-    ) -> tuple:
-        b, emit = self.b, self.emit
-        symbols = [self.stage.unknowns[i] for i in self.stage.scheme.looped]
-        roots = [*increment.delta, increment.safe]
-        if not increment.always_safe:
-            roots += [*(x for row in increment.jacobian for x in row), *increment.right]
-        emit.values(outer(roots, set(symbols)))
-        before, head, end = b.block, b.append_basic_block("newton"), b.append_basic_block("solved")
-        if self.stage.scheme.first is None:
-            b.branch(head)
-        else:
-            b.cbranch(emit.any(b.xor(settled, emit.bit(True))), head, end)
-        b.position_at_end(head)
-        old = [b.phi(emit.number) for _ in start]
-        was, count = b.phi(emit.truth), b.phi(emit.counter)
-        trip = b.phi(INT64)
-        looped = self.stage.scheme.looped
-        sizes = {g: b.phi(emit.number) for g in self._blocks_of(looped)} if len(self.stage.blocks) > 1 else {}
-        last = _Progress(sizes, b.phi(emit.truth)) if sizes else None
+    def _loop(self, newton: Increment, chord: Increment) -> tuple[Any, Any]:
+        """The loop over the unknowns that are not settled: whether they have settled, and the iterations."""
+        b, emit, scheme = self.b, self.emit, self.stage.scheme
+        symbols = [self.stage.unknowns[i] for i in scheme.looped]
+        kept = _roots(chord)
+        emit.values(outer([*_roots(newton), *kept], {*symbols, *scheme.iterate}))
+        groups = [g for g, members in enumerate(self.stage.blocks) if any(i in members for i in scheme.looped)]
+        lanes = _Iterates(emit, [self.z[i] for i in scheme.looped], groups, self.idle)
+        names = ("newton", "newton.again", "chord", "chord.again", "solved")
+        renewed, again, chords, on, end = map(b.append_basic_block, names)
+        b.branch(renewed)
+        b.position_at_end(renewed)
         with emit.scope():
-            for symbol, value in zip(symbols, old, strict=True):
-                emit.bind(symbol, value)
-            delta = increment_values(emit, increment)
-            new = [b.fadd(x, d) for x, d in zip(old, delta, strict=True)]
-            now, next_ = self._settled(dict(zip(looped, delta, strict=True)), dict(zip(looped, new, strict=True)), last)
-        one = emit.counts(1)
-        counted = b.add(count, one)
-        if emit.width > 1:
-            new = [b.select(was, x, y) for x, y in zip(old, new, strict=True)]
-            counted, now = b.select(was, count, counted), b.or_(was, now)
-        trips = b.add(trip, INT64(1))
-        open_lanes = emit.any(b.xor(now, emit.bit(True)))
-        more = b.and_(open_lanes, b.icmp_signed("<", trips, INT64(MAX_ITERATIONS)))
-        back = b.block
-        b.cbranch(more, head, end)
-        first = 0 if self.stage.scheme.first is None else 1
-        incoming = [*zip(old, start, new, strict=True), (was, settled, now), (count, iterations, counted)]
-        for phi, value, again in [*incoming, (trip, INT64(first), trips)]:
-            phi.add_incoming(value, before)
-            phi.add_incoming(again, back)
-        if last is not None:
-            for g, phi in last.sizes.items():
-                phi.add_incoming(progress.sizes.get(g, emit.constant(0.0)), before)
-                phi.add_incoming(next_.sizes[g], back)
-            last.together.add_incoming(progress.together, before)
-            last.together.add_incoming(next_.together, back)
+            active = None if emit.width == 1 else lanes.active(True)
+            for symbol, at, found in zip(symbols, lanes.at, lanes.found, strict=True):
+                lanes.put(at, b.load(found), active)
+                emit.bind(symbol, b.load(at))
+            emit.values(outer(kept, set(scheme.iterate)))
+            self._newton(lanes, increment_values(emit, newton), active)
+            b.cbranch(emit.any(lanes.active(False)), chords, again)
+            b.position_at_end(again)
+            b.cbranch(emit.any(lanes.open()), renewed, end)
+            b.position_at_end(chords)
+            with emit.scope():
+                for symbol, found in zip(scheme.iterate, lanes.found, strict=True):
+                    emit.bind(symbol, b.load(found))
+                self._chord(lanes, increment_values(emit, chord))
+                b.cbranch(emit.any(lanes.active(True)), renewed, on)
+                b.position_at_end(on)
+                b.cbranch(emit.any(lanes.open()), chords, end)
         b.position_at_end(end)
-        if self.stage.scheme.first is None:
-            return new, now, counted
-        joined = []
-        for _, value, again in incoming:
-            phi = b.phi(value.type)
-            phi.add_incoming(value, before)
-            phi.add_incoming(again, back)
-            joined.append(phi)
-        return joined[:-2], joined[-2], joined[-1]
+        self.z.update(zip(scheme.looped, [b.load(place) for place in lanes.found], strict=True))
+        return b.load(lanes.settled), b.load(lanes.count)
+
+    def _newton(self, lanes: _Iterates, delta: list[Any], active: Any) -> None:
+        """Take Newton's increment in the active lanes; it settles the unknowns by `program.TOLERANCE`."""
+        b, emit = self.b, self.emit
+        new = [b.fadd(b.load(at), d) for at, d in zip(lanes.at, delta, strict=True)]
+        sizes, scales, together = self._measured(delta, new)
+        near = b.and_(together, b.load(lanes.together))
+        settled = emit.bit(True)
+        for g, size in sizes.items():
+            stalled = b.fcmp_ordered(">", size, b.fmul(emit.constant(STALLED), b.load(lanes.sizes[g])))
+            settled = b.and_(settled, b.or_(self._small(size, scales[g]), b.and_(near, stalled)))
+        self._count(lanes, active)
+        self._take(lanes, new, sizes, together, settled, active)
+        lanes.put(lanes.renew, b.not_(b.load(lanes.chords)), active)
+
+    def _chord(self, lanes: _Iterates, delta: list[Any]) -> None:
+        """Take the chord's increment where it is much smaller than the one before; elsewhere drop it, and go on with
+        Newton's alone. It settles the unknowns by `program.REMAINDER`."""
+        b, emit = self.b, self.emit
+        new = [b.fadd(b.load(found), d) for found, d in zip(lanes.found, delta, strict=True)]
+        sizes, scales, together = self._measured(delta, new)
+        settled = contracts = emit.bit(True)
+        for g, size in sizes.items():
+            last = b.load(lanes.sizes[g])
+            left = b.fadd(b.fmul(emit.constant(REMAINDER), scales[g]), b.fmul(emit.constant(1e-3), self.floor))
+            fine = b.fcmp_ordered("<=", b.fmul(size, size), b.fmul(last, left))
+            quick = b.fcmp_ordered("<=", size, b.fmul(emit.constant(CONTRACTION), last))
+            settled, contracts = b.and_(settled, fine), b.and_(contracts, b.or_(fine, quick))
+        active = None if emit.width == 1 else lanes.active(False)
+        taken, dropped = contracts, b.not_(contracts)
+        if active is not None:
+            taken, dropped = b.and_(active, taken), b.and_(active, dropped)
+        with lanes.where(taken) as there:
+            self._count(lanes, there)
+            self._take(lanes, new, sizes, together, settled, there)
+        with lanes.where(dropped) as there:
+            lanes.put(lanes.renew, emit.bit(True), there)
+            lanes.put(lanes.chords, emit.bit(False), there)
+
+    def _take(
+        self, lanes: _Iterates, new: list[Any], sizes: dict[int, Any], together: Any, settled: Any, there: Any
+    ) -> None:
+        """The new iterate of some lanes, or of all (None)."""
+        b = self.b
+        for place, value in zip([*lanes.found, *lanes.sizes.values()], [*new, *sizes.values()], strict=True):
+            lanes.put(place, value, there)
+        lanes.put(lanes.together, together, there)
+        lanes.put(lanes.settled, settled, there)
+        lanes.put(lanes.over, b.or_(b.load(lanes.over), settled), there)
+
+    def _count(self, lanes: _Iterates, active: Any) -> None:
+        """One iteration more in the active lanes; one that has no iterations left is over."""
+        b, emit = self.b, self.emit
+        count = b.add(b.load(lanes.count), emit.counts(1))
+        lanes.put(lanes.count, count, active)
+        lanes.put(lanes.over, b.icmp_signed(">=", count, emit.counts(MAX_ITERATIONS)), active)
+
+    def _small(self, size: Any, scale: Any) -> Any:
+        """Whether an increment of this size settles unknowns of this scale (`program.TOLERANCE`)."""
+        b, emit = self.b, self.emit
+        return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
+
+    def _measured(self, delta: list[Any], new: list[Any]) -> tuple[dict[int, Any], dict[int, Any], Any]:
+        """The sizes of an increment of the looped unknowns and of all unknowns, by blocks, and whether it is small."""
+        looped = self.stage.scheme.looped
+        of = dict(zip(looped, delta, strict=True))
+        z = {**self.z, **dict(zip(looped, new, strict=True))}
+        parts = {g: [of[i] for i in members if i in of] for g, members in enumerate(self.stage.blocks)}
+        sizes = {g: self._size(values) for g, values in parts.items() if values}
+        scales = {g: self._size([z[i] for i in members]) for g, members in enumerate(self.stage.blocks)}
+        return sizes, scales, self._small(self._largest(list(sizes.values())), self._largest(list(scales.values())))
 
     def _size(self, values: list[Any]) -> Any:
         """|values|∞; a NaN may get lost here and is found when the stage is checked."""
@@ -137,29 +210,6 @@ class StageLoop:
             odd = sizes[-1:] if len(sizes) % 2 else []
             sizes = [b.select(b.fcmp_ordered(">", x, y), x, y) for x, y in pairs] + odd
         return sizes[0]
-
-    def _blocks_of(self, unknowns: Iterable[int]) -> list[int]:
-        """The blocks that hold any of these unknowns."""
-        return [g for g, members in enumerate(self.stage.blocks) if any(i in members for i in unknowns)]
-
-    def _settled(self, delta: dict[int, Any], z: dict[int, Any], last: _Progress | None) -> tuple[Any, _Progress]:
-        """Whether the increments δ of these unknowns settle them (`program.TOLERANCE`); those done before stay."""
-        b, emit, z = self.b, self.emit, {**self.done, **z}
-
-        def small(size: Any, scale: Any) -> Any:
-            return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
-
-        scales = [self._size([z[i] for i in members]) for members in self.stage.blocks]
-        sizes = {g: self._size([delta[i] for i in self.stage.blocks[g] if i in delta]) for g in self._blocks_of(delta)}
-        together = small(self._largest(list(sizes.values())), self._largest(scales))
-        settled = emit.bit(True)
-        for g, size in sizes.items():
-            fine = small(size, scales[g])
-            if last is not None:
-                stalled = b.fcmp_ordered(">", size, b.fmul(emit.constant(STALLED), last.sizes[g]))
-                fine = b.or_(fine, b.and_(b.and_(together, last.together), stalled))
-            settled = b.and_(settled, fine)
-        return settled, _Progress(sizes, together)
 
     def _judge(self, z: list[Any], settled: Any, iterations: Any) -> Outcome:
         """Whether Newton settled on finite unknowns inside the chart, and the next state is finite."""
@@ -184,6 +234,14 @@ class StageLoop:
         emit.bind(symbol, b.select(found, emit.constant(1.0), emit.constant(0.0)))
         sound = finite(emit, emit.values(self.stage.after))
         return Outcome(sound, iterations, emit.counts(Code.NOT_FINITE))
+
+
+def _roots(increment: Increment) -> list[Expr]:
+    """The expressions that `increment_values` may emit."""
+    roots = [*increment.delta, increment.safe]
+    if not increment.always_safe:
+        roots += [*(x for row in increment.jacobian for x in row), *increment.right]
+    return roots
 
 
 def finite(emit: Emitter, values: Iterable[Any]) -> Any:

@@ -76,9 +76,9 @@ class _Online(StepFunction):
         kind, b = self.emit.counter, self.builder
         self.status = status
         rows = [self.load(status, i, kind) for i in range(4)]
-        self.steps, self.code, self.total, self.most = (self.variable(kind, row) for row in rows)
+        self.steps, self.code, self.total, self.most = (self.emit.variable(kind, row) for row in rows)
         well = b.icmp_signed("==", b.load(self.code), self.emit.counts(0))
-        self.alive = self.variable(self.emit.truth, well)
+        self.alive = self.emit.variable(self.emit.truth, well)
 
     def _opens(self, wanted: Any) -> Any:
         return self.builder.and_(wanted, self.emit.any(self.builder.load(self.alive)))

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
 from coadjoint.kernels.newton.solver import Dense
@@ -38,8 +39,8 @@ class StagePlan:
     after: list[Expr]
 
     def increments(self) -> Iterator[Increment]:
-        """The unrolled first iteration and the loop, where there are any."""
-        yield from (i for i in (self.scheme.first, self.scheme.loop) if i is not None)
+        """Those of the affine unknowns, of Newton's loop and of its chord, where there are any."""
+        yield from (i for i in (self.scheme.first, self.scheme.loop, self.scheme.chord) if i is not None)
 
 
 @dataclass(frozen=True)
@@ -103,14 +104,15 @@ def plan(
     written = (1.0,) if looped else program.substeps
     parts = [(stage, substep * stage.fraction) for substep in written for stage in program.stages]
     changing = [*flat(opening), full[()]] if looped else flat(s)
+    collect = Collector(graph, [*flat(p), h[()], full[()]])
     current = opening
     stages: list[StagePlan] = []
     certificates: dict[str, Expr] = {}
     first = None
     for number, (stage, fraction) in enumerate(parts):
         step = full if fraction == 1.0 else np.asarray(graph.mul(full[()], graph.constant(fraction)))
-        traced, solution, sound = _stage(tracer, stage, number, p, current, step, changing)
-        after = tracer.trace(stage.advance, p, current, step, solution, sound)
+        traced, solution, sound = _stage(tracer, stage, number, p, current, step, changing, collect)
+        after = _collected(collect, tracer.trace(stage.advance, p, current, step, solution, sound))
         _check_same("advance", after, state)
         stages.append(StagePlan(**traced, after=flat(after)))
         if first is None and not stage.tolerant:
@@ -143,7 +145,14 @@ def plan(
 
 
 def _stage(
-    tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray, changing: list[Expr]
+    tracer: Tracer,
+    stage: Stage,
+    number: int,
+    p: Any,
+    state: Any,
+    h: np.ndarray,
+    changing: list[Expr],
+    collect: Collector,
 ) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
     """The parts of a `StagePlan` before `advance`, and the arguments of `advance`: z and `sound`."""
     graph = tracer.graph
@@ -152,7 +161,8 @@ def _stage(
         raise Untraceable("guess", f"a stage has {guess.size} unknowns, more than {MAX_UNKNOWNS}")
     unknowns = tracer.symbols(f"z{number}.", guess)
     residual = tracer.trace(stage.residual, p, state, h, unknowns)
-    plan_of_newton = scheme(graph, list(unknowns), list(guess), flat(residual), changing)
+    equations = collect(flat(residual))
+    plan_of_newton = scheme(graph, list(unknowns), list(guess), equations, changing, collect)
     solution = tracer.symbols(f"w{number}.", guess)
     for i, value in plan_of_newton.settled.items():
         solution[i] = value
@@ -160,7 +170,7 @@ def _stage(
         "h": h[()],
         "blocks": _ranges(stage.blocks or (guess.size,)),
         "guess": list(guess),
-        "residual": flat(residual),
+        "residual": equations,
         "unknowns": list(unknowns),
         "scheme": plan_of_newton,
         "solution": list(solution),
@@ -173,6 +183,11 @@ def _stage(
     well = graph.apply("lt", graph.zero, sound)
     accepted = [graph.select(well, found, start) for found, start in zip(solution, guess, strict=True)]
     return traced, nodes(accepted, solution.shape), np.asarray(sound)
+
+
+def _collected(collect: Collector, tree: Any) -> Any:
+    """The expressions in the arrays of a PyTree with their like terms collected."""
+    return jax.tree_util.tree_map(lambda leaf: nodes(collect(list(leaf.ravel())), leaf.shape), tree)
 
 
 def _ranges(sizes: tuple[int, ...]) -> list[range]:

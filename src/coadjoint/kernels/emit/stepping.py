@@ -64,14 +64,6 @@ class StepFunction:
         typed = self.builder.bitcast(pointer, kind.as_pointer())
         return self.builder.gep(typed, [index])
 
-    def variable(self, kind: Any, value: Any = None) -> Any:
-        """A local variable; LLVM keeps it in a register."""
-        with self.builder.goto_entry_block():
-            place = self.builder.alloca(kind)
-        if value is not None:
-            self.builder.store(value, place)
-        return place
-
     # The loop over steps.
 
     def _function(self) -> None:
@@ -80,10 +72,10 @@ class StepFunction:
         for i, node in enumerate(plan.parameters):
             self.emit.bind(node, self.load(p, i))
         self.emit.bind(plan.h, self.load(h, 0))
-        self.state = [self.variable(self.emit.number, self.load(s, i)) for i in range(len(plan.state))]
+        self.state = [self.emit.variable(self.emit.number, self.load(s, i)) for i in range(len(plan.state))]
         self._begin(status)
-        self.done, self.row = self.variable(INT64, INT64(0)), self.variable(INT64, INT64(0))
-        self.due = self.variable(INT64, INT64(0))
+        self.done, self.row = self.emit.variable(INT64, INT64(0)), self.emit.variable(INT64, INT64(0))
+        self.due = self.emit.variable(INT64, INT64(0))
         number = b.mul(records, every)
         self.every = every
         self.emit.keep_exact(reachable(self._results()))
@@ -105,11 +97,10 @@ class StepFunction:
 
     def _begin(self, status: Any) -> None:
         """The status of a run at its beginning: no step done, every lane alive."""
-        zero = self.emit.counts(0)
-        self.steps, self.total = self.variable(self.emit.counter, zero), self.variable(self.emit.counter, zero)
-        self.most = self.variable(self.emit.counter, zero)
-        self.code = self.variable(self.emit.counter, zero)
-        self.alive = self.variable(self.emit.truth, self.emit.bit(True))
+        emit = self.emit
+        counters = (emit.variable(emit.counter, emit.counts(0)) for _ in range(4))
+        self.steps, self.total, self.most, self.code = counters
+        self.alive = self.emit.variable(self.emit.truth, self.emit.bit(True))
 
     def _opens(self, wanted: Any) -> Any:
         """Whether there is a first step, if one is wanted."""
@@ -142,7 +133,8 @@ class StepFunction:
         if inner is not None:
             symbols.update(inner.state, inner.after, [inner.h])
         for stage in self.plan.stages:
-            symbols.update(stage.unknowns, stage.solution, [] if stage.sound is None else [stage.sound])
+            symbols.update(stage.unknowns, stage.scheme.iterate, stage.solution)
+            symbols.update([] if stage.sound is None else [stage.sound])
         return symbols
 
     def _step(self) -> None:
@@ -153,7 +145,7 @@ class StepFunction:
         if plan.inner is None:
             done = self._stages(idle)
         else:
-            kept = [self.variable(self.emit.number) for _ in (*plan.record, *plan.monitors)]
+            kept = [self.emit.variable(self.emit.number) for _ in (*plan.record, *plan.monitors)]
             done = substeps(self.emit, plan, plan.inner, kept, self._stages, idle)
         code, well = done.code, done.well
         observed = done.monitors()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.differentiation import forward
@@ -105,16 +105,18 @@ class Changing:
 class Scheme:
     """The arrangement of Newton's method for one stage.
 
-    Rows that are affine in unknowns which only they determine are exact after one iteration. If there are any, the
-    `first` iteration is unrolled at the guess, `settled` maps those unknowns to the symbols of their values, and the
-    loop (`loop`, on the symbols of the unknowns that are `looped`) runs over the others. Every iteration is a plain
-    Newton iteration on all unknowns.
+    Rows that are affine in unknowns which only they determine are solved by one increment at the guess, `first`, if
+    there are any; `settled` maps those unknowns to the symbols of their values. The loop runs over the others, those
+    in `looped`: `loop` is Newton's increment at the symbols z of the unknowns, J(z) δ = −r(z), and `chord` keeps its
+    matrix at later iterates y, whose symbols are `iterate`: J(z) δ = −r(y).
     """
 
     first: Increment | None
     settled: dict[int, Expr]
     looped: list[int]
-    loop: Increment | None
+    loop: Increment | None = None
+    chord: Increment | None = None
+    iterate: list[Expr] = field(default_factory=list)
 
 
 def scheme(
@@ -123,6 +125,7 @@ def scheme(
     guess: Sequence[Expr],
     residual: Sequence[Expr],
     state: Sequence[Expr],
+    collect: Callable[[list[Expr]], list[Expr]] = list,
 ) -> Scheme:
     """Arrange Newton for residual(unknowns) = 0 from `guess`; expressions that depend on `state` change at every
     step."""
@@ -134,26 +137,32 @@ def scheme(
     n = range(len(unknowns))
     parts = blocks([list(row) for row in rows]) if order is not None else [list(n)]
     affine = _affine(parts, rows, unknowns)
-    full = [[row.get(j, graph.zero) for j in n] for row in rows]
-    if not affine:
-        return Scheme(None, {}, list(n), _increment(graph, parts, full, residual, changing))
-    at_guess = dict(zip(unknowns, guess, strict=True))
-    flat = substitute(graph, [*residual, *(x for row in full for x in row)], at_guess)
-    m = len(unknowns)
-    first = _increment(graph, parts, [flat[m + i * m : 2 * m + i * m] for i in n], flat[:m], changing)
-    settled = {i: graph.symbol(f"{unknowns[i].value}'") for i in sorted(affine)}
+
+    def increment(chosen: list[int], matrix: Mapping[Expr, Expr], right: Mapping[Expr, Expr]) -> Increment:
+        """δ of the chosen unknowns, with the symbols in J and in r replaced."""
+        place = {i: position for position, i in enumerate(chosen)}
+        entries = collect(substitute(graph, [rows[i].get(j, graph.zero) for i in chosen for j in chosen], matrix))
+        values = collect(substitute(graph, [residual[i] for i in chosen], right))
+        k = len(chosen)
+        jacobian = [entries[i * k : i * k + k] for i in range(k)]
+        inside = [[place[i] for i in part] for part in parts if part[0] in place]
+        return _increment(graph, inside, jacobian, values, changing)
+
+    settled: dict[int, Expr] = {}
+    first = None
+    if affine:
+        at_guess = dict(zip(unknowns, guess, strict=True))
+        first = increment(sorted(affine), at_guess, at_guess)
+        settled = {i: graph.symbol(f"{unknowns[i].value}'") for i in sorted(affine)}
+        changing.update(settled.values())
     looped = [i for i in n if i not in settled]
     if not looped:
-        return Scheme(first, settled, [], None)
+        return Scheme(first, settled, looped)
     known = {unknowns[i]: value for i, value in settled.items()}
-    inner = [full[i][j] for i in looped for j in looped]
-    flat = substitute(graph, [*(residual[i] for i in looped), *inner], known)
-    k, place = len(looped), {i: position for position, i in enumerate(looped)}
-    smaller = [[place[i] for i in part] for part in parts if part[0] in place]
-    loop = _increment(
-        graph, smaller, [flat[k + i * k : 2 * k + i * k] for i in range(k)], flat[:k], {*changing, *settled.values()}
-    )
-    return Scheme(first, settled, looped, loop)
+    iterate = [graph.symbol(f"{unknowns[i].value}~") for i in looped]
+    changing.update(iterate)
+    later = {**known, **{unknowns[i]: symbol for i, symbol in zip(looped, iterate, strict=True)}}
+    return Scheme(first, settled, looped, increment(looped, known, known), increment(looped, known, later), iterate)
 
 
 def _affine(parts: list[list[int]], rows: list[dict[int, Expr]], unknowns: Sequence[Expr]) -> set[int]:

@@ -11,11 +11,11 @@ from typing import Any
 import jax
 
 from coadjoint.kernels.newton.increments import CANCELLATION
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, MAX_UNKNOWNS, STALLED, TOLERANCE, Program
+from coadjoint.kernels.program import MAX_UNKNOWNS, NEWTON, Program
 from coadjoint.kernels.run import disk_cache
 from coadjoint.kernels.trace.identity import Shapes
 
-NEWTON = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS, CANCELLATION, MAX_UNKNOWNS)
+RULES = (*NEWTON, CANCELLATION, MAX_UNKNOWNS)
 
 
 def name(program: Program, parameters: Any, state: Any, *more: Any) -> str | None:
@@ -24,4 +24,4 @@ def name(program: Program, parameters: Any, state: Any, *more: Any) -> str | Non
     structure = repr(jax.tree_util.tree_structure((parameters, state)))
     if own is None or " at 0x" in structure:
         return None
-    return disk_cache.name(own, NEWTON, structure, Shapes((parameters, state)), more)
+    return disk_cache.name(own, RULES, structure, Shapes((parameters, state)), more)

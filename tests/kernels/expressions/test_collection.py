@@ -1,0 +1,98 @@
+"""Collected expressions have the values of the written ones, and what never changes stands in front of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_simplification import value
+
+from coadjoint.kernels.expressions.collection import Collector
+from coadjoint.kernels.expressions.expression import Graph, reachable
+
+FIXED = ("p", "q", "h")
+CHANGING = ("x", "y", "z")
+
+
+def symbols(graph):
+    return {name: graph.symbol(name) for name in (*FIXED, *CHANGING)}
+
+
+def collector(graph):
+    return Collector(graph, [graph.symbol(name) for name in FIXED])
+
+
+def at_each_step(root, graph):
+    """The operations on what changes."""
+    changing = {graph.symbol(name) for name in CHANGING}
+    found = []
+    for node in reachable([root]):
+        if any(a in changing for a in node.args):
+            changing.add(node)
+            found.append(node.op)
+    return found
+
+
+def random_expression(graph, random, depth):
+    if depth == 0:
+        name = random.choice([*FIXED, *CHANGING, "1", "0.5", "-2"])
+        return symbols(graph).get(name) or graph.constant(float(name))
+    op = random.choice(["add", "sub", "mul", "neg", "sin", "div"], p=[0.3, 0.25, 0.3, 0.05, 0.05, 0.05])
+    first = random_expression(graph, random, depth - 1)
+    if op in ("neg", "sin"):
+        return graph.apply(op, first)
+    second = random_expression(graph, random, depth - 1)
+    return graph.apply(op, first, graph.add(graph.constant(3.0), graph.apply("abs", second)) if op == "div" else second)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_collected_expressions_have_the_value_of_the_written_ones(seed):
+    print(f"seed {seed}")
+    random, graph = np.random.default_rng(seed), Graph()
+    given = dict(zip((*FIXED, *CHANGING), random.uniform(0.5, 2.0, 6), strict=True))
+    written = [random_expression(graph, random, depth) for depth in (2, 3, 4, 5, 6, 7)]
+    for before, after in zip(written, collector(graph)(written), strict=True):
+        assert value(after, given) == pytest.approx(value(before, given), rel=1e-10, abs=1e-10)
+
+
+def test_a_gyroscopic_term_is_one_coefficient_times_the_product_of_two_velocities():
+    graph = Graph()
+    p, q, h, x, y, _ = symbols(graph).values()
+    # (q y)(h x) − (p x)(h y) = h (q − p) x y
+    written = graph.sub(graph.mul(graph.mul(q, y), graph.mul(h, x)), graph.mul(graph.mul(p, x), graph.mul(h, y)))
+    (found,) = collector(graph)([written])
+    assert len(at_each_step(written, graph)) == 7
+    assert at_each_step(found, graph) == ["mul", "mul"]
+
+
+def test_the_derivative_of_a_quadratic_form_is_each_coefficient_once():
+    graph = Graph()
+    p, q, _, x, y, _ = symbols(graph).values()
+    half = graph.constant(0.5)
+
+    def row(*factors):
+        return graph.add(graph.mul(p, factors[0]), graph.mul(q, factors[1]))
+
+    # (p x/2 + q y/2) + (p x + q y)/2
+    written = graph.add(row(graph.mul(half, x), graph.mul(half, y)), graph.mul(half, row(x, y)))
+    (found,) = collector(graph)([written])
+    assert sorted(at_each_step(found, graph)) == ["add", "mul", "mul"]
+
+
+def test_the_round_off_of_a_sum_that_a_compensated_sum_recovers_is_not_simplified_to_zero():
+    graph = Graph()
+    x, y = graph.symbol("x"), graph.symbol("y")
+    total = graph.add(x, y)
+    lost = graph.sub(graph.sub(total, x), y)
+    (found,) = collector(graph)([lost])
+    assert value(found, {"x": 1.0, "y": 1e-17}) == -1e-17
+
+
+def test_the_form_of_an_expression_does_not_depend_on_others():
+    graph, other = Graph(), Graph()
+    random = np.random.default_rng(3)
+    roots = [random_expression(graph, random, 6) for _ in range(5)]
+    random = np.random.default_rng(3)
+    again = [random_expression(other, random, 6) for _ in range(5)]
+    together, alone = collector(graph)(roots), [collector(other)([root])[0] for root in again]
+    given = dict(zip((*FIXED, *CHANGING), np.random.default_rng(4).uniform(0.5, 2.0, 6), strict=True))
+    assert [value(root, given) for root in together] == [value(root, given) for root in alone]
