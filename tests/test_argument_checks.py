@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import re
 from fractions import Fraction
@@ -13,6 +14,7 @@ from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError, GroupError
 from coadjoint.runs.sections import RunSection
 from coadjoint.simulation.arguments import grid
+from imports import modules
 
 
 def refused(sentence, call, *given, **more):
@@ -132,3 +134,18 @@ def test_a_time_that_is_no_whole_number_of_steps_shows_the_digits_that_make_it_s
         RunSection(dt=0.002, duration=427.3921)
     with pytest.raises(ArgumentError, match=r"427\.3921 s is 213696\.05 steps of 0\.002 s; give duration=427\.392\."):
         grid(0.002, 427.3921, None)
+
+
+def test_the_nearest_name_is_the_most_similar_one_and_empty_where_none_is_similar_enough():
+    assert checks.nearest("Midpiont", ["Midpoint", "Trapezoidal"]) == "Midpoint"
+    assert checks.nearest("qqq", ["Midpoint", "Trapezoidal"]) == ""
+    assert checks.nearest("idp", ["Midpoint", "Trapezoidal"], 0.0) == "Midpoint"
+    assert checks.nearest(7, []) == ""
+
+
+def test_the_nearest_name_is_searched_for_by_one_function():
+    texts = {name: ast.unparse(tree) for name, tree in modules().items()}
+    assert {name for name, text in texts.items() if "get_close_matches" in text} == {
+        "coadjoint.errors",
+        "coadjoint.vehicles.logs.bags.messages",  # the three nearest
+    }

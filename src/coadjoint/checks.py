@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, shown
+from coadjoint.errors import nearest as nearest
 
 if TYPE_CHECKING:
     from coadjoint.kernels.trace.jaxprs import Tracer
@@ -143,9 +143,9 @@ def choice(value: object, name: str, words: Collection[T], error: Error = Argume
         if type(value) is type(word) and value == word:
             return word
     texts = [word for word in words if isinstance(word, str) and word]
-    near = get_close_matches(value, texts, 1) if isinstance(value, str) else []
+    near = nearest(value, texts) if isinstance(value, str) else ""
     listed = [f'"{word}"' if isinstance(word, str) else str(word) for word in words if word != ""]
-    hint = f": did you mean `{near[0]}`?" if near else "."
+    hint = f": did you mean `{near}`?" if near else "."
     raise error(f"{subject(name)} must be {either(listed)}, but is {shown(value)}{hint}")
 
 
@@ -156,11 +156,11 @@ def either(words: Sequence[str]) -> str:
 
 def unknown(what: str, where: str, given: str, known: Collection[str]) -> str:
     """The sentence for a name that is not known, with the nearest one that is."""
-    near = get_close_matches(given, list(known), n=1, cutoff=0.5)
+    near = nearest(given, known, 0.5)
     listed = ", ".join(sorted(known))
     if not listed:
         return f"{where} has no {what}: it has none."
-    hint = f"did you mean `{near[0]}`? It knows {listed}." if near else f"it knows {listed}."
+    hint = f"did you mean `{near}`? It knows {listed}." if near else f"it knows {listed}."
     return f"{where} has no {what}: {hint}"
 
 

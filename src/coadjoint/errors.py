@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Iterable
 from typing import Any
 
 __all__ = [
@@ -57,6 +58,13 @@ def printable(text: str) -> str:
 def warn(sentence: str, stacklevel: int = 1, category: type[Warning] = UserWarning) -> None:
     """Warn of what the user did and can change, as `warnings.warn` does; control characters become escapes."""
     warnings.warn(printable(sentence), category, stacklevel=stacklevel + 1)
+
+
+def nearest(name: object, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """The known name that is most similar to another one, "" where the similarity of all, 0 to 1, is below `cutoff`."""
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(str(name), list(known), 1, cutoff)), "")
 
 
 class CoadjointError(Exception):

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from coadjoint.errors import warn
+from coadjoint.errors import nearest, warn
 
 
 class Lazy(NamedTuple):
@@ -57,10 +57,8 @@ def lazy(
 
 
 def _absent(package: str, name: str, names: list[str]) -> str:
-    from difflib import get_close_matches
-
-    near = get_close_matches(name, names, n=1)
-    return f"{package} has no `{name}`; " + (f"did you mean `{near[0]}`?" if near else f"it has: {', '.join(names)}.")
+    near = nearest(name, names)
+    return f"{package} has no `{name}`; " + (f"did you mean `{near}`?" if near else f"it has: {', '.join(names)}.")
 
 
 def homes(package: str) -> dict[str, tuple[str, str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -134,7 +133,7 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
         )
     for name in rest:
         if name not in VEHICLE:
-            near = difflib.get_close_matches(name, VEHICLE, 1, 0.0)[0]
+            near = checks.nearest(name, VEHICLE, 0.0)
             raise ArgumentError(
                 f"The log's column `{name}` is not a quantity of a vehicle, the nearest is `{near}`: rename it, leave "
                 "it "

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, nearest
 from coadjoint.groups import SO3
 from coadjoint.identification.channels import is_vehicle
 from coadjoint.identification.unknowns import _arrays, _parsed
@@ -99,8 +98,8 @@ def _pushed(system: System) -> System:
 def _entries(name: str, known: dict[str, tuple[int, np.ndarray]]) -> dict[str, int]:
     """The numbers that a name stands for, by their labels; raises ArgumentError."""
     if not isinstance(name, str) or name.partition("[")[0] not in known:
-        near = difflib.get_close_matches(str(name), [*known, *GROUPS, *AXES], 1, 0.0)
-        raise ArgumentError(f"There is no `{name}` that process noise could move; the nearest is `{near[0]}`.")
+        near = nearest(name, [*known, *GROUPS, *AXES], 0.0)
+        raise ArgumentError(f"There is no `{name}` that process noise could move; the nearest is `{near}`.")
     places = _places(name, known)
     if len(places) == 1:
         return {name: places[0]}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -138,7 +137,7 @@ def _channels(argument: str, given: Sequence[str], names: tuple[str, ...]) -> tu
     for name in _listed(argument, given):
         members = [one for one in GROUPS.get(name, (name,)) if one in names]
         if not members:
-            near = difflib.get_close_matches(str(name), known, 1, 0.0)[0]
+            near = checks.nearest(name, known, 0.0)
             raise ArgumentError(
                 f"Argument `{argument}` names `{name}`, which the log does not hold; the nearest is `{near}`."
             )

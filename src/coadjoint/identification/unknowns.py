@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, nearest
 from coadjoint.identification.equalities import SIGN, NamedEntry, groups, require_equal, require_once
 from coadjoint.kernels.packing import pack
 from coadjoint.mechanics.copies import replace_parameters
@@ -198,8 +197,8 @@ def _parsed(text: Any, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, t
     match = _ENTRY.match(text) if isinstance(text, str) else None
     name = match["name"] if match else str(text)
     if name not in known:
-        near = difflib.get_close_matches(name, known, 1, 0.0)
-        raise ArgumentError(f"There is no parameter `{name}` to identify; the nearest is `{near[0]}`.")
+        near = nearest(name, known, 0.0)
+        raise ArgumentError(f"There is no parameter `{name}` to identify; the nearest is `{near}`.")
     shape = known[name][1].shape
     if match is None or match["index"] is None:
         return name, None

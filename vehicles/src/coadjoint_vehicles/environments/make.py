@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import fields
-from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -121,8 +120,8 @@ def vector_environment(
     known = [field.name for field in fields(Wanted)]
     wanted.pop("render_mode", None)
     if unknown := [name for name in wanted if name not in known]:
-        near = get_close_matches(unknown[0], known, n=1)
-        hint = f"did you mean `{near[0]}`?" if near else f"there are {', '.join(known)}."
+        near = checks.nearest(unknown[0], known)
+        hint = f"did you mean `{near}`?" if near else f"there are {', '.join(known)}."
         raise ArgumentError(f"There is no argument `{unknown[0]}` of a vector environment: {hint}")
     count, threads = whole(num_envs, "num_envs"), whole(threads, "threads")
     simulated, episodes = _made(vehicle, task, Wanted(**wanted), count, randomise)
@@ -144,8 +143,8 @@ def _task(given: Any) -> Task:
         return given
     if isinstance(given, str) and given in TASKS:
         return TASKS[given]()
-    near = get_close_matches(given, TASKS, n=1) if isinstance(given, str) else []
-    hint = f": did you mean `{near[0]}`?" if near else "."
+    near = checks.nearest(given, TASKS) if isinstance(given, str) else ""
+    hint = f": did you mean `{near}`?" if near else "."
     raise ArgumentError(f"Argument `task` must be a Task or one of {', '.join(TASKS)}, but is {shown(given)}{hint}")
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, nearest, shown
 from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, continuous
 from coadjoint_vehicles.environments.actions import Actions, actuator_actions
@@ -128,6 +127,6 @@ def chosen(common: Common, known: Mapping[str, Any], asked: Any) -> dict[str, Ob
 def _known(known: Mapping[str, Any], name: str) -> Any:
     if name in known:
         return known[name]
-    near = get_close_matches(name, list(known), n=1)
-    hint = f"did you mean `{near[0]}`? There are" if near else "there are"
+    near = nearest(name, known)
+    hint = f"did you mean `{near}`? There are" if near else "there are"
     raise ArgumentError(f"There is no observation `{name}`: {hint} {', '.join(known)}.")

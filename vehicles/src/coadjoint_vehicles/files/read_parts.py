@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, nearest
 from coadjoint.sections import keys
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.kinds import kinds
@@ -100,12 +100,10 @@ def read_controller(section: Section, parts: set[str]) -> Any:
 
 
 def _named_parts(section: Section, key: str, given: Any, parts: set[str]) -> Any:
-    from difflib import get_close_matches
-
     for name in [given] if isinstance(given, str) else given:
         if name not in parts:
-            near = get_close_matches(name, list(parts), n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"they are {', '.join(sorted(parts)) or 'none'}."
+            near = nearest(name, parts)
+            hint = f"did you mean {near!r}?" if near else f"they are {', '.join(sorted(parts)) or 'none'}."
             raise section.fail(f"{key} names {name!r}, which is none of the parts: {hint}")
     return given if isinstance(given, str) else tuple(given)
 

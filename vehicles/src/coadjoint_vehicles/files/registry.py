@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, nearest
 from coadjoint_vehicles.files.bodies import DATA
 from coadjoint_vehicles.files.file import read_vehicle, vehicle_from_text
 from coadjoint_vehicles.model.vehicle import Vehicle
@@ -25,10 +25,8 @@ def vehicle_text(name: str) -> str:
     """The file of a shipped vehicle, as a template; raises ArgumentError for an unknown name."""
     known = vehicle_names()
     if name not in known:
-        from difflib import get_close_matches
-
-        near = get_close_matches(name, known, n=1, cutoff=0.4)
-        hint = f"did you mean `{near[0]}`? There are" if near else "there are"
+        near = nearest(name, known, 0.4)
+        hint = f"did you mean `{near}`? There are" if near else "there are"
         raise ArgumentError(
             f"No vehicle `{name}` is shipped: {hint} {', '.join(known)}. A file of one's own ends in .toml."
         )

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from typing import Any
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, nearest
 from coadjoint.units import NUMBER, Dimension, in_si
 from coadjoint_vehicles.axes import Axes
 from coadjoint_vehicles.model.vehicle import Quantity
@@ -67,8 +66,8 @@ class Section:
         if not isinstance(value, str):
             raise self.fail(f'{name} must be a text in quotes, but is {_shown(value)}: write {name} = "…".')
         if choices and value not in choices:
-            near = get_close_matches(value, choices, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
+            near = nearest(value, choices)
+            hint = f" Did you mean {near!r}?" if near else ""
             raise self.fail(f"{name} must be one of {', '.join(map(repr, choices))}, but is {value!r}.{hint}")
         return value
 
@@ -155,14 +154,14 @@ class Section:
         for name in self.given:
             if name not in self.asked:
                 known = sorted(self.asked)
-                near = get_close_matches(name, known, n=1, cutoff=0.5)
-                hint = f"did you mean `{near[0]}`?" if near else f"it knows {', '.join(known)}."
+                near = nearest(name, known, 0.5)
+                hint = f"did you mean `{near}`?" if near else f"it knows {', '.join(known)}."
                 raise self.fail(f"has no key `{name}`: {hint}")
 
     def _instead(self, name: str) -> str:
         """The end of a message on a missing key: a given key that may be a misspelling of it."""
-        found = get_close_matches(name, [key for key in self.given if key not in self.asked], n=1, cutoff=0.8)
-        return f", but has `{found[0]}`: did you mean `{name}`?" if found else "."
+        found = nearest(name, [key for key in self.given if key not in self.asked], 0.8)
+        return f", but has `{found}`: did you mean `{name}`?" if found else "."
 
     def _quantity_table(self, name: str, dimension: Dimension | None) -> dict[str, Any]:
         given = self.given[name]
@@ -175,8 +174,8 @@ class Section:
             )
         for key in given:
             if key not in QUANTITY_KEYS:
-                near = get_close_matches(key, QUANTITY_KEYS, n=1)
-                hint = f"did you mean `{near[0]}`?" if near else f"it knows {', '.join(QUANTITY_KEYS)}."
+                near = nearest(key, QUANTITY_KEYS)
+                hint = f"did you mean `{near}`?" if near else f"it knows {', '.join(QUANTITY_KEYS)}."
                 raise self.book.fail(f"{what} has no key `{key}`: {hint}")
         if "value" not in given:
             raise self.book.fail(f"{what} has no `value`.")
@@ -231,8 +230,8 @@ class Section:
                 raise self.fail(f"{name}: its {key} must be a text in quotes, but is {_shown(texts[key])}.")
         source = texts["source"]
         if source and source not in self.book.sources:
-            near = get_close_matches(source, list(self.book.sources), n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f'add {source} = "citation, where it is found" there.'
+            near = nearest(source, self.book.sources)
+            hint = f"did you mean {near!r}?" if near else f'add {source} = "citation, where it is found" there.'
             raise self.fail(f"{name} has the source {source!r}, which [sources] does not have: {hint}")
         self.book.used.add(source)
         if not source:

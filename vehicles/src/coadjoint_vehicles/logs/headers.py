@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import NamedTuple
 
 from coadjoint import units as u
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, nearest
 from coadjoint.units import ENDINGS, Dimension, dimension_of, split_name, unit_of
 
 NAMES: dict[str, Dimension] = {
@@ -62,9 +61,9 @@ def column(header: str, where: str) -> Column:
     except ArgumentError:
         tail = unit or name.removeprefix(f"{quantity}_")
         likely = [end for end, word in ENDINGS.items() if measured in (None, dimension_of(word))]
-        near = difflib.get_close_matches(tail, likely, 1, 0.4 if measured else 0.0) or likely
+        near = nearest(tail, likely, 0.4 if measured else 0.0) or likely[0]
         raise FileError(
-            f"{where} `{header}` has no known unit at its end: give one, as in `{quantity or name}_{near[0]}`."
+            f"{where} `{header}` has no known unit at its end: give one, as in `{quantity or name}_{near}`."
         ) from None
     if name in NAMES and NAMES[name].si != kind:
         raise FileError(f"{where} `{header}` is in {kind}, but `{name}` is measured in {NAMES[name].si}.")

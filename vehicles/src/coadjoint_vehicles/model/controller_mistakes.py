@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.errors import ArgumentError, CoadjointError, nearest
 from coadjoint.extending import Untraceable
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model.controller import Controller, Feedback
@@ -81,6 +80,6 @@ def _what(error: Exception, feedback: Feedback) -> str:
 
 
 def _asks(name: str, known: list[str], whom: str) -> str:
-    near = get_close_matches(name, known, n=1)
-    hint = f"did you mean `{near[0]}`? It has" if near else "it has"
+    near = nearest(name, known)
+    hint = f"did you mean `{near}`? It has" if near else "it has"
     return f"asks {whom} for `{name}`, which is not there: {hint} {', '.join(known)}."

@@ -15,7 +15,6 @@ unit = "N"
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -60,7 +59,7 @@ def _columns(value: Any, name: str) -> dict[str, Number]:
             made = column(header, f"{name}:")
             quantity, factor = made.name, made.factor
         if quantity == "time" or quantity not in {*NAMES, *OTHERS}:
-            near = difflib.get_close_matches(quantity, [*NAMES, *OTHERS], 1, 0.0)[0]
+            near = checks.nearest(quantity, [*NAMES, *OTHERS], 0.0)
             raise ArgumentError(f"{name}: `{header}` is no quantity of a vehicle, the nearest is `{near}`.")
         if quantity in found:
             raise ArgumentError(f"{name}: `{quantity}` is given twice, as `{header}` too.")
@@ -209,7 +208,7 @@ def _rows(kind: type[T], name: str, table: Mapping[str, Any], where: str) -> lis
 
 def _require_keys(row: Mapping[str, Any], known: Sequence[str], where: str) -> None:
     if unknown := [key for key in row if key not in known]:
-        near = difflib.get_close_matches(str(unknown[0]), known, 1, 0.0)[0]
+        near = checks.nearest(unknown[0], known, 0.0)
         raise FileError(f"{where} has no key `{unknown[0]}`, the nearest is `{near}`; it has {', '.join(known)}.")
 
 
