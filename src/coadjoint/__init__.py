@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from coadjoint.groups import Un as Un
     from coadjoint.groups import attitude as attitude
     from coadjoint.kernels.float64 import float64 as float64
+    from coadjoint.mechanics.constraints import Holonomic as Holonomic
+    from coadjoint.mechanics.constraints import Nonholonomic as Nonholonomic
     from coadjoint.mechanics.members import each as each
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.signals import Held as Held

@@ -22,6 +22,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.members import each
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.rattle import around
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
@@ -80,7 +81,7 @@ def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
     """z of every step, (N, nz): the start of Newton's iteration in each stage."""
     system, method, h, state = transcription.beginning
     program = StepProgram(system, method)
-    steps = [step for step, _ in method.stages]
+    steps = [step for step, _ in around(system, method.stages)]
 
     def of_step(one: State) -> Any:
         one = one.replace(memory=None, inputs=state.inputs, ledger=None)

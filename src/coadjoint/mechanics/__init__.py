@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.bundle import horizontal_lift as horizontal_lift
     from coadjoint.mechanics.casimir_functions import casimirs as casimirs
     from coadjoint.mechanics.connection import Connection as Connection
+    from coadjoint.mechanics.constraints import Holonomic as Holonomic
+    from coadjoint.mechanics.constraints import Nonholonomic as Nonholonomic
     from coadjoint.mechanics.damping import quadratic_drag as quadratic_drag
     from coadjoint.mechanics.damping import rayleigh as rayleigh
     from coadjoint.mechanics.discrete_connection import DiscreteConnection as DiscreteConnection

@@ -11,6 +11,7 @@ from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.digest import digest, opaque
 from coadjoint.kernels.trace.identity import Traced
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
+from coadjoint.mechanics.constraints import Site
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.internal_rule import InternalRule
@@ -56,6 +57,9 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
             here = replace_parameters(system, parameters)
             if name == "forces":
                 return here.body_forces(here.motion(xi, n, nu, a, t, inputs, internal))
+            if name == "constraints":
+                at = Site(n, a, t, inputs)
+                return [one.value(here, at) if one.holonomic else one.rows(here, at) for one in here.constraints]
             if name == "internal":
                 there = state.replace(g=g, xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
                 return tuple(applied(here, there, t))
@@ -73,6 +77,7 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
     others = [jaxpr_of(lambda at, function=function: function(at), state)[0] for function in more]
     functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces", "internal")
     given = [name for name in functions if getattr(system, name) is not None]
+    given += ["constraints"] if system.constraints else []
     for name in () if pure else filter(_UNREAD.get, given):
         with in_words(_UNREAD[name]):
             readings = [digest(jaxpr_of(at(name), *arguments)[0]) for _ in range(2)]
@@ -93,6 +98,12 @@ def parts(system: System) -> dict[str, Any]:
     Quantities may not: they are functions of a state, which has other fields at the start than in a record.
     """
     found = {name: getattr(system, name) for name in system.__dataclass_fields__ if name not in NUMBERS}
+    if not found["constraints"]:
+        del found["constraints"]  # a system without any is known by the name that it had before
+    else:
+        found["constraints"] = [
+            (one.name, one.size, one.holonomic, one.moving, *map(Traced, one.functions)) for one in system.constraints
+        ]
     for name in FUNCTIONS:
         if found[name] is not None:
             found[name] = Traced(found[name])

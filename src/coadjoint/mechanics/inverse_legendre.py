@@ -16,9 +16,9 @@ from coadjoint.mechanics.coupling import jacobian_solve, large
 from coadjoint.mechanics.legendre import Place
 from coadjoint.mechanics.legendre import velocities as slopes
 from coadjoint.mechanics.momentum_sizes import Sizes, above, alone, largest, relative
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import Places, State
-from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import traced_once
 
 TRIPS = 192
@@ -49,7 +49,7 @@ class Velocities(NamedTuple):
     residual: Array | None
 
 
-def velocities(system: System, state: State) -> Velocities:
+def velocities(system: ReducedFunctions, state: State) -> Velocities:
     """(ξ, ν) with ∂_ξℓ = μ, ∂_νℓ = π on T_nQ.
 
     Of a Hamiltonian they are (∂_μℋ, ∂_πℋ) (P6, P7). Where ℓ is quadratic in the velocities one linear solve gives
@@ -61,7 +61,7 @@ def velocities(system: System, state: State) -> Velocities:
 
 
 @traced_once
-def _velocities(system: System, state: State) -> Velocities:
+def _velocities(system: ReducedFunctions, state: State) -> Velocities:
     if system.hamiltonian is not None:
         return _by_hamiltonian(system, state)
     problem = _Problem(system, state)
@@ -85,7 +85,7 @@ def _velocities(system: System, state: State) -> Velocities:
 class _Problem(NamedTuple):
     """∂ℓ = (μ, π) at the place of a state, for z = (ξ, coordinates of ν), (dim G + dim Q,)."""
 
-    system: System
+    system: ReducedFunctions
     state: State
 
     def unpack(self, z: Array) -> tuple[Array, Array]:
@@ -136,7 +136,7 @@ def _improved(problem: _Problem, z: Array) -> Array:
     return best
 
 
-def _is_affine(system: System, function: Callable[[Array], Array], z: Array) -> bool:
+def _is_affine(system: ReducedFunctions, function: Callable[[Array], Array], z: Array) -> bool:
     """`_affine`; of many links from the derivative along one direction, because that along all takes N² numbers."""
     if not large(system.group):
         return _affine(function, z)
@@ -149,7 +149,7 @@ def _affine(function: Callable[[Array], Array], z: Array) -> bool:
     return not any(depends(jax.jacfwd(function), np.zeros(np.shape(z))))
 
 
-def _by_hamiltonian(system: System, state: State) -> Velocities:
+def _by_hamiltonian(system: ReducedFunctions, state: State) -> Velocities:
     z = jnp.concatenate([state.xi, state.nu])
     place = Place(system, z, state.n, state.a, state.t, state.inputs, state.internal)
     found = slopes(jnp.concatenate([state.mu, state.pi]), place)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
 
 
 class Sizes(NamedTuple):
@@ -20,7 +20,7 @@ class Sizes(NamedTuple):
     pi: Array
 
 
-def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Sizes]:
+def alone(system: ReducedFunctions, state: State, xi: Array, nu: Array) -> tuple[Sizes, Sizes]:
     """The sizes of (μ, π), one number each, that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at this place.
 
     μ = ∂_ξℓ may be small where the contributions of ξ and ν cancel. 0 where ℓ is not differentiable there. With ℋ the
@@ -32,7 +32,9 @@ def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Si
     return by_xi, _momenta(system, state, (at_rest, nu), (jnp.zeros_like(state.mu), state.pi))
 
 
-def _momenta(system: System, state: State, velocities: tuple[Array, Array], near: tuple[Array, Array]) -> Sizes:
+def _momenta(
+    system: ReducedFunctions, state: State, velocities: tuple[Array, Array], near: tuple[Array, Array]
+) -> Sizes:
     xi, nu = velocities
     found = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal, near)
     sizes = [largest(part) for part in found]

@@ -40,6 +40,7 @@ class ReducedFunctions:
     verify: bool
     parameters: Parameters | None
     inputs: Inputs | None
+    constraints: tuple[Any, ...]
 
     @property
     def places(self) -> Places:

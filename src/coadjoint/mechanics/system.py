@@ -14,6 +14,8 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
+from coadjoint.mechanics.constrained_start import projected, warnings
+from coadjoint.mechanics.constraints import Bound, Constraint, bound, constraints_from
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.forces import Forces, forces_from
@@ -78,6 +80,8 @@ class System(ReducedFunctions, Portable):
         invariance: "left" (the default), or "right": ξ = ġg⁻¹, n = gq, ν = gq̇ and a = ga₀ are in the space frame, and
             the conserved momentum is in the body frame. μ and π, forces and F = g_{k+1}g_k⁻¹ go with them, and
             `system.group` is `co.groups.Opposite(group)`, on which all equations are those of left invariance.
+        constraints: name → `co.Holonomic(function)` or `co.Nonholonomic(rows)`, by default none: what the place or the
+            velocities satisfy at every node, held by reactions.
 
     Raises ArgumentError, LagrangianError or GroupError for functions and spaces that do not fit.
     """
@@ -95,6 +99,7 @@ class System(ReducedFunctions, Portable):
     name: str
     units: tuple[tuple[str, str], ...]
     inputs: Inputs | None
+    constraints: tuple[Bound, ...]
     verify: bool
     parameters: Parameters | None
     checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = field(compare=False)
@@ -119,6 +124,7 @@ class System(ReducedFunctions, Portable):
         verify: bool = True,
         checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
         invariance: Invariance = "left",
+        constraints: Mapping[str, Constraint] | None = None,
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
@@ -139,6 +145,7 @@ class System(ReducedFunctions, Portable):
             "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "inputs": None,
+            "constraints": (),
             "verify": verify,
             "parameters": parameters,
             "checks": checks,
@@ -154,6 +161,7 @@ class System(ReducedFunctions, Portable):
         for key, value in values.items():
             object.__setattr__(self, key, value)
         require_functions(self)
+        object.__setattr__(self, "constraints", bound(self, constraints_from(constraints)))
 
     @property
     def invariance(self) -> Invariance:
@@ -236,7 +244,18 @@ class System(ReducedFunctions, Portable):
 
         regular: whether the method needs an invertible Legendre transform.
         """
-        return check(self, start, regular)
+        return check(self, start, regular) + warnings(self, start)
+
+    def project(self, state: State) -> State:
+        """The state on all constraints that is nearest to one near them, in the kinetic metric.
+
+        Newton's iteration moves (g, q) by the least motion (η, w) in ⟨(η, w), M(η, w)⟩ with φ + Dφ·(η, w) = 0, and the
+        momenta get the impulse Aᵀλ after which A·(ξ, ν) = b. Arguments: state: of this system, at one time. Raises
+        ArgumentError for a system without constraints, and where no such state is found.
+        """
+        if not self.constraints:
+            raise ArgumentError("This system has no constraints to project a state onto.")
+        return projected(self, state)
 
 
 # Rebuilt without being checked again; the static part is the skeleton.

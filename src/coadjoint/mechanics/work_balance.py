@@ -19,10 +19,11 @@ from coadjoint.mechanics.system import System
 
 
 def energy_lines(system: System) -> tuple[str, ...]:
-    """The names of the energy terms: forces, `time`, and held `inputs` and `internal` states that reach ℓ."""
+    """The names of the energy terms: forces, `time`, constraints, and held `inputs` and `internal` that reach ℓ."""
     forces = system.forces.names if system.forces is not None else ()
     time = (TIME,) if system.depends_on_time else ()
-    return (*forces, *time, *_jumping(system))
+    constraints = (one.name for one in system.constraints if one.budgeted)
+    return (*forces, *time, *constraints, *_jumping(system))
 
 
 def _jumping(system: System) -> tuple[str, ...]:

@@ -67,6 +67,8 @@ class EnergyMomentum(Method, Halved):
     Robidoux 1999 for ∇̄; the form on G is this library's own.
     """
 
+    constrainable = False
+
     points: int = 1
 
     def __post_init__(self):

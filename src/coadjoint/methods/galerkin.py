@@ -62,6 +62,8 @@ class Galerkin(Method, Step):
     Raises ArgumentError for a curved Q and for a velocity start. (Marsden–West 2001, section 2.6; Hall–Leok 2017.)
     """
 
+    constrainable = False
+
     degree: int = 2
 
     def __post_init__(self):

@@ -48,6 +48,8 @@ class GroupVariational(Variational):
     Raises LagrangianError if F ↦ D^R_FΛ is not invertible at the first increment.
     """
 
+    constrainable = False
+
     @property
     def adjoint(self) -> Method:
         raise ArgumentError(f"The adjoint of {self.title} is not known: compose Λ in algebra form by co.Variational.")

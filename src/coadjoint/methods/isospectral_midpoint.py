@@ -88,6 +88,8 @@ class IsospectralMidpoint(Method, Whole):
     arXiv:2311.16045, its magnetic midpoint.
     """
 
+    constrainable = False
+
     tolerance: float = 1e-14
     carry_g: bool = False
 

@@ -38,6 +38,9 @@ class LeftRectangle(Method, Whole):
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[1])]
 
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        return [(1.0, self._node(system, record, h)[0])]
+
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         group = system.group
         point, at = self._node(system, record, h)

@@ -20,6 +20,7 @@ from coadjoint.mechanics.internal_state import advanced
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.rattle import around, kept
 from coadjoint.methods.step import Step
 
 Start = Literal["momentum", "velocity"]
@@ -156,7 +157,7 @@ class Method(ABC):
 
     def begin(self, system: System, state: State, h: Scalar) -> State:
         """The state with the momenta and memory that the method starts from."""
-        steps = [step for step, _ in self.stages]
+        steps = [step for step, _ in around(system, self.stages)]
         for step in steps:
             step.require_fit(system)
         if state.g is None and any(step.carries_g for step in steps):
@@ -164,13 +165,16 @@ class Method(ABC):
                 "The start has no g, because a run with co.IsospectralMidpoint() made it: start from system.state(…), "
                 "or go on with co.IsospectralMidpoint() without carry_g=True."
             )
+        if system.constraints and self.start == "velocity":
+            raise ArgumentError('Constraints hold velocities of nodes: leave out start="velocity".')
         velocities = self.start == "velocity" and state.from_velocities
         begun = velocity_start(system, state, *self.recorded, h) if velocities else momentum_start(system, state)
-        return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=None))
+        return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=kept(state)))
 
     def begin_by_xla(self, system: System, begun: State) -> State:
         """The state from `begin` with the values that steps by XLA carry over in addition to those of native code."""
-        return reduce(lambda state, step: step.remember_by_xla(system, state), [step for step, _ in self.stages], begun)
+        steps = [step for step, _ in around(system, self.stages)]
+        return reduce(lambda state, step: step.remember_by_xla(system, state), steps, begun)
 
 
 def velocity_start(system: System, state: State, step: Step, fraction: float, h: Scalar) -> State:

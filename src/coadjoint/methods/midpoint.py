@@ -49,6 +49,9 @@ class Midpoint(Method, Halved):
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[-1])]
 
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        return [(1.0, self._node(system, record, h)[2])]
+
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         half, start, point, at = self._node(system, record, h)

@@ -23,6 +23,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import entered, with_jump
 from coadjoint.methods.method import Method
+from coadjoint.methods.rattle import around
 from coadjoint.methods.step import Step
 
 EVENTS = "values of events"
@@ -118,7 +119,8 @@ class StepProgram:
 
     @property
     def stages(self) -> tuple[StepStage, ...]:
-        return tuple(StepStage(self.skeleton, step, fraction) for step, fraction in self.method.pattern)
+        pattern = around(self.skeleton, self.method.pattern)
+        return tuple(StepStage(self.skeleton, step, fraction) for step, fraction in pattern)
 
     @property
     def substeps(self) -> tuple[float, ...]:
@@ -134,7 +136,7 @@ class StepProgram:
     def monitors(self, parameters: Constants, record: State, h: Scalar) -> Mapping[str, Array]:
         """The values of all monitors at a record, arrays of fixed shapes by name; h: one number."""
         system = replace_parameters(self.skeleton, parameters.system)
-        step, fraction = self.method.recorded
+        ((step, fraction),) = around(self.skeleton, (self.method.recorded,))
         found: dict[str, Array] = {}
         for monitor in self.observed:
             found.update(monitor(system, step, record, fraction * h, parameters.monitors))

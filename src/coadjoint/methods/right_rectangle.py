@@ -50,6 +50,9 @@ class RightRectangle(Method, Whole, adjoint_of=LeftRectangle):
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[-1])]
 
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        return [(1.0, self._node(system, record, h)[2])]
+
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         F, start, point, at = self._node(system, record, h)

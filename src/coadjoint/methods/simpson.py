@@ -27,6 +27,7 @@ class _Nodes(NamedTuple):
     middle: Array
     n: Array
     a: Array
+    points: tuple[Point, Point, Point]
     left: Node
     mid: Node
     right: Node
@@ -66,12 +67,16 @@ class Simpson(Method, Halved):
         end = n + 0.5 * h * nu
         first = Point(xi, record.n, Q.push(group, half, n, nu), record.a, t)
         last = Point(xi, Q.act(group, back, end), Q.push(group, back, end, nu), V.act(group, back, a), t + h)
-        left, mid, right = (node(system, record, point) for point in (first, Point(xi, n, nu, a, t + 0.5 * h), last))
-        return _Nodes(half, begin, n, last.n, last.a, left, mid, right)
+        points = first, Point(xi, n, nu, a, t + 0.5 * h), last
+        left, mid, right = (node(system, record, point) for point in points)
+        return _Nodes(half, begin, n, last.n, last.a, points, left, mid, right)
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         at = self._nodes(system, record, h)
         return [(_END, at.left), (_MIDDLE, at.mid), (_END, at.right)]
+
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        return list(zip((_END, _MIDDLE, _END), self._nodes(system, record, h).points, strict=True))
 
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places

@@ -15,7 +15,7 @@ from coadjoint.kernels.newton.coupled import Coupled, Factors
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import FLOOR, Structure
 from coadjoint.mechanics.coupling import structure
-from coadjoint.mechanics.discrete import Node
+from coadjoint.mechanics.discrete import Node, Point
 from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
 from coadjoint.mechanics.state import State
@@ -38,6 +38,9 @@ class Step(ABC):
     difference_map: DifferenceMap
     tolerant = False
     """Whether the method continues if this step's equations have no solution: then it has `advance_if`."""
+
+    constrainable = True
+    """Whether RATTLE may be put around the step: it begins and ends with momenta of the nodes, over a given h."""
 
     @property
     def carries_g(self) -> bool:
@@ -147,6 +150,10 @@ class Step(ABC):
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and values of ℓ at a node."""
+        raise NotImplementedError
+
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        """Where the rule evaluates ℓ, in the order of `nodes`: pairs of a weight, one number, and a point."""
         raise NotImplementedError
 
     def discrete_lagrangian(self, system: System, record: State, h: Scalar) -> Scalar:

@@ -63,6 +63,10 @@ class Trapezoidal(Method, Whole):
         ends = self._ends(system, record, h)
         return [(0.5, ends.at_first), (0.5, ends.at_last)]
 
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        ends = self._ends(system, record, h)
+        return [(0.5, ends.first), (0.5, ends.last)]
+
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, Q, _ = system.places
         F, first, _last, start, end = self._ends(system, record, h)

@@ -42,6 +42,8 @@ class Pace(NamedTuple):
 class Paced(Step):
     """The base rule over h = ratio·dt."""
 
+    constrainable = False
+
     base: Step
 
     @property

@@ -13,11 +13,13 @@ import xarray
 from coadjoint.arrays import Array
 from coadjoint.groups import LieGroup, Power, attitude
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics import reactions
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.invariance import group_of, is_right
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.rattle import kept
 from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes, times
 from coadjoint.simulation.monitors import Monitor, watched
 from coadjoint.simulation.result import Result
@@ -71,6 +73,7 @@ def reserved(system: System) -> set[str]:
     group, Q, V = system.places
     of_Q = ("n", "nu", "nu_step", "pi", "q", "qdot")
     parts = [Q.components(group, name) for name in of_Q] + [V.components(group, "a")]
+    parts += [[f"reaction_{one.name}", f"reaction_step_{one.name}"] for one in system.constraints]
     always = {"time", "step", "member", "code", "steps_done", "balance", "newton_residual", *group.leaf_names}
     return always.union(_told(system), *parts)
 
@@ -182,6 +185,7 @@ def variables(
     for name, values in (("xi", more.pop("xi")), ("mu", records.mu), *([("xi_step", records.xi)] if known else [])):
         found[name] = _coordinates(group, values)
     more |= {"nu_step": records.nu} if known else {}
+    found.update(_reactions(system, records, more.pop("reactions", None)))
     if "xi_there" in more:
         found[_seen_from_there(system)] = _coordinates(group, more.pop("xi_there"))
     for space, pairs in ((Q, {"n": records.n, "nu": more.pop("nu"), "pi": records.pi, **more}), (V, {"a": records.a})):
@@ -199,6 +203,17 @@ def variables(
     for name, values in monitors.items():
         found[name] = (("time", axes.get(name, "quantity"))[: values.ndim], values)
     return {name: (dims, values) for name, (dims, values) in found.items() if 0 not in np.shape(values)[1:]}
+
+
+def _reactions(system: System, records: State, at_nodes: np.ndarray | None) -> Variables:
+    """λ of every constraint at the nodes, and those of the steps that start there, (records, rows)."""
+    memory = kept(records)
+    found: Variables = {}
+    for one, part in reactions.parts(system):
+        for name, values in (("reaction", at_nodes), ("reaction_step", None if memory is None else memory.step)):
+            if values is not None:
+                found[f"{name}_{one.name}"] = (("time", f"{one.name}_row"), values[:, part])
+    return found
 
 
 def reported(system: System, records: State) -> Variables:
@@ -228,6 +243,10 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any
         unit = units.get(name, units.get(base if of_step is None else base.removesuffix("_step")))
         attrs = {"units": unit, "long_name": meaning(own[name]) if name in own else known.get(base)}
         found[name] = {key: value for key, value in attrs.items() if value is not None}
+    for one in system.constraints:
+        for name, text in (("reaction", "at the node, of φ̈ = 0"), ("reaction_step", "of the step, of first order")):
+            if (variable := f"{name}_{one.name}") in found:
+                found[variable]["long_name"] = f"multipliers λ of the constraint `{one.name}` {text}"
     for name, ends in declared(system.internal).limits(system.parameters).items():
         if (variable := f"internal_{name}") in found:
             found[variable] |= {key: end for key, end in zip(("low", "high"), ends, strict=True) if end is not None}

@@ -15,9 +15,11 @@ from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.members import Each, member_of
+from coadjoint.mechanics.multipliers import multipliers
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
+from coadjoint.methods.rattle import kept
 
 BATCH = 1024
 """The number of records evaluated together. It is constant, so that no value depends on the other records."""
@@ -36,7 +38,7 @@ class Derivation:
         self._made: dict[Any, Callable[..., Any]] = {}
 
     def __call__(self, parameters: Any, records: State, members: np.ndarray | None = None) -> dict[str, Any]:
-        """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν and the rotation in g, if any, of every record.
+        """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν, the rotation in g and multipliers, if any, of every record.
 
         parameters: those of the system; of an ensemble with `co.each`, of which `members` says the member of each
         record, by default the first. Nothing of records without g.
@@ -44,7 +46,7 @@ class Derivation:
         if records.g is None:
             return {}
         shared, own = _split(parameters, members)
-        plain = records.replace(memory=None, ledger=None, origin=Origin())
+        plain = records.replace(memory=kept(records), ledger=None, origin=Origin())
         size, count = self._rows, len(records.t)
         parts = []
         for start in range(0, max(count, 1), size):
@@ -112,7 +114,7 @@ def known_at_nodes(system: System, records: State) -> bool:
 
 def _derived(system: System, state: State) -> dict[str, Any]:
     (group, Q, _), node = state.places, at_node(system, state)
-    return {
+    found = {
         "xi": node.xi,
         "nu": node.nu,
         "xi_there": group.Ad(state.g, node.xi),
@@ -120,6 +122,9 @@ def _derived(system: System, state: State) -> dict[str, Any]:
         "qdot": Q.push(group, state.g, state.n, node.nu),
         "rotation": group.rotation(state.g),
     }
+    if system.constraints:
+        found["reactions"] = multipliers(system, node, None if state.memory is None else state.memory.projector)
+    return found
 
 
 def _split(parameters: Any, members: np.ndarray | None) -> tuple[Any, dict[int, Any]]:

@@ -18,6 +18,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.rattle import around
 from coadjoint.simulation.monitors import kelvin_noether
 from coadjoint.simulation.result import Result
 
@@ -80,7 +81,7 @@ def begin_members(system: System, start: State, method: Method, h: float, count:
     if all(axis is None for axis in jax.tree.leaves(axes, is_leaf=lambda x: x is None)) and start_axis is None:
         raise ArgumentError("An ensemble needs co.each on a parameter or on the start.")
     states = evaluate(jax.vmap(begin, in_axes=(axes, start_axis)), parameters, start)
-    for step in dict.fromkeys(step for step, _ in method.stages):
+    for step in dict.fromkeys(step for step, _ in around(system, method.stages)):
         step.require_members(system, parameters, axes, states)
     return Members(parameters, axes, states, count)
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array, Scalar
 from coadjoint.extensions import import_string
-from coadjoint.mechanics import continuous, inverse_legendre
+from coadjoint.mechanics import continuous, inverse_legendre, reactions
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
 from coadjoint.mechanics.quantities import value
@@ -193,11 +193,42 @@ def group_defect(system: System, step: Step, record: State, h: Scalar, constants
     return {"group_defect": jnp.asarray(system.group.defect(record.g))}
 
 
+@monitor(
+    Watched(
+        "constraint_gap",
+        "largest |φ| of the holonomic constraints, at the node",
+        line="residual",
+        title="constraints",
+        largest="largest |φ| at the nodes",
+    ),
+    when=lambda system, method, state: any(one.holonomic for one in system.constraints),
+)
+def constraint_gap(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+    """max |φ(n, a)|, one number."""
+    values = [one.value(system, reactions.site(record)) for one in system.constraints if one.holonomic]
+    return {"constraint_gap": jnp.max(jnp.abs(jnp.concatenate(values)))}
+
+
+@monitor(
+    Watched(
+        "constraint_rate",
+        "largest |φ̇| and |A·(ξ, ν) − b| of the constraints, at the node",
+        line="residual",
+        title="their rates",
+        largest="largest |φ̇| or |A·(ξ, ν) − b| at the nodes",
+    ),
+    when=lambda system, method, state: bool(system.constraints),
+)
+def constraint_rate(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+    """max |φ̇| and |A·(ξ, ν) − b| with the velocities that belong to (μ, π), one number."""
+    return {"constraint_rate": jnp.max(jnp.abs(reactions.node_rate(system, record)))}
+
+
 BEFORE = (legendre_energy, discrete_energy)
 """Monitors of a step that precede its Kelvin–Noether quantities in datasets, in their order there."""
 
 
-AFTER = (energy_budget, step_size, group_defect, quantities)
+AFTER = (energy_budget, step_size, group_defect, constraint_rate, constraint_gap, quantities)
 """Monitors that follow the Kelvin–Noether quantities."""
 
 

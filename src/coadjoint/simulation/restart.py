@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -16,6 +17,7 @@ from coadjoint.mechanics.invariance import in_words
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.rattle import Reactions, kept
 from coadjoint.simulation.recording import LAST_RECORD
 from coadjoint.spaces.named import Named
 
@@ -30,11 +32,13 @@ _FREE = ("inputs", "internal", "internal_mean", "internal_end")
 
 
 def written(record: State, system: System) -> dict[str, Any]:
-    """The last record, without the memory of the method, and the parameters of the run.
+    """The last record, without the memory of the method save multipliers, and the parameters of the run.
 
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
     """
-    last = record.replace(memory=None, ledger=None)
+    memory = kept(record)
+    memory = None if memory is None else replace(memory, projector=None, base=None)
+    last = record.replace(memory=memory, ledger=None)
     return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, system.parameters), strict=True)}
 
 
@@ -118,10 +122,18 @@ def _state(record: dict[tuple[str, ...], np.ndarray], system: System) -> State:
         internal_mean=within["internal_mean"],
         internal_end=within["internal_end"],
         internal_due=record[("internal_due",)][()] if ("internal_due",) in record else None,
+        memory=_multipliers(record),
         t_rest=record[("t_rest",)][()],
         places=system.places,
         **vectors,
     )
+
+
+def _multipliers(record: dict[tuple[str, ...], np.ndarray]) -> Reactions | None:
+    """The guess of the multipliers of constraints."""
+    if ("memory", "end") not in record:
+        return None
+    return Reactions(record["memory", "step"], record["memory", "end"], projector=None, base=None)
 
 
 def _tree(leaves: dict[tuple[str, ...], np.ndarray]) -> Any:

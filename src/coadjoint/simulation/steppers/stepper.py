@@ -29,6 +29,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, as_read
+from coadjoint.methods.rattle import around
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
 from coadjoint.simulation.arguments import require_kinds
@@ -132,7 +133,7 @@ class Stepper(Stepping):
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
         starts = start if np.ndim(start.t) else spread(start, (1 if count is None else count,))
-        for step in dict.fromkeys(step for step, _ in method.stages) if len(starts.t) > 1 else ():
+        for step in dict.fromkeys(step for step, _ in around(one, method.stages)) if len(starts.t) > 1 else ():
             step.require_members(system, values, axes, starts)
         fixed, compiled_in = fixed_parameters(constants, parameters, changing)
         face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)

@@ -1,0 +1,284 @@
+"""States on the constraints of a system: whether one is, the nearest one, and which rows are redundant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.arrays import Array
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
+from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.members import member_of
+from coadjoint.mechanics.reactions import count, kicked, node_rate, parts, rate, site
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.trace_checks import require_float64
+
+EPS = float(np.finfo(float).eps)
+
+ON = 1e-9
+"""The distance from a constraint, relative to the terms that cancel in it, up to which a start is on it."""
+
+DEPENDENT = 1e-11
+"""The smallest eigenvalue of A M⁻¹Aᵀ in units of its diagonal, relative to the largest, of an independent row."""
+
+TRIPS = 40
+"""Newton's iterations of a projection."""
+
+
+def require_on_constraints(system: ReducedFunctions, state: State) -> None:
+    """Raise ArgumentError unless a state satisfies all constraints, and LagrangianError where one is not pure."""
+    for one in system.constraints:
+        read = one.value if one.holonomic else one.rows
+        require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
+    _require_on(system, evaluate(lambda s, p: _off(replace_parameters(system, p), s), state, system.parameters))
+
+
+def require_members_on_constraints(system: ReducedFunctions, parameters: Any, axes: Any, states: State) -> None:
+    """Raise ArgumentError unless the states of all members satisfy all constraints, and their rows are independent.
+
+    parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
+    """
+
+    def of(function: Callable[[ReducedFunctions, State], Any]) -> Any:
+        return evaluate(
+            jax.vmap(lambda p, s: function(replace_parameters(system, p), s), in_axes=(axes, 0)), parameters, states
+        )
+
+    _require_on(system, of(_off))
+    if any(_rank(matrix) < len(matrix) for matrix in of(mobility)):
+        raise ArgumentError(
+            "The members of an ensemble need independent constraints, but some rows follow from others at the start: "
+            "leave these out."
+        )
+
+
+def _require_on(system: ReducedFunctions, found: dict[str, Any]) -> None:
+    """Raise ArgumentError where a distance from a constraint is not round-off; arrays may have an axis of members."""
+    for (one, part), (gap, size) in zip(parts(system), found["places"], strict=True):
+        if np.any(~(gap <= ON * size)):
+            raise ArgumentError(
+                f"The start must satisfy the constraint `{one.name}`, but |φ| is {np.max(gap):.3g}: take "
+                "system.project(start), or other values."
+            )
+        gap, size = (x[..., part] for x in found["rate"])
+        if np.any(~(gap <= ON * size)):
+            what = "|φ̇|" if one.holonomic else "|A·(ξ, ν) − b|"
+            raise ArgumentError(
+                f"The velocities of the start must satisfy the constraint `{one.name}`, but {what} is "
+                f"{np.max(gap):.3g}: take system.project(start), or other velocities."
+            )
+
+
+def _off(system: ReducedFunctions, state: State) -> dict[str, Any]:
+    """|φ| of each constraint, and |A·(ξ, ν) − b|, with the size of the terms in them."""
+    at = site(state)
+    places = []
+    for one in system.constraints:
+        if not one.holonomic:
+            places.append((jnp.zeros(one.size), jnp.ones(one.size)))
+            continue
+        slopes = jax.jacfwd(lambda n, a, one=one: one.value(system, at._replace(n=n, a=a)), (0, 1))(at.n, at.a)
+        size = sum(jnp.abs(slope) @ (jnp.abs(x) + 1e-3) for slope, x in zip(slopes, (at.n, at.a), strict=True))
+        places.append((jnp.abs(one.value(system, at)), size))
+    xi, nu, _ = inverse_legendre.velocities(system, state)
+    rows = jax.jacfwd(lambda v: rate(system, at, v[: system.group.dim], v[system.group.dim :]))
+    v = jnp.concatenate([xi, nu])
+    still = rate(system, at, jnp.zeros_like(xi), jnp.zeros_like(nu))
+    size = jnp.abs(rows(v)) @ (jnp.abs(v) + 1e-3) + jnp.abs(still)
+    return {"places": places, "rate": (jnp.abs(rate(system, at, xi, nu)), size)}
+
+
+def mobility(system: ReducedFunctions, state: State) -> Array:
+    """A M⁻¹Aᵀ, (m, m): by which an impulse of the multipliers changes the rates."""
+    return jax.jacfwd(lambda impulse: node_rate(system, kicked(system, state, impulse)))(jnp.zeros(count(system)))
+
+
+def projector_of(system: ReducedFunctions, state: State) -> np.ndarray | None:
+    """The projection (m, m) onto the rows that are independent at a state; None where all are.
+
+    Raises ArgumentError where a row does not depend on the velocities.
+    """
+    matrix = np.asarray(evaluate(lambda s, p: mobility(replace_parameters(system, p), s), state, system.parameters))
+    diagonal = np.abs(np.diag(matrix))
+    for one, part in parts(system):
+        if np.any(~(diagonal[part] > DEPENDENT**2 * np.max(diagonal))):
+            raise ArgumentError(
+                f"Every row of the constraint `{one.name}` must restrict the velocities, but one has no derivative at "
+                "the start: leave it out, or start elsewhere."
+            )
+    rank = _rank(matrix)
+    if rank == len(matrix):
+        return None
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    kept = vectors[:, np.argsort(np.abs(values))[-rank:]]
+    return kept @ kept.T
+
+
+def _rank(matrix: np.ndarray) -> int:
+    """The rank of A M⁻¹Aᵀ, whatever the units of its rows."""
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
+    sizes = np.abs(np.linalg.eigvalsh(scale[:, None] * (0.5 * (matrix + matrix.T)) * scale))
+    return int(np.sum(sizes > DEPENDENT * np.max(sizes)))
+
+
+def warnings(system: ReducedFunctions, state: State) -> list[str]:
+    """Sentences about the constraints at a start: redundant rows, and rows on velocities that are integrable."""
+    if not system.constraints:
+        return []
+    found, projector = [], projector_of(system, state)
+    if projector is not None:
+        rank, rows = round(float(np.trace(projector))), len(projector)
+        found.append(
+            f"The constraints have {rows} rows, of which {rows - rank} follow from the others at the start: the "
+            "reactions are the least of those that do the same."
+        )
+    held = [one for one in system.constraints if not one.holonomic]
+    if held and not any(one.moving for one in held) and _integrable(system, state):
+        names = " and ".join(f"`{one.name}`" for one in held)
+        found.append(
+            f"The rows of {names} are integrable (Frobenius): they hold a function of the place, which co.Holonomic "
+            "would keep to round-off."
+        )
+    return found
+
+
+def _integrable(system: ReducedFunctions, state: State) -> bool:
+    """Whether A·[X, Y] vanishes for all fields X, Y with A·X = A·Y = 0, at random places."""
+    group, Q, _ = system.places
+    random = np.random.default_rng(1877)
+    wrong = evaluate(
+        lambda etas, shifts, s, p: jax.vmap(lambda e, w: _curvature(replace_parameters(system, p), s, e, w))(
+            etas, shifts
+        ),
+        random.normal(scale=0.7, size=(3, group.dim)),
+        random.normal(size=(3, Q.ambient(group))),
+        state,
+        system.parameters,
+    )
+    return bool(np.max(np.abs(wrong)) <= 1e-9)
+
+
+def _curvature(system: ReducedFunctions, state: State, eta: Array, shift: Array) -> Array:
+    """A·[X_i, X_j] of the fields X_i = (1 − A⁺A)e_i at a place off the state's, relative to A."""
+    group, Q, V = system.places
+    back = group.inverse(group.exp(eta))
+    n, a = Q.act(group, back, state.n), V.act(group, back, state.a)
+    n = n + shift * (1 + jnp.max(jnp.abs(n), initial=0.0)) if Q.flat else n
+    at, dim = site(state)._replace(n=n, a=a), group.dim
+
+    def rows(n, a):
+        found = jnp.concatenate(
+            [one.rows(system, at._replace(n=n, a=a))[0] for one in system.constraints if not one.holonomic]
+        )
+        tangent = jax.vmap(lambda row: Q.project(group, n, row[dim:]))(found)
+        found = jnp.concatenate([found[:, :dim], tangent], axis=1)
+        return found / jnp.linalg.norm(found, axis=1, keepdims=True)
+
+    def fields(n, a):
+        A = rows(n, a)
+        return jnp.eye(A.shape[1]) - A.T @ _least(A @ A.T, A, 1e-14)
+
+    kernel = fields(n, a)
+    along = jax.vmap(
+        lambda x: jax.jvp(
+            fields,
+            (n, a),
+            (x[dim:] - Q.infinitesimal(group, x[:dim], n), -V.infinitesimal(group, x[:dim], a)),
+        )[1]
+    )(kernel.T)  # (i, component, j): D_{X_i} X_j
+    along = jnp.swapaxes(along, 1, 2)
+
+    def constant(x, y):
+        turned = Q.lifted(group, x[:dim], n, y[dim:]) - Q.lifted(group, y[:dim], n, x[dim:])
+        return jnp.concatenate([group.ad(x[:dim], y[:dim]), turned])
+
+    own = jax.vmap(lambda x: jax.vmap(lambda y: constant(x, y))(kernel.T))(kernel.T)
+    return (along - jnp.swapaxes(along, 0, 1) + own) @ rows(n, a).T
+
+
+def projected(system: ReducedFunctions, state: State) -> State:
+    """The nearest state on the constraints in the kinetic metric, from a state near it; see `System.project`."""
+
+    if np.ndim(state.t):
+        members = range(len(state.t))
+        each = [projected(_member(system, k), jax.tree.map(lambda leaf, k=k: leaf[k], state)) for k in members]
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *each)
+    if traced(state, system.parameters):
+        raise ArgumentError("System.project takes plain numbers: project the state outside jit, grad and vmap.")
+
+    def of(function: Callable[[ReducedFunctions, State], State]) -> Callable[[State], State]:
+        given = tabulate(lambda s, p: function(replace_parameters(system, p), s), state, system.parameters)
+        return lambda s: given(s, system.parameters)
+
+    state, nearer = of(_at_node)(state), of(_nearer)
+    for _ in range(TRIPS if any(one.holonomic for one in system.constraints) else 0):
+        before, state = state, nearer(state)
+        moved = max(np.max(np.abs(x - y), initial=0.0) for x, y in ((state.n, before.n), (state.a, before.a)))
+        if moved <= 4 * EPS * max(np.max(np.abs(x), initial=0.0) for x in (state.n, state.a)):
+            break
+    found = of(_with_velocities)(state)
+    try:
+        require_on_constraints(system, found)
+    except ArgumentError as error:
+        raise ArgumentError(f"No state on the constraints was found near this one: {error}") from None
+    return found
+
+
+def _member(system: ReducedFunctions, k: int) -> ReducedFunctions:
+    return replace_parameters(system, member_of(system.parameters, k))
+
+
+def _at_node(system: ReducedFunctions, state: State) -> State:
+    xi, nu, _ = inverse_legendre.velocities(system, state)
+    return state.replace(xi=xi, nu=nu)
+
+
+def _with_velocities(system: ReducedFunctions, state: State) -> State:
+    """The state with the nearest velocities on the constraints."""
+    mu, pi = legendre(system, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
+    state = state.replace(mu=mu, pi=pi)
+    for _ in range(3):  # damping leaves 1e-10 of the rates, and more where rows are nearly dependent
+        state = kicked(system, state, _least(mobility(system, state), -node_rate(system, state)))
+    return _at_node(system, state)
+
+
+def _nearer(system: ReducedFunctions, state: State) -> State:
+    """One of Newton's iterations: the least motion (η, w) in the kinetic metric with φ + Dφ·(η, w) = 0."""
+    group, Q, V = system.places
+    at = site(state)
+    mu, pi = legendre(system, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
+    state = state.replace(mu=mu, pi=pi)
+
+    def moved(impulse: Array) -> tuple[Array, Array]:
+        xi, nu, _ = inverse_legendre.velocities(system, kicked(system, state, impulse))
+        return xi, nu
+
+    held = [jnp.full(one.size, float(one.holonomic)) for one in system.constraints]
+    values = [one.value(system, at) if one.holonomic else jnp.zeros(one.size) for one in system.constraints]
+    kept = jnp.diag(jnp.concatenate(held))
+    impulse = _least(kept @ mobility(system, state) @ kept, -jnp.concatenate(values))
+    eta, w = jax.jvp(moved, (jnp.zeros_like(impulse),), (impulse,))[1]
+    F = group.exp(eta)
+    back = group.inverse(F)
+    end = state.n + Q.difference(group, state.n, w)
+    n = Q.act(group, back, end)
+    nu = Q.push(group, back, state.n, state.nu)
+    return state.replace(
+        g=state.g if state.g is None else group.compose(state.g, F),
+        n=n,
+        a=V.act(group, back, state.a),
+        nu=nu if Q.flat else Q.project(group, n, nu),
+    )
+
+
+def _least(matrix: Array, right: Array, damping: float = 1e-10) -> Array:
+    """x with matrix x = right, both (m, …), of a positive matrix that may be singular: the least x, nearly."""
+    return jnp.linalg.solve(matrix + damping * jnp.trace(matrix) * jnp.eye(len(matrix)), right)

@@ -1,0 +1,96 @@
+"""The reactions of a system's constraints: what the multipliers λ do, and which λ the constraints demand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import jax
+import jax.numpy as jnp
+
+from coadjoint.arrays import Array
+from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.constraints import Bound, Site
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.mechanics.state import State
+
+TRIPS = 6
+"""Newton's iterations for the multipliers of a node where the velocities are not affine in the momenta."""
+
+
+def site(state: State) -> Site:
+    """Where the constraints of a state are evaluated."""
+    return Site(state.n, state.a, jnp.asarray(state.t, dtype=float), state.inputs)
+
+
+def count(system: ReducedFunctions) -> int:
+    """The number of rows of all constraints, and of multipliers."""
+    return sum(one.size for one in system.constraints)
+
+
+def parts(system: ReducedFunctions) -> Iterator[tuple[Bound, slice]]:
+    """The constraints with their places among the rows of all."""
+    first = 0
+    for one in system.constraints:
+        yield one, slice(first, first + one.size)
+        first += one.size
+
+
+def rate(system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
+    """φ̇ and A·(ξ, ν) − b of all constraints, (m,). xi: (dim G,). nu: (ambient,)."""
+    return jnp.concatenate([one.rate(system, at, xi, nu) for one in system.constraints])
+
+
+def reaction(system: ReducedFunctions, at: Site, strength: Array) -> tuple[Array, Array]:
+    """The torque (dim G,) and the force (ambient,) of multipliers λ (m,): Aᵀλ."""
+    found = [one.reaction(system, at, strength[part]) for one, part in parts(system)]
+    return sum(torque for torque, _ in found), sum(force for _, force in found)  # type: ignore[return-value]
+
+
+def source(system: ReducedFunctions, at: Site, strength: Array) -> Array:
+    """By which the reaction changes m = μ − π⋄n, (dim G,): its torque less f⋄n."""
+    torque, force = reaction(system, at, strength)
+    return torque - system.additional.diamond(system.group, force, at.n)
+
+
+def powers(system: ReducedFunctions, at: Site, strength: Array) -> Array:
+    """The power of every reaction that has a line in the energy budget, (lines,)."""
+    lines = [one.power(system, at, strength[part]) for one, part in parts(system) if one.budgeted]
+    return jnp.stack(lines) if lines else jnp.zeros(0)
+
+
+def kicked(system: ReducedFunctions, state: State, impulse: Array) -> State:
+    """The state after the impulse Aᵀλ of multipliers λ (m,) of momentum."""
+    torque, force = reaction(system, site(state), impulse)
+    return state.replace(mu=state.mu + torque, pi=state.pi + force)
+
+
+def node_rate(system: ReducedFunctions, state: State) -> Array:
+    """`rate` at the velocities that belong to (μ, π), (m,)."""
+    xi, nu, _ = inverse_legendre.velocities(system, state)
+    return rate(system, site(state), xi, nu)
+
+
+def closing(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
+    """The impulse λ (m,) after which the velocities of the node satisfy all constraints.
+
+    One linear solve where these are affine in the momenta, else Newton's iteration. projector: of redundant rows, the
+    projection (m, m) onto those that are kept.
+    """
+
+    def left(impulse: Array) -> Array:
+        return node_rate(system, kicked(system, state, impulse))
+
+    impulse = jnp.zeros(count(system))
+    trips = TRIPS if any(depends(jax.jacfwd(left), impulse)) else 1
+    for _ in range(trips):
+        impulse = impulse - solved(jax.jacfwd(left)(impulse), left(impulse), projector)
+    return impulse
+
+
+def solved(matrix: Array, right: Array, projector: Array | None) -> Array:
+    """x (m,) with matrix x = right; of redundant rows the one in the range of the projector."""
+    if projector is not None:
+        rest = jnp.eye(len(right)) - projector
+        matrix, right = projector @ matrix @ projector + rest, projector @ right
+    return jnp.linalg.solve(matrix, right)

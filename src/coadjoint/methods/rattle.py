@@ -1,0 +1,247 @@
+"""RATTLE: a step of any method between two impulses of the reactions of constraints."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from coadjoint.arrays import Array, Scalar
+from coadjoint.difference_maps import DifferenceMap
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Element
+from coadjoint.kernels.newton.coupled import Factors
+from coadjoint.kernels.newton.solver import Dense
+from coadjoint.kernels.program import Structure
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.constrained_start import (
+    projector_of,
+    require_members_on_constraints,
+    require_on_constraints,
+)
+from coadjoint.mechanics.constraints import Bound
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.discrete import Node, Point
+from coadjoint.mechanics.inverse_legendre import velocities
+from coadjoint.mechanics.multipliers import multipliers
+from coadjoint.mechanics.reactions import closing, count, kicked, powers, site, source
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.step import Step
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Reactions:
+    """The memory of RATTLE.
+
+    step: λ of the step that starts at a record, (m,). end: λ′ of the step before, (m,), the guess of λ; at the start
+    that of φ̈ = 0. projector: of redundant rows the projection (m, m) onto those that are kept, None without. base: the
+    memory of the method.
+    """
+
+    step: Array
+    end: Array
+    projector: Array | None
+    base: Any
+
+
+@dataclass(frozen=True)
+class Rattle(Step):
+    """An impulse ½hAᵀλ at node k, the step Φ_h of a method, an impulse ½hAᵀλ′ at node k + 1 (mathematics: 6).
+
+    λ is that for which the step ends with φ(n_{k+1}, a_{k+1}) = 0, and for which its own velocities satisfy
+    Σw(A·(ξ, ν) − b) = 0 over the nodes of its quadrature; λ′ that for which the velocities of node k + 1 satisfy
+    A·(ξ, ν) = b, with A·(ξ, ν) − b = φ̇ of holonomic constraints. The adjoint of the step is that around Φ*_h, so that
+    compositions keep their order. Around a symplectic Φ with holonomic constraints alone it is symplectic on T*N,
+    N = {φ = 0}.
+
+    base: the step Φ. Source: Reich, SIAM J. Numer. Anal. 33 (1996) 475; McLachlan, Modin, Verdier and Wilkins, Found.
+    Comput. Math. 14 (2014) 339.
+    """
+
+    base: Step
+
+    @property
+    def difference_map(self) -> DifferenceMap:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """That of the base."""
+        return self.base.difference_map
+
+    @property
+    def carries_g(self) -> bool:
+        return self.base.carries_g
+
+    def blocks(self, system: System) -> tuple[int, ...]:
+        return (*self.base.blocks(system), count(system))
+
+    def structure(self, system: System) -> Structure:
+        return Dense()
+
+    def damping_rate(self, system: System) -> float:
+        return self.base.damping_rate(system)
+
+    def require_fit(self, system: System) -> None:
+        name = getattr(self.base, "title", "A method of variable steps")
+        if not self.base.constrainable:
+            raise ArgumentError(
+                f"{name} takes no constraints: use a method of one stage and fixed step, such as "
+                "co.Midpoint(), or a composition of it such as co.Suzuki4(co.Midpoint())."
+            )
+        without = type(self.base).quadrature is Step.quadrature
+        if without and not all(one.holonomic for one in system.constraints):
+            raise ArgumentError(
+                f"{name} has no quadrature on which co.Nonholonomic could hold velocities: use co.Midpoint() or "
+                "another rule."
+            )
+        self.base.require_fit(system)
+
+    def remember(self, system: System, state: State) -> State:
+        bare = state.replace(memory=None)
+        base = self.base.remember(system, bare)
+        memory = None if isinstance(base.memory, Factors) else base.memory
+        if traced(state, system.parameters):
+            first = multipliers(system, _at_node(system, bare), None)
+            return state.replace(memory=Reactions(first, first, None, memory))
+        require_on_constraints(system, bare)
+        projector = projector_of(system, bare)
+        if isinstance(state.memory, Reactions):
+            return state.replace(memory=Reactions(state.memory.end, state.memory.end, projector, memory))
+        first = evaluate(
+            lambda s, p: multipliers(here := replace_parameters(system, p), _at_node(here, s), projector),
+            bare,
+            system.parameters,
+        )
+        return state.replace(memory=Reactions(first, first, projector, memory))
+
+    def remember_by_xla(self, system: System, state: State) -> State:
+        return state
+
+    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
+        self.base.require_members(system, parameters, axes, states)
+        require_members_on_constraints(system, parameters, axes, states.replace(memory=None))
+
+    def turn(self, system: System, h: Scalar, xi: Array) -> Element | None:
+        return self.base.turn(system, h, xi)
+
+    def _unknowns(self, system: System) -> int:
+        """The number of unknowns of the base, which come first."""
+        return sum(self.base.blocks(system))
+
+    def guess(self, system: System, state: State, h: Scalar) -> Array:
+        return jnp.concatenate([self.base.guess(system, self._bare(state), h), state.memory.end])
+
+    def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
+        of_base = self._unknowns(system)
+        found = self.base.record(system, self._bare(state), h, z[:of_base])
+        return found.replace(memory=Reactions(z[of_base:], state.memory.end, state.memory.projector, found.memory))
+
+    @staticmethod
+    def _bare(state: State) -> State:
+        """The state with the memory of the base."""
+        return state.replace(memory=state.memory.base)
+
+    def inner(self, system: System, record: State, h: Scalar) -> State:
+        """The record of the base's own step: with (μ, π) after the impulse ½hAᵀλ."""
+        return kicked(system, self._bare(record), 0.5 * h * record.memory.step)
+
+    def equations(self, system: System, record: State, h: Scalar) -> Array:
+        inner, projector = self.inner(system, record, h), record.memory.projector
+        held = self._held(system, inner, h)
+        if projector is not None:
+            held = projector @ held + record.memory.step - projector @ record.memory.step
+        return jnp.concatenate([self.base.equations(system, inner, h), held])
+
+    def _held(self, system: System, inner: State, h: Scalar) -> Array:
+        """φ(n_{k+1}, a_{k+1})/h, and Σw(A·(ξ, ν) − b) over the nodes of the quadrature, (m,)."""
+        after = self.base.advance(system, inner, h) if any(one.holonomic for one in system.constraints) else inner
+        points = self.base.quadrature(system, inner, h) if not all(one.holonomic for one in system.constraints) else []
+
+        def of(one: Bound) -> Array:
+            if one.holonomic:
+                return one.value(system, site(after)) / h
+            rates = [w * one.rate(system, _site_of(inner, point), point.xi, point.nu) for w, point in points]
+            return reduce(operator.add, rates)
+
+        return jnp.concatenate([of(one) for one in system.constraints])
+
+    def advance(self, system: System, record: State, h: Scalar) -> State:
+        return self._ended(system, record, h)[0]
+
+    def _ended(self, system: System, record: State, h: Scalar) -> tuple[State, Array]:
+        """The state at node k + 1, and the impulse ½hλ′ there."""
+        free = self.base.advance(system, self.inner(system, record, h), h)
+        impulse = closing(system, free, record.memory.projector)
+        after = kicked(system, free, impulse)
+        end = 2 * impulse / h
+        return after.replace(memory=Reactions(end, end, record.memory.projector, free.memory)), impulse
+
+    def relative(self, system: System, record: State, h: Scalar) -> Element:
+        return self.base.relative(system, self._bare(record), h)
+
+    def chart(self, system: System, record: State, h: Scalar) -> Scalar:
+        return self.base.chart(system, self._bare(record), h)
+
+    def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
+        return self.base.nodes(system, self.inner(system, record, h), h)
+
+    def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
+        return self.base.quadrature(system, self.inner(system, record, h), h)
+
+    def discrete_lagrangian(self, system: System, record: State, h: Scalar) -> Scalar:
+        return self.base.discrete_lagrangian(system, self.inner(system, record, h), h)
+
+    def energy(self, system: System, record: State, h: Scalar) -> Array:
+        return self.base.energy(system, self.inner(system, record, h), h)
+
+    def size(self, record: State, h: Scalar) -> Scalar:
+        return self.base.size(record, h)
+
+    def work(self, system: System, record: State, h: Scalar) -> Array:
+        """The work of the base, then ½h(⟨λ, b⟩ at node k + ⟨λ′, b⟩ at node k + 1) of each line of a reaction."""
+        inner = self.inner(system, record, h)
+        after, impulse = self._ended(system, record, h)
+        lines = powers(system, site(record), 0.5 * h * record.memory.step) + powers(system, site(after), impulse)
+        return jnp.concatenate([self.base.work(system, inner, h), lines])
+
+    def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
+        """Those of the base, and the changes of m by the reactions at both nodes."""
+        ahead, behind = self.base.sources(system, self.inner(system, record, h), h)
+        after, impulse = self._ended(system, record, h)
+        return (
+            ahead + source(system, site(record), 0.5 * h * record.memory.step),
+            behind + source(system, site(after), impulse),
+        )
+
+    def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
+        """That of the base; the constraints have monitors of their own."""
+        return self.base.newton_residual(system, self.inner(system, record, h), h, after)
+
+
+def _at_node(system: System, state: State) -> State:
+    xi, nu, _ = velocities(system, state)
+    return state.replace(xi=xi, nu=nu)
+
+
+def _site_of(state: State, point: Point) -> Any:
+    return site(state)._replace(n=point.n, a=point.a, t=jnp.asarray(point.t, dtype=float))
+
+
+def kept(state: State) -> Reactions | None:
+    """The memory that a record gives to a run that continues from it: the guess of the multipliers."""
+    return state.memory if isinstance(state.memory, Reactions) else None
+
+
+def constrained(system: System, step: Step) -> Step:
+    """The step of a method for a system: RATTLE around it where the system has constraints."""
+    return Rattle(step) if system.constraints else step
+
+
+def around(system: System, stages: tuple[tuple[Step, float], ...]) -> tuple[tuple[Step, float], ...]:
+    """The stages of a method for a system."""
+    if not system.constraints:
+        return stages
+    return tuple((constrained(system, step), fraction) for step, fraction in stages)

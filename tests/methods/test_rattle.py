@@ -1,0 +1,107 @@
+"""RATTLE around methods: a pinned body in maximal coordinates moves as the top does in minimal ones."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods.rattle import Rattle
+from pinned import PIN, RATES, pinned, reference, start
+
+QUIET = {"monitors": False, "accuracy": False}
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return reference(1.0).final
+
+
+def error(method, dt, exact):
+    system = pinned()
+    run = co.simulate(system, start(system), dt=dt, duration=1.0, method=method, **QUIET)
+    return max(np.abs(run.final.g - exact.g).max(), np.abs(run.final.xi - exact.xi).max())
+
+
+@pytest.mark.parametrize(
+    ("method", "order"),
+    [
+        (co.Midpoint(), 2),
+        pytest.param(co.Midpoint(co.Exponential()), 2, marks=pytest.mark.long),
+        (co.Trapezoidal(), 2),
+        pytest.param(co.Simpson(), 2, marks=pytest.mark.long),
+        pytest.param(co.methods.LeftRight(), 2, marks=pytest.mark.long),
+        (co.LeftRectangle(), 1),
+        pytest.param(co.RightRectangle(), 1, marks=pytest.mark.long),
+    ],
+    ids=lambda value: getattr(value, "title", None),
+)
+def test_a_pinned_body_converges_to_the_top_with_the_order_of_the_method(method, order, exact):
+    coarse, fine = (error(method, dt, exact) for dt in (0.01, 0.005))
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.15)
+
+
+def test_gaps_stay_at_round_off_and_energy_in_its_band():
+    system = pinned()
+    run = co.simulate(system, start(system), dt=0.02, steps=20_000, save_every=20, accuracy=False)
+    assert run.extrema["constraint_gap"][1] < 1e-14
+    assert run.extrema["constraint_rate"][1] < 1e-13
+    assert run.extrema["balance"][1] < 1e-14
+    error = np.abs(run.monitors["energy"] / run.monitors["energy"][0] - 1)
+    halves = error[:500].max(), error[500:].max()
+    assert halves[1] < 1.1 * halves[0] < 5e-3
+    assert "constraints" in str(run) and "their rates" in str(run)
+
+
+@pytest.mark.long
+def test_native_code_and_xla_agree_to_round_off():
+    system = pinned()
+    runs = [co.simulate(system, start(system), dt=0.01, steps=20, backend=b, **QUIET) for b in ("native", "xla")]
+    for name in ("g", "n", "mu", "pi"):
+        one, other = (getattr(run.final, name) for run in runs)
+        assert np.abs(one - other).max() < 1e-14 * max(1, np.abs(one).max())
+
+
+def test_records_of_native_code_solve_the_equations_that_xla_compiles():
+    system = pinned()
+    run = co.simulate(system, start(system), dt=0.01, steps=3, **QUIET)
+    step, records = Rattle(run.method), run.records
+
+    def again(state, z):
+        return step.residual(system, state, 0.01, z), step.advance(system, step.record(system, state, 0.01, z), 0.01)
+
+    rows = [jax.tree.map(lambda leaf, k=k: leaf[k], records) for k in (1, 2)]
+    z = np.concatenate([rows[0].xi, rows[0].nu, rows[0].memory.step])
+    left, after = evaluate(again, rows[0], z)
+    assert np.abs(left).max() < 1e-13
+    assert all(np.abs(getattr(after, name) - getattr(rows[1], name)).max() < 1e-14 for name in ("g", "n", "mu", "pi"))
+
+
+def test_a_start_off_a_constraint_raises_with_its_name_and_distance():
+    system = pinned()
+    with pytest.raises(co.errors.ArgumentError, match=r"constraint `pin`, but \|φ\| is 0\.01"):
+        co.simulate(system, start(system, q=-PIN + [0, 0, 0.01]), dt=0.01, steps=1)
+    with pytest.raises(co.errors.ArgumentError, match=r"velocities of the start .* `pin`, but \|φ̇\| is 1\.6"):
+        co.simulate(system, start(system, qdot=[0, 0, 0]), dt=0.01, steps=1)
+
+
+def test_the_projection_onto_constraints_is_the_nearest_state_in_the_kinetic_metric():
+    system = pinned()
+    off = start(system, q=-PIN + [0.01, -0.02, 0.03], xi=RATES + 0.1, qdot=[0, 0, 0])
+    found = system.project(off)
+    assert np.abs(found.n + PIN).max() < 1e-15
+    # The change of the momenta is a reaction, (n × λ, λ): the projection is orthogonal in ⟨p, M⁻¹p⟩.
+    again = start(system, qdot=[0, 0, 0])
+    held = system.project(again)
+    assert held.mu - again.mu == pytest.approx(np.cross(held.pi - again.pi, held.n), abs=1e-9)
+    assert np.cross(held.xi, -PIN) == pytest.approx(held.nu, abs=1e-9)
+
+
+def test_a_run_that_continues_from_its_end_equals_an_undivided_one():
+    system = pinned()
+    whole = co.simulate(system, start(system), dt=0.01, steps=40, **QUIET)
+    first = co.simulate(system, start(system), dt=0.01, steps=20, **QUIET)
+    rest = co.simulate(system, first.final, dt=0.01, steps=20, **QUIET)
+    assert np.array_equal(rest.final.mu, whole.final.mu)

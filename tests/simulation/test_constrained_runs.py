@@ -1,0 +1,165 @@
+"""Runs with constraints: reactions as data, budgets, ensembles, files, steppers, events, gradients."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from pinned import INERTIA, MASS, PIN, RATES, body, hold, pinned, reference, start
+
+QUIET = {"monitors": False, "accuracy": False}
+
+
+def run(system=None, dt=0.01, steps=40, **more):
+    system = pinned() if system is None else system
+    begun = more.pop("start", None)
+    more = {"accuracy": False, **more}
+    return co.simulate(system, start(system) if begun is None else begun, dt=dt, steps=steps, **more)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return run()
+
+
+def reaction(g, xi):
+    """m(ẍ − g) in the body frame, of the top that turns at ξ about the pin."""
+    about = INERTIA + MASS * (PIN @ PIN * np.eye(3) - np.outer(PIN, PIN))
+    gravity = g.T @ [0, 0, -9.81]
+    turning = np.linalg.solve(about, np.cross(about @ xi, xi) + np.cross(-PIN, MASS * gravity))
+    return -MASS * (np.cross(turning, PIN) + np.cross(xi, np.cross(xi, PIN)) + gravity)
+
+
+@pytest.mark.parametrize(
+    ("method", "order"), [(co.Midpoint(), 2), pytest.param(co.Suzuki4(co.Midpoint()), 4, marks=pytest.mark.long)]
+)
+def test_reactions_at_nodes_have_the_order_of_the_method_and_those_of_steps_order_one(method, order):
+    exact = reference(1.0).final
+    force = reaction(exact.g, exact.xi)
+    runs = [run(dt=dt, steps=round(1 / dt), method=method, monitors=False).dataset for dt in (0.02, 0.01)]
+    at_nodes = [np.abs(made.reaction_pin.values[-1] - force).max() for made in runs]
+    of_steps = [np.abs(made.reaction_step_pin.values[-1] - force).max() for made in runs]
+    assert np.log2(at_nodes[0] / at_nodes[1]) == pytest.approx(order, abs=0.1)
+    assert np.log2(of_steps[0] / of_steps[1]) == pytest.approx(1, abs=0.1)
+
+
+def test_reactions_are_described_in_the_dataset(plain):
+    found = plain.dataset
+    assert found.reaction_pin.dims == found.reaction_step_pin.dims == ("time", "pin_row")
+    assert "φ̈ = 0" in found.reaction_pin.attrs["long_name"]
+    assert "first order" in found.reaction_step_pin.attrs["long_name"]
+
+
+def test_a_driven_constraint_has_a_line_in_the_energy_budget_which_closes():
+    moving = co.Holonomic(lambda n, a, p, *, t: n + p.pin - 0.1 * jnp.sin(3 * t) * a)
+    system = body(constraints={"lift": moving})
+    begun = system.project(start(system))
+    errors = []
+    for dt in (0.02, 0.01):
+        made = run(system, dt, round(1 / dt), start=begun)
+        errors.append(np.ptp(made.monitors["energy_budget"]))
+        assert made.extrema["constraint_gap"][1] < 1e-15
+        assert made.extrema["balance"][1] < 1e-14
+    assert abs(made.monitors["work_lift"][-1]) > 0.9
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
+    assert "lift" in str(made)
+
+
+def test_redundant_rows_share_the_least_reactions_and_are_reported(plain):
+    system = body(constraints={"pin": co.Holonomic(hold), "again": co.Holonomic(lambda n, a, p: (n + p.pin)[:2])})
+    made = run(system)
+    assert np.abs(made.final.g - plain.final.g).max() < 1e-14
+    assert made.dataset.reaction_again.values == pytest.approx(0.5 * plain.dataset.reaction_pin.values[:, :2], abs=1e-9)
+    assert "5 rows, of which 2 follow from the others" in str(made)
+
+
+def test_members_of_an_ensemble_are_bitwise_their_single_runs(plain):
+    system = pinned().replace(mass=co.each([1.0, MASS]))
+    made = run(system)
+    assert np.array_equal(made.dataset.mu.values[1], plain.dataset.mu.values)
+    assert np.array_equal(made.dataset.reaction_pin.values[1], plain.dataset.reaction_pin.values)
+
+
+def test_a_member_off_a_constraint_or_with_redundant_rows_raises():
+    system = pinned()
+    rates = co.each([RATES, 2 * RATES])
+    off = start(system, xi=rates)
+    with pytest.raises(co.errors.ArgumentError, match="velocities of the start must satisfy the constraint `pin`"):
+        run(system, start=off, steps=1)
+    assert np.array_equal(system.project(off).mu[0], system.project(start(system)).mu)
+    doubled = body(constraints={"pin": co.Holonomic(hold), "again": co.Holonomic(hold)})
+    with pytest.raises(co.errors.ArgumentError, match="independent constraints"):
+        run(doubled.replace(mass=co.each([1.0, 2.0])), steps=1)
+
+
+def test_stored_resumed_and_saved_runs_keep_reactions_and_continue_bitwise(plain, tmp_path):
+    system = pinned()
+    stored = run(store=tmp_path / "run")
+    for name in ("mu", "reaction_pin", "reaction_step_pin"):
+        assert np.array_equal(stored.dataset[name], plain.dataset[name])
+    assert np.array_equal(co.resume(tmp_path / "run", system).final.mu, plain.final.mu)
+    plain.save(tmp_path / "run.nc")
+    loaded = co.load(tmp_path / "run.nc", system)
+    assert np.array_equal(loaded.dataset.reaction_pin, plain.dataset.reaction_pin)
+    on = [run(start=end, steps=3, monitors=False).final.mu for end in (loaded.final, plain.final)]
+    assert np.array_equal(*on)
+
+
+def test_a_stepper_takes_the_steps_of_a_run(plain):
+    system = pinned()
+    stepper = co.Stepper(system, start(system), dt=0.01)
+    for _ in range(40):
+        stepper.step()
+    assert np.array_equal(stepper.state.mu, plain.position.state.mu)
+
+
+def test_events_and_dense_output_are_on_the_constraints():
+    made = run(until=lambda state: state.g[0, 1] + 0.1, monitors=False)
+    assert made.final.g[0, 1] == pytest.approx(-0.1, abs=1e-13)
+    assert np.abs(made.final.n + PIN).max() < 1e-15
+    assert np.abs(made.at([0.013]).n + PIN).max() < 1e-15
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd])
+def test_gradients_go_through_reactions(derivative):
+    def end(mass):
+        system = pinned().replace(mass=mass)
+        return co.trajectory(system, start(system), dt=0.01, steps=5, accuracy=False).final.g[0, 1]
+
+    with co.float64():
+        slope = derivative(end)(2.0)
+    assert slope == pytest.approx((end(2.0 + 1e-4) - end(2.0 - 1e-4)) / 2e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", [co.Midpoint(), co.HamiltonianMidpoint()], ids=lambda method: method.title)
+def test_a_hamiltonian_has_the_steps_of_its_lagrangian(method, plain):
+    def hamiltonian(mu, n, pi, a, p):
+        return 0.5 * mu @ (mu / np.diag(INERTIA)) + 0.5 * pi @ pi / p.mass + 9.81 * p.mass * n @ a
+
+    parameters = {"mass": MASS, "pin": PIN}
+    spaces = {"additional": co.Defining(), "advected": co.Defining()}
+    held = {"pin": co.Holonomic(hold)}
+    system = co.System(co.SO3(), hamiltonian=hamiltonian, parameters=parameters, constraints=held, **spaces)
+    made = run(system, method=method, monitors=False)
+    assert np.abs(made.final.g - plain.final.g).max() < 1e-14
+    assert np.abs(made.dataset.reaction_pin.values - plain.dataset.reaction_pin.values).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        co.Galerkin(),
+        co.VariableStep(co.Midpoint()),
+        co.EnergyMomentum(),
+        co.IsospectralMidpoint(),
+        co.LeftRectangle(start="velocity"),
+    ],
+    ids=lambda method: method.title,
+)
+def test_methods_that_take_no_constraints_raise_one_clear_error(method):
+    with pytest.raises(co.errors.ArgumentError, match=r"takes no constraints: use|leave out start="):
+        run(method=method, steps=1)
