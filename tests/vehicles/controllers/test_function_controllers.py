@@ -169,7 +169,7 @@ def test_a_controller_that_divides_by_zero_is_named():
         (lambda feedback, p: {"rudder": 1 / 0}, "^The controller failed: ZeroDivisionError"),
         (lambda feedback, p: {"rudder": feedback.headin}, "asks its feedback for `headin`.*did you mean `heading`"),
         (lambda feedback, p: {"rudder": p.rudder.are}, "asks what it is given for `are`.*`area`"),
-        (lambda feedback, p: {"rudder": "hard over"}, "commands `rudder` by 'hard over', which is no number"),
+        (lambda feedback, p: {"rudder": "hard over"}, "commands `rudder` by 'hard over', which is not a number"),
         (Cruise, r"is the class Cruise: give one of them, Cruise\(…\)"),
         (Confused(), "^The controller `Confused` has Python `if`.* jnp.where"),
     ],

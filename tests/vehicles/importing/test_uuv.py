@@ -115,7 +115,7 @@ def test_a_torpedo_of_uuv_simulator_swims_as_by_its_plugins() -> None:
     assert np.linalg.norm(here - last[:3]) < 5e-3
     np.testing.assert_allclose(np.asarray(run.final.nu) * FLIP, last[12:15], atol=2e-3)
     assert any("neither counts" in sentence for sentence in found.report.differs)
-    assert any("beside the diagonal" in row.what for row in found.report.left)
+    assert any("off-diagonal" in row.what for row in found.report.left)
 
 
 def test_every_number_of_an_imported_vehicle_has_its_line() -> None:

@@ -21,8 +21,8 @@ NESTED = "(" * 40 + "1" + ")" * 40
 WHOLE = {
     "billion laughs": (f'<!DOCTYPE r [<!ENTITY a0 "ha">{LAUGHS}]><robot name="r">&a11;</robot>', "document type"),
     "external entity": ('<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot>&a;</robot>', "document type"),
-    "no XML": ("mass: 3", "no XML"),
-    "an end that is not there": ('<robot name="r"><link name="a">', "no XML"),
+    "no XML": ("mass: 3", "XML cannot be read"),
+    "an end that is not there": ('<robot name="r"><link name="a">', "XML cannot be read"),
     "too deep": ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "64 elements within each other"),
     "too many": ("<robot>" + "<a/>" * 60_000 + "</robot>", "50,000 elements"),
     "another root": ("<mujoco/>", "SDF begins with <sdf>"),

@@ -128,7 +128,7 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
         ("time_s,heading_deg,yaw_deg\n0,1,0\n1,3,0\n", "`yaw` says again"),
         ("time_s,depth_m,z_m\n0,1,0\n1,3,0\n", "`z` says again"),
         ("time_s,roll_deg,u_m_s\n0,,1\n1,,1\n", "`roll` holds no number"),
-        (f"# simulated with dt_s = fine\n{GOOD}", "must tell a positive number"),
+        (f"# simulated with dt_s = fine\n{GOOD}", "must be a positive number"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_a_file_is_told_with_its_place(tmp_path, text, told):

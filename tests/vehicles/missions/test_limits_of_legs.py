@@ -62,7 +62,7 @@ def test_set_points_are_numbers_that_stay_or_values_by_time_in_si_units():
         ({"dept": 1.0}, "has no set point `dept`: did you mean `depth`"),
         ({"depth": 1.0, "depth_ft": 3.0}, "gives `depth` twice: once as `depth_ft`"),
         ({"depth_s": 1.0}, "`depth` measures m, but `depth_s` is in s"),
-        ({"axes": "ENU/FLU"}, "has no axes of its own"),
+        ({"axes": "ENU/FLU"}, "has no key `axes`"),
     ],
 )
 def test_another_set_point_is_refused(given, sentence):

@@ -256,7 +256,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"water": {"kind": "tidel"}}, "did you mean `tidal`"),
         ({"water": {"velocty": [0, 0, 0]}}, "did you mean `velocity`"),
         ({"water": {"velocity_deg": [0, 0, 0]}}, "unit of angle"),
-        ({"water": {"velocity": [0, 0, 0], "drift": {"velocity": [0, 0, 0]}}}, "beside tables"),
+        ({"water": {"velocity": [0, 0, 0], "drift": {"velocity": [0, 0, 0]}}}, "next to tables"),
         (
             {"water": {"kind": "gauss_markov", "deviation_deg": [0, 1, 0], "correlation_time": 9}},
             "unit of angle, but `deviation` measures speed",

@@ -130,7 +130,7 @@ def declare(**row):
         (declare(columns={"u_m_s": "frame"}), "has no number `frame`"),
         (declare(columns={"u_m": "velocity.x"}), "is in m, but `u` is measured in m/s"),
         (declare(columns={"u": "velocity.x"}), "has no known unit at its end"),
-        (declare(columns={"speed_m_s": "velocity.x"}), "is no quantity of a vehicle, the nearest is"),
+        (declare(columns={"speed_m_s": "velocity.x"}), "is not a quantity of a vehicle, the nearest is"),
         (declare(columns={"u_m_s": "velocity.x", "u_cm_s": "velocity.y"}), "`u` is given twice"),
         (declare(columns={"u_m_s": 3}), "`u_m_s` must be a text, but is 3"),
         (declare(columns={"depth_m": "altitude", "pressure": "altitude"}), "`pressure` says again what `depth` says"),

@@ -108,10 +108,10 @@ SHORT_UNITS = (
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda c: b"", "is no log of ArduPilot: it is empty"),
+        (lambda c: b"", "is not a log of ArduPilot: it is empty"),
         (lambda c: b"\xa3\x95\x81" + c[3:], "begins with a3 95 81, but must begin with a3 95 80"),
         (lambda c: c[:4] + b"\x10" + c[5:], "its definition of `FMT`.*does not fit together"),
-        (lambda c: c[:3000] + bytes(len(c) - 3000), "of its .* bytes are no message"),
+        (lambda c: c[:3000] + bytes(len(c) - 3000), "of its .* bytes are not a message"),
         (lambda c: SHORT_UNITS, "its units, FMTU, have 9 bytes of 25"),
         (lambda c: c[: 89 * 7], "holds no message that measures a vehicle"),
     ],
@@ -126,7 +126,7 @@ def test_a_log_that_is_none_is_refused(log, tmp_path, change, words):
 def test_a_log_that_was_cut_off_is_read_to_its_last_whole_message_and_tells(log, tmp_path):
     path = tmp_path / "cut.BIN"
     path.write_bytes(log.read_bytes()[:-5])
-    assert "bytes are no message, and are passed over." in " ".join(read_log(path).notes)
+    assert "bytes are not a message, and are passed over." in " ".join(read_log(path).notes)
 
 
 def test_a_log_that_is_too_large_is_refused_before_it_is_read(log, tmp_path, monkeypatch):

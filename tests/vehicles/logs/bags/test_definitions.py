@@ -54,8 +54,8 @@ def test_every_definition_that_is_written_can_be_read(name):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("float64", "a line that is no field: 'float64'"),
-        ("float64 x;import os", "a line that is no field"),
+        ("float64", "a line that is not a field: 'float64'"),
+        ("float64 x;import os", "a line that is not a field"),
         ("a/B b", "lacks the type a/B"),
         ("a/A a", "holds the type a/A within itself"),
         ("float64 x\n===\nfloat64 y", "a part without `MSG: package/Type`"),

@@ -109,7 +109,7 @@ def test_commands_without_a_unit_that_pause_or_end_are_told(tmp_path):
     pulses = ("/command/rudder", PLAIN, {"data": 0.1 * some}, some)
     fine = twist()
     log = read_log(bag(tmp_path / "x.mcap", [fine, pulses]))
-    assert "Nothing tells the unit of /command/rudder" in log.notes[0]
+    assert "Nothing declares the unit of /command/rudder" in log.notes[0]
     assert any("/command/rudder is silent for 13 s from 3 s on" in note for note in log.notes)
     assert any("/command/rudder ends 12 s before the log" in note for note in log.notes)
     begins_late = ("/actuator/rudder", PLAIN, {"data": 0.1 * SECONDS[9:]}, SECONDS[9:])

@@ -181,8 +181,8 @@ def test_a_mission_writes_a_bag_and_a_vehicle_is_identified_from_it(tmp_path, ca
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda c: b"", "is no MCAP: it is empty"),
-        (lambda c: b"time_s,u_m_s\n", "is no MCAP: it begins with 74 69"),
+        (lambda c: b"", "is not an MCAP file: it is empty"),
+        (lambda c: b"time_s,u_m_s\n", "is not an MCAP file: it begins with 74 69"),
         (lambda c: c[: len(c) // 2], "was not closed: it ends after"),
         (lambda c: c[:8], "was not closed"),
         (lambda c: c[:20_000] + bytes(64) + c[20_064:], "damaged at byte"),

@@ -66,7 +66,7 @@ def test_telemetry_of_two_vehicles_is_not_mixed(telemetry, tmp_path):
 def test_a_file_that_is_none_is_refused(tmp_path):
     for content in (b"", b"time_s,u_m_s"):
         (tmp_path / "x.tlog").write_bytes(content)
-        with pytest.raises(FileError, match="is no telemetry of MAVLink: its ninth byte must be fd or fe"):
+        with pytest.raises(FileError, match="is not telemetry of MAVLink: its ninth byte must be fd or fe"):
             read_log(tmp_path / "x.tlog")
 
 

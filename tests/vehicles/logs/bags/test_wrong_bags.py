@@ -87,7 +87,7 @@ OTHER = record(3, SCHEMA.replace(b"ros2msg", b"omgidl_"))
         (whole(chunk(bytes(64))), "a record is of no kind"),
         (whole(chunk(record(4, CHANNEL), crc=7)), "not what its checksum says"),
         (whole(chunk(record(4, CHANNEL), size=3)), "says that it holds 3 bytes, but it does not"),
-        (whole(chunk(struct.pack("<BQ", 4, 99))), "goes on behind the end of its chunk"),
+        (whole(chunk(struct.pack("<BQ", 4, 99))), "continues behind the end of its chunk"),
         (whole(record(4, CHANNEL)), "is of the schema 1, which comes nowhere before it"),
         (whole(*DEFINED, record(4, CHANNEL.replace(b"wist", b"ling"))), "the channel 1 is"),
         (whole(record(5, bytes(30))), "a message is of the channel 0, which comes nowhere before it"),
@@ -95,7 +95,7 @@ OTHER = record(3, SCHEMA.replace(b"ros2msg", b"omgidl_"))
         (whole(record(3, b"\1\0\xff\xff\xff\xff")), "a record of kind 3 cannot be read"),
         (whole(*DEFINED), "holds no message that measures a vehicle; it holds /twist"),
         (whole(*DEFINED, record(5, struct.pack("<HIQQ", 1, 0, 2**64 - 1, 0))), "of no time"),
-        (whole(*DEFINED, record(5, struct.pack("<HIQQ", 1, 0, 0, 0))), "no plain CDR"),
+        (whole(*DEFINED, record(5, struct.pack("<HIQQ", 1, 0, 0, 0))), "not plain CDR"),
         (whole(*DEFINED, record(5, struct.pack("<HIQQI", 1, 0, 0, 0, 256))), "ends after 4"),
         (whole(OTHER, record(4, CHANNEL), record(5, bytes([1]) + bytes(30))), 'is defined in "omgidl_"'),
     ],
@@ -181,9 +181,9 @@ def test_what_is_whole_of_a_file_that_was_not_closed_is_read_if_asked(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("x.db3", b"time_s,u_m_s\n", "is no bag of ROS 2: it is no SQLite database"),
+        ("x.db3", b"time_s,u_m_s\n", "is not a bag of ROS 2: it is not an SQLite database"),
         ("x.db3", b"SQLite format 3\0" + bytes(500), "is damaged, or no bag of ROS 2"),
-        ("x.bag", b"#ROSBAG V1.1\n", "is no bag of ROS 1: it begins with"),
+        ("x.bag", b"#ROSBAG V1.1\n", "is not a bag of ROS 1: it begins with"),
         ("x.bag", b"#ROSBAG V2.0\n" + bytes(2), "was not closed"),
         ("x.bag", b"#ROSBAG V2.0\n" + bytes(8), "a record cannot be read"),
         ("x.bag", b"#ROSBAG V2.0\n" + bytes([7, 0, 0, 0, 3, 0, 0, 0]) + b"op=" + bytes(4), "a record cannot be read"),
@@ -230,7 +230,7 @@ def test_a_short_sequence_of_whole_numbers_lacks_values_and_no_number_is_made_up
 def test_folders_and_files_that_are_not_there_are_refused(tmp_path):
     with pytest.raises(FileError, match="There is no log"):
         read_log(tmp_path / "none.mcap")
-    with pytest.raises(FileError, match=r"is no bag of ROS 2: it holds no \.mcap and no \.db3"):
+    with pytest.raises(FileError, match=r"is not a bag of ROS 2: it holds no \.mcap and no \.db3"):
         read_log(tmp_path)
     (tmp_path / "x_0.db3.zstd").write_bytes(b"")
     with pytest.raises(FileError, match="unpack them by `zstd -d`"):

@@ -110,7 +110,7 @@ def of_file(craft: Craft) -> dict[str, Any]:
                 f"is {quantity.uncertainty}."
             )
         if path not in known:
-            raise ArgumentError(f"{key} has an uncertainty, but is no parameter by itself: give those of others.")
+            raise ArgumentError(f"{key} has an uncertainty, but is not a parameter by itself: give those of others.")
         found[path] = quantity.uncertainty
     if not found:
         raise ArgumentError(

@@ -34,7 +34,7 @@ FIGURES = {
     "actuators": AddedFigure(
         f"{_FIGURES}.actuators:actuators",
         f"{_FIGURES}.fitting:of_actuators",
-        "What every actuator does, what it was told, and its limits.",
+        "The value, the command and the limits of every actuator.",
     ),
     "current": AddedFigure(
         f"{_FIGURES}.motions:current",

@@ -45,7 +45,7 @@ def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path
     if not table:
         raise book.fail("the file is empty: `coadjoint vehicles show NAME --toml` prints one to start from.")
     if "run" in table or "mission" in table:
-        raise book.fail(f"this is no vehicle file but one of a run or a mission: `coadjoint run {name}` takes it.")
+        raise book.fail(f"this is not a vehicle file, but one of a run or a mission: `coadjoint run {name}` takes it.")
     if "pilot" in table:
         raise book.fail("the section [pilot] is called [controller]: rename it.")
     whole = Section(book, "The file", "", table)

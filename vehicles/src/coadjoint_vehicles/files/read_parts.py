@@ -32,7 +32,7 @@ def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before:
     if not name.isidentifier():
         raise section.fail(f"name must be one word of letters, digits and _, but is {name!r}.")
     if name in before:
-        raise section.fail(f"name is that of another part too: give each a name of its own, such as {name}_2.")
+        raise section.fail(f"name is that of another part too: give each its own name, such as {name}_2.")
     cls = kinds("parts")[kind]
     if kind == "thrusters":
         return built(section, lambda: _thrusters(section, name, axes))

@@ -56,7 +56,7 @@ def _compared(left: float | str, sign: str, right: float | str) -> bool:
     if sign in ("==", "!="):
         return (left == right) == (sign == "==")
     if isinstance(left, str) or isinstance(right, str):
-        raise ArgumentError(f"{left!r} {sign} {right!r} compares what is no number")
+        raise ArgumentError(f"{left!r} {sign} {right!r} compares a value that is not a number")
     return {"<": left < right, "<=": left <= right, ">": left > right, ">=": left >= right}[sign]
 
 
@@ -74,7 +74,7 @@ class _Reader:
             if found is None:
                 left = text[at:].strip()
                 raise ArgumentError(
-                    f"${{{self.text}}} is no arithmetic of numbers and properties: `{left[:20]}` is not read, and no "
+                    f"${{{self.text}}} is not arithmetic of numbers and properties: `{left[:20]}` is not read, and no "
                     "Python is run"
                 )
             number, name, sign = found.groups()

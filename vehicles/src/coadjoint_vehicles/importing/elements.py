@@ -114,7 +114,7 @@ def parse(text: str, name: str) -> Element:
         parser.Parse(text.encode("utf-8"), True)
     except expat.ExpatError as error:
         said = expat.ErrorString(error.code)
-        raise FileError(f"{name}:{error.lineno}: this is no XML that can be read: {said}.") from None
+        raise FileError(f"{name}:{error.lineno}: this XML cannot be read: {said}.") from None
     return roots[0]
 
 

@@ -210,5 +210,5 @@ def _told_added_mass(draft: Draft, plugin: Element | None, fluid: Element | None
         draft.differs(f"{plugin.place}: added mass is given twice, and is the sum of both, as there.")
     if np.any(by_plugin - np.diag(np.diag(by_plugin))):
         draft.differs(
-            f"{plugin.place}: the Coriolis terms of added mass beside the diagonal are left out there, but not here."
+            f"{plugin.place}: the Coriolis terms of off-diagonal added mass are left out there, but not here."
         )

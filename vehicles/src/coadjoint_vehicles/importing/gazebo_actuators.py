@@ -60,7 +60,9 @@ def thrusters(
                 **more,
             )
         )
-        draft.differs(f"{plugin.place}: the propeller's joint and its gains are left out: the thrust follows at once.")
+        draft.differs(
+            f"{plugin.place}: the propeller's joint and its gains are left out: the thrust follows immediately."
+        )
 
 
 def _coefficient(draft: Draft, plugin: Element) -> float:
@@ -198,5 +200,5 @@ def _direction(plugin: Element, tag: str, default: int) -> np.ndarray:
     found = _vector(plugin, tag, np.eye(3)[default])
     length = float(np.linalg.norm(found))
     if length == 0:
-        raise plugin.fail(f"has <{tag}> 0 0 0, which is no direction.")
+        raise plugin.fail(f"has <{tag}> 0 0 0, which is not a direction.")
     return found / length

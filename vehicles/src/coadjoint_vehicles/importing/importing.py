@@ -88,7 +88,7 @@ def _finished(draft: Draft, xacro: Xacro) -> Imported:
     report.unsaid += UNSAID
     for sentence in xacro.missing:
         place, _, said = sentence.partition(": ")
-        draft.left(place, "what is included or called there", said)
+        draft.left(place, "included or called files", said)
     draft.source = f"{report.format}: {', '.join(report.files)}"
     text = vehicle_to_toml(draft.vehicle())
     try:

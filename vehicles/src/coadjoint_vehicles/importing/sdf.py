@@ -144,7 +144,7 @@ def links_of(model: Element, draft: Draft) -> dict[str, Link]:
     for element in model.all("link"):
         name = element.get("name") or ""
         if not name or name in found:
-            raise element.fail("needs a name of its own.")
+            raise element.fail("needs its own name.")
         found[name] = _link(name, element, draft)
     frames = {element.get("name") or "": element for element in model.all("frame")}
     joints = {joint.attributes.get("name", ""): joint for joint in model.children if joint.tag == "joint"}

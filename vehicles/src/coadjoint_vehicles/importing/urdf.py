@@ -15,7 +15,7 @@ def links_of(root: Element) -> dict[str, Link]:
     for element in root.all("link"):
         name = element.get("name") or ""
         if not name or name in found:
-            raise element.fail("needs a name of its own.")
+            raise element.fail("needs its own name.")
         link = found[name] = Link(name, element)
         inertial = element.first("inertial")
         if inertial is None:

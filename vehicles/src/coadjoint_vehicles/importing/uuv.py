@@ -144,7 +144,7 @@ def _hydrodynamics(draft: Draft, model: Element, base: Link) -> None:
             continue
         where = _at(fossen, tag)
         if key == "quadratic" and np.any(matrix - np.diag(np.diag(matrix))):
-            draft.left(where, "its entries beside the diagonal", "the plugin does not use them either")
+            draft.left(where, "its off-diagonal entries", "the plugin does not use them either")
             matrix = np.diag(np.diag(matrix))
         given[key] = draft.take(f"damping.{key}", -matrix * turn, "SI", where, "with the other sign")
         if np.linalg.eigvalsh(-matrix - matrix.T)[0] < -1e-9:

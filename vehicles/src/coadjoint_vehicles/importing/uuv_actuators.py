@@ -123,7 +123,7 @@ def _lag(draft: Draft, plugin: Element) -> float:
         return 0.0
     if kind == "FirstOrder":
         return number_in(dynamics, "timeConstant")
-    draft.differs(f"{dynamics.place}: the rotor's dynamics {kind!r} is left out: the thruster follows at once.")
+    draft.differs(f"{dynamics.place}: the rotor's dynamics {kind!r} is left out: the thruster follows immediately.")
     return 0.0
 
 

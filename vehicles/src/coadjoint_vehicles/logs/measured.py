@@ -188,7 +188,7 @@ def _step(path: Any, comments: list[str]) -> float | None:
     with suppress(ValueError):
         if np.isfinite(step := float(told[0])) and step > 0:
             return step
-    raise FileError(f"{path}: the line `{_STEP}{told[0]}` must tell a positive number, in s.")
+    raise FileError(f"{path}: the line `{_STEP}{told[0]}` must be a positive number, in s.")
 
 
 def _places(sheet: Sheet, column: Column, time: np.ndarray) -> Callable[[int], str]:
@@ -237,7 +237,7 @@ def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:
     uncommanded = {name: pair for name, pair in plain.items() if name not in commands}
     for name in uncommanded:
         if (match := _BRACKETS.match(name)) and match[1] in wholes:
-            raise FileError(f"{file}: the column `command_{name}` is missing beside the other commands of {match[1]}.")
+            raise FileError(f"{file}: the column `command_{name}` is missing among the other commands of {match[1]}.")
     _require_whole(file, uncommanded, "")
     did = {name: pair for name, pair in plain.items() if name in commands and pair[0].unit == commands[name][0].unit}
     return commands | uncommanded, did

@@ -114,7 +114,7 @@ def _controller(section: Mapping[str, Any], vehicle: Any) -> Any:
         raise ArgumentError(unknown(f"kind {kind!r}", "Section [controller]", str(kind), [*CONTROLLERS, "none"]))
     if not kind and vehicle.controller is None:
         raise ArgumentError(
-            f"The vehicle {vehicle.name} has no controller of its own: add a section [controller] with a kind of "
+            f"The vehicle {vehicle.name} has no controller: add a section [controller] with a kind of "
             f'{", ".join(sorted(CONTROLLERS))}, or kind = "none" to command its actuators in [mission].'
         )
     cls = CONTROLLERS[kind] if kind else type(vehicle.controller)

@@ -49,9 +49,7 @@ velocity_m_s = [0.0, 0.1, 0.0]  # north, east, down"""
 
 def _controller(own: Any) -> str:
     if own is None:
-        return (
-            '# The vehicle has no controller of its own: [mission] commands its actuators.\n[controller]\nkind = "none"'
-        )
+        return '# The vehicle has no controller: [mission] commands its actuators.\n[controller]\nkind = "none"'
     return f"""# The controller is the vehicle's own, a {type(own).__name__}; its kind, gains and period can be changed.
 [controller]
 period = {float(own.period)}"""

@@ -37,7 +37,7 @@ class FaultSection:
     dropped: Any = key("whether a payload is let go", default=None)
     time: float | None = key("when it begins", TIME, check=number, default=None)
     depth: float | None = key("depth at which it begins", LENGTH, check=number, default=None)
-    given: Mapping[str, Any] = key("`stuck`: where it stands, in the unit of its command", rest=True, factory=dict)
+    given: Mapping[str, Any] = key("`stuck`: its position, in the unit of its command", rest=True, factory=dict)
 
     def __post_init__(self) -> None:
         for name_in_file in self.given:

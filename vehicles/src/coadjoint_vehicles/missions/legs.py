@@ -74,7 +74,7 @@ class MissionSection:
 
     def __post_init__(self) -> None:
         if "axes" in self.given:
-            raise ArgumentError("Section [mission] has no axes of its own: put `axes` above all sections of the file.")
+            raise ArgumentError("Section [mission] has no key `axes`: put `axes` above all sections of the file.")
         for name in ("bottom", "clearance"):
             if getattr(self, name) is not None and "bottom" not in self.ends:
                 raise ArgumentError(f'[mission] {name} belongs to ends = "bottom": add it, or leave {name} out.')

@@ -69,7 +69,7 @@ def water(section: Mapping[str, Any], axes: str, located: Located, seeds: Each |
     alone = [key for key in given if key not in named]
     if alone:
         raise ArgumentError(
-            f"Section [water] has `{alone[0]}` beside tables such as [water.{next(iter(named))}]: put it into a table "
+            f"Section [water] has `{alone[0]}` next to tables such as [water.{next(iter(named))}]: put it into a table "
             "of its own, as in [water.drift]."
         )
     from coadjoint_vehicles.water.sea import Sea

@@ -209,7 +209,7 @@ class Rule(InternalRule):
             try:
                 jnp.asarray(value, dtype=float)
             except (TypeError, ValueError):
-                raise ArgumentError(f"The controller commands `{name}` by {value!r}, which is no number.") from None
+                raise ArgumentError(f"The controller commands `{name}` by {value!r}, which is not a number.") from None
             self._require_command(name, value, "The controller commands")
         return {name: self._shaped(name, value) for name, value in commands.items()}
 

@@ -66,7 +66,7 @@ def _what(error: Exception, feedback: Feedback) -> str:
         return _asks(missing.group(1), missing.group(2).split(", "), "what it is given")
     if type(error).__module__.startswith("jax"):
         return (
-            "has Python `if`, float() or NumPy on what it sees, which has no values while it is compiled: write "
+            "has Python `if`, float() or NumPy on its arguments, which have no values while it is compiled: write "
             "jnp.where(feedback.depth > 2, a, b) and jax.numpy, or give a plain function (feedback, p), which "
             "is called from "
             "outside."

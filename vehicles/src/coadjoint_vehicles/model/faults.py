@@ -121,9 +121,9 @@ def require_faults(faults: Any, parts: dict[str, Part], names: str) -> tuple[Fau
                 f"Argument `faults` must hold faults such as Fault('rudder', time=30.0), not {fault!r}."
             )
         if fault.part not in parts:
-            raise ArgumentError(f"The fault `{fault.name}` names `{fault.part}`, which is no actuator: {names}.")
+            raise ArgumentError(f"The fault `{fault.name}` names `{fault.part}`, which is not an actuator: {names}.")
         if fault.name in seen:
-            raise ArgumentError(f"Two faults are named `{fault.name}`: give each a name of its own.")
+            raise ArgumentError(f"Two faults are named `{fault.name}`: give each its own name.")
         seen.add(fault.name)
         fault.fits(parts[fault.part])
     return found

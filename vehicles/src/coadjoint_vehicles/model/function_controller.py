@@ -96,7 +96,7 @@ def _tell(function: Callable[..., Any]) -> None:
     if (name, id(function)) not in _TOLD:
         _TOLD.add((name, id(function)))
         warn(
-            f"The controller `{name}` has Python `if`, float() or NumPy on what it sees: it is called from "
+            f"The controller `{name}` has Python `if`, float() or NumPy on its arguments: it is called from "
             f"outside JAX at "
             "every step, which is slower, by XLA, and without derivatives. With jax.numpy alone, and "
             "jnp.where(feedback.depth > 2, a, b) for `if`, it becomes part of the native kernel.",

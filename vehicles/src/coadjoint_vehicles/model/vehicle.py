@@ -140,6 +140,6 @@ def _different(parts: Any) -> tuple[Part, ...]:
                 f"The name `{part.name}` begins like the records of controller and water: call the part something else."
             )
         if part.name in names:
-            raise ArgumentError(f"Two parts are named `{part.name}`: give each a name of its own.")
+            raise ArgumentError(f"Two parts are named `{part.name}`: give each its own name.")
         names.add(part.name)
     return found

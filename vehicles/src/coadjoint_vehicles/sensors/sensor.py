@@ -202,7 +202,7 @@ def different(sensors: Sequence[Any]) -> tuple[Sensor, ...]:
         if not isinstance(one, Sensor):
             raise ArgumentError(f"Argument `sensors` must hold sensors such as Imu or Depth, but holds {shown(one)}.")
         if one.name in names:
-            raise ArgumentError(f"Two sensors are named `{one.name}`: give each a name of its own.")
+            raise ArgumentError(f"Two sensors are named `{one.name}`: give each its own name.")
         names.add(one.name)
     return tuple(sensors)
 

@@ -111,7 +111,7 @@ class Service:
 
 
 def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number of JSON.")
+    raise ValueError(f"{text} is not a number of JSON.")
 
 
 def _parsed(data: bytes) -> dict[str, Any]:

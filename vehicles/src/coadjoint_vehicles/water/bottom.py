@@ -97,7 +97,7 @@ class Bottom:
                 _require_metres(dataset[one].attrs.get("units"), one, source)
             if dataset[name].size > MOST:
                 raise FileError(
-                    f"The file {source} is no bottom on a grid: it has {dataset[name].size:,} nodes, more than "
+                    f"The file {source} is not a bottom on a grid: it has {dataset[name].size:,} nodes, more than "
                     f"{MOST:,}: thin it out."
                 )
             try:
@@ -209,4 +209,4 @@ def _of_file(cls: type[Bottom], path: Any, north: Any, east: Any, depth: Any, be
     try:
         return cls(north, east, depth, between)
     except ArgumentError as error:
-        raise FileError(f"The file {path} is no bottom on a grid. {error}") from error
+        raise FileError(f"The file {path} is not a bottom on a grid. {error}") from error

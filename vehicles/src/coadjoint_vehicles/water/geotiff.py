@@ -60,7 +60,7 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     except (FileError, ArgumentError):
         raise
     except Exception as error:
-        raise FileError(f"The file {path} is no GeoTIFF that can be read ({error_line(error)}).") from error
+        raise FileError(f"The file {path} is not a readable GeoTIFF ({error_line(error)}).") from error
 
 
 def _require_grid(path: Path, shape: tuple[int, ...], tags: dict[int, Any], most: int) -> None:

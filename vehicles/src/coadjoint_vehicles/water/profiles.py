@@ -123,7 +123,7 @@ class Sheared(Water):
             )
         if surface.stratified:
             raise ArgumentError(
-                "Argument `surface` has a density of its own, which a profile of currents has not: give both to a Sea."
+                "Argument `surface` has a density, but a profile of currents has none: give both to a Sea."
             )
         checks.instance(profile, "profile", Profile, "a Profile such as PowerLaw(40.0)")
         object.__setattr__(self, "surface", surface)

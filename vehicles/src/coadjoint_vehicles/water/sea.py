@@ -33,9 +33,7 @@ class Sea(Water):
         for name, current in currents.items():
             checks.instance(current, f"The current `{name}`", Water, "a Water such as UniformWater(…)")
             if current.stratified:
-                raise ArgumentError(
-                    f"The current `{name}` has a density of its own, and a sea has one: give it as Sea(density=…)."
-                )
+                raise ArgumentError(f"The current `{name}` has a density, and so has a sea: give it as Sea(density=…).")
         if density is None and not currents:
             raise ArgumentError("A sea needs at least one current or a density; without both it is StillWater().")
         object.__setattr__(self, "own_density", density)

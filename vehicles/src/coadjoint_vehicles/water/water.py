@@ -13,7 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import vector
 from coadjoint_vehicles.parts.numbers import Numbers
 
-STRATIFIED = "A water with a density of its own gives both `density` and `pressure_head`, but `{}` has no `{}`."
+STRATIFIED = "A water with its own density gives both `density` and `pressure_head`, but `{}` has no `{}`."
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,13 +58,11 @@ class Bag:
     def _definition(self, channel: BagChannel) -> Definition:
         where = f"{self.path}: {channel.topic}"
         if channel.written not in ("cdr", "ros1"):
-            raise FileError(
-                f'{where} is written in "{channel.written}", but what is read is "cdr" of ROS 2 and "ros1".'
-            )
+            raise FileError(f'{where} is written in "{channel.written}", but only "cdr" of ROS 2 and "ros1" are read.')
         if not channel.text:
             raise FileError(f"{where}: the file has no definition of {channel.type}, which is none that is known.")
         if channel.format not in ("ros2msg", "ros1msg"):
-            raise FileError(f'{where} is defined in "{channel.format}", but what is read is "ros2msg" and "ros1msg".')
+            raise FileError(f'{where} is defined in "{channel.format}", but only "ros2msg" and "ros1msg" are read.')
         try:
             text = channel.text.decode()
         except UnicodeDecodeError as error:

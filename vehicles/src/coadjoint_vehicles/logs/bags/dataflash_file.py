@@ -86,15 +86,15 @@ def read_dataflash(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
         head = opened.read(3)
         if head != HEAD + bytes([_FMT]):
             what = "is empty" if not head else f"begins with {head.hex(' ')}"
-            raise FileError(f"The file {path} is no log of ArduPilot: it {what}, but must begin with a3 95 80.")
+            raise FileError(f"The file {path} is not a log of ArduPilot: it {what}, but must begin with a3 95 80.")
         content = mmap.mmap(opened.fileno(), path.stat().st_size, access=mmap.ACCESS_READ)
     scan = _Scan(path, content)
     scan.all()
     found = Dataflash(str(path))
     if scan.strange > 600 + MOST_STRANGE * len(content):
-        raise FileError(f"The log {path} is damaged: {scan.strange} of its {len(content)} bytes are no message.")
+        raise FileError(f"The log {path} is damaged: {scan.strange} of its {len(content)} bytes are not a message.")
     if scan.strange:
-        found.notes.append(f"{scan.strange} bytes are no message, and are passed over.")
+        found.notes.append(f"{scan.strange} bytes are not a message, and are passed over.")
     for kind, made in scan.formats.items():
         if made.name not in ("FMT", "FMTU", "UNIT", "MULT") and scan.starts[kind]:
             for topic in scan.topics(kind, made):

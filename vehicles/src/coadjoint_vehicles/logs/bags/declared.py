@@ -60,7 +60,7 @@ def _columns(value: Any, name: str) -> dict[str, Number]:
             quantity, factor = made.name, made.factor
         if quantity == "time" or quantity not in {*NAMES, *OTHERS}:
             near = checks.nearest(quantity, [*NAMES, *OTHERS], 0.0)
-            raise ArgumentError(f"{name}: `{header}` is no quantity of a vehicle, the nearest is `{near}`.")
+            raise ArgumentError(f"{name}: `{header}` is not a quantity of a vehicle, the nearest is `{near}`.")
         if quantity in found:
             raise ArgumentError(f"{name}: `{quantity}` is given twice, as `{header}` too.")
         found[quantity] = Number(checks.text(path, f"{name}: `{header}`"), factor)
@@ -88,7 +88,7 @@ class SensorSection:
     columns: dict[str, Number] = key("which field each column is", check=_columns, factory=dict)
     axes: str = key("axes of its messages", words=("", *AXES), default="")
     stamp: str = key("which stamp counts as its time", words=("", "header", "log"), default="")
-    offset: float = key("what is added to its times", TIME, needs_unit=True, check=_number, default=0.0)
+    offset: float = key("the offset that is added to its times", TIME, needs_unit=True, check=_number, default=0.0)
     every: float = key(
         "time between the samples that are kept", TIME, needs_unit=True, check=partial(_number, least=0.0), default=0.0
     )
@@ -137,7 +137,7 @@ class CommandSection:
     fields: Any = key("paths of its numbers", check=_paths, default=None)
     unit: str = key("unit of its numbers", check=checks.text, default="1")
     stamp: str = key("which stamp counts as its time", words=("", "header", "log"), default="")
-    offset: float = key("what is added to its times", TIME, needs_unit=True, check=_number, default=0.0)
+    offset: float = key("the offset that is added to its times", TIME, needs_unit=True, check=_number, default=0.0)
 
     def __post_init__(self) -> None:
         if bool(self.field) == (self.fields is not None):

@@ -93,7 +93,7 @@ def _fields(name: str, body: str, where: str) -> tuple[Field, ...]:
             continue
         match = _FIELD.match(line)
         if match is None:
-            raise FileError(f"{where}: the definition of {name} has a line that is no field: {line[:60]!r}.")
+            raise FileError(f"{where}: the definition of {name} has a line that is not a field: {line[:60]!r}.")
         kind, many, field, constant = match.groups()
         if constant:
             continue

@@ -37,7 +37,7 @@ def read_mcap(path: Path, wanted: Callable[[str, str], bool], partial: bool = Fa
         head = opened.read(len(MAGIC))
         if head != MAGIC:
             what = "is empty" if not head else f"begins with {head.hex(' ')}"
-            raise FileError(f"The file {path} is no MCAP: it {what}, but must begin with {MAGIC.hex(' ')}.")
+            raise FileError(f"The file {path} is not an MCAP file: it {what}, but must begin with {MAGIC.hex(' ')}.")
         content = memoryview(mmap.mmap(opened.fileno(), size, access=mmap.ACCESS_READ))
     return _Reading(path, content, wanted, partial).all()
 
@@ -61,10 +61,10 @@ class _Reading:
         if not ended and not self.partial:
             raise FileError(
                 f"The MCAP file {self.path} was not closed: it ends after {len(self.content)} bytes without its end. "
-                "Repair it by `mcap recover`, or read what is whole with partial=True or --partial."
+                "Repair it by `mcap recover`, or read the complete part with partial=True or --partial."
             )
         if not ended:
-            self.found.notes.append("The file was not closed: what is behind its last whole chunk is lost.")
+            self.found.notes.append("The file was not closed: everything behind its last complete chunk is lost.")
         return self.found
 
     def rows(self, content: memoryview, at: int, base: int, inside: bool = False) -> bool:
@@ -81,7 +81,7 @@ class _Reading:
                 if start + length > end:
                     if not inside:
                         return False
-                    raise self.wrong(base or at, "a record goes on behind the end of its chunk")
+                    raise self.wrong(base or at, "a record continues behind the end of its chunk")
                 if kind == _MESSAGE_KIND:
                     self.message(content, at, length, rows)
                 elif kind in (_DATA_END, _FOOTER) and not inside:

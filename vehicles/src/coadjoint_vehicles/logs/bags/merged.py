@@ -79,7 +79,7 @@ def merged(
         )
         clock = clock[clock >= begin]
     if len(clock) < 2:
-        raise FileError(f"{file} holds fewer than two samples of what was asked for.")
+        raise FileError(f"{file} holds fewer than two samples of the requested quantities.")
     columns = {name: _placed(clock, chosen[name].times, chosen[name].columns[name]) for name in chosen}
     columns = {name: values for name, values in columns.items() if np.any(np.isfinite(values))}
     read = counted((clock - clock[0]) / 1e9, lambda row: f"{file}, row {row + 1} of its log", jumps)
@@ -129,8 +129,7 @@ def _pieced(
         often = max(counts, key=counts.__getitem__)
         raise FileError(
             f"{file}: the clock of {often} goes back {most - 1} times, that of {least} {counts[least] - 1} times, "
-            "and what "
-            "is before and after in both is not known: leave out one of them by `topics`, or correct their times."
+            "and the order of their samples is not known: leave out one of them by `topics`, or correct their times."
         )
     usual = min(int(np.median(np.diff(one.times[_piece(one, 0)]))) for one in topics if _piece(one, 0).sum() > 1)
     shifts, notes = [0], []
@@ -139,7 +138,7 @@ def _pieced(
         begin = min(int(one.times[_piece(one, k)][0]) for one in topics)
         shifts.append(end + usual - begin)
         notes.append(
-            f"The clock goes back by {(end - shifts[-2] - begin) * 1e-9:.6g} s: what follows is a stretch of its own, "
+            f"The clock goes back by {(end - shifts[-2] - begin) * 1e-9:.6g} s: a separate stretch follows, "
             f"whose times count {shifts[-1] * 1e-9:.6g} s later than logged."
         )
     first = [min(int(one.times[_piece(one, k)][0]) for one in topics) + shifts[k] for k in range(1, most)]

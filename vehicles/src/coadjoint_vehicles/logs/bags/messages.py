@@ -223,7 +223,7 @@ class _Walk:
             self.at = 4
             head = bytes(content[:4])
             if len(head) < 4 or head[0] != 0 or head[1] > 1:
-                raise self.wrong(f"begins with {head.hex() or 'nothing'}, which is no plain CDR")
+                raise self.wrong(f"begins with {head.hex() or 'nothing'}, which is not plain CDR")
             self.order = "<" if head[1] else ">"
 
     def wrong(self, what: str) -> FileError:

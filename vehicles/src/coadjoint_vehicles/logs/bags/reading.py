@@ -105,8 +105,8 @@ def read_bag(
     if not found and chosen:
         taken = ", ".join(f"{name} ({there[name][0]}, {there[name][1]})" for name in sorted(chosen))
         raise FileError(
-            f"{file} holds no message that measures a vehicle on the topics that are taken, {taken}: what is of "
-            "another type is declared by `sensors`, and the others are "
+            f"{file} holds no message that measures a vehicle on the topics that are taken, {taken}: topics of "
+            "another type are declared by `sensors`, and the others are "
             f"{', '.join(sorted(set(there) - chosen)) or 'none'}."
         )
     if not found:
@@ -125,8 +125,8 @@ def _parts(file: Path) -> list[Path]:
     found = [part for part in file.iterdir() if part.suffix in (".mcap", ".db3")]
     if not found:
         packed = any(part.name.endswith((".mcap.zstd", ".db3.zstd")) for part in file.iterdir())
-        remedy = ", but files that are compressed as a whole: unpack them by `zstd -d`" if packed else ""
-        raise FileError(f"The folder {file} is no bag of ROS 2: it holds no .mcap and no .db3{remedy}.")
+        remedy = ", but compressed files: unpack them by `zstd -d`" if packed else ""
+        raise FileError(f"The folder {file} is not a bag of ROS 2: it holds no .mcap and no .db3{remedy}.")
     return sorted(found, key=lambda part: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", part.name)])
 
 
@@ -237,8 +237,8 @@ def _bare(command: CommandTopic | None, own: Mapping[str, str]) -> list[str]:
     if command is None or command.did or f"unit.{command.name}" in own:
         return []
     return [
-        f"Nothing tells the unit of {command.topic}: its numbers count as SI (rad, rad/s, N); a [[command]] with "
-        "`unit` tells another."
+        f"Nothing declares the unit of {command.topic}: its numbers count as SI (rad, rad/s, N); a [[command]] with "
+        "`unit` declares another."
     ]
 
 

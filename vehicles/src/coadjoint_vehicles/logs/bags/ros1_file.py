@@ -32,7 +32,7 @@ def read_ros1(path: Path, wanted: Callable[[str, str], bool], partial: bool = Fa
         head = opened.read(len(MAGIC))
         if head != MAGIC:
             what = "is empty" if not head else f"begins with {head!r}"
-            raise FileError(f"The file {path} is no bag of ROS 1: it {what}, but must begin with {MAGIC!r}.")
+            raise FileError(f"The file {path} is not a bag of ROS 1: it {what}, but must begin with {MAGIC!r}.")
         content = memoryview(mmap.mmap(opened.fileno(), path.stat().st_size, access=mmap.ACCESS_READ))
     return _Reading(path, content, wanted, partial).all()
 
@@ -56,10 +56,10 @@ class _Reading:
         if not (whole and self.closed) and not self.partial:
             raise FileError(
                 f"The bag {self.path} was not closed: it ends after {len(self.content)} bytes without an index. Repair "
-                "it by `rosbag reindex`, or read what is whole with partial=True or --partial."
+                "it by `rosbag reindex`, or read the complete part with partial=True or --partial."
             )
         if not (whole and self.closed):
-            self.found.notes.append("The file was not closed: what is behind its last whole chunk is lost.")
+            self.found.notes.append("The file was not closed: everything behind its last complete chunk is lost.")
         return self.found
 
     def rows(self, content: memoryview, at: int, base: int, inside: bool = False) -> bool:
@@ -74,7 +74,7 @@ class _Reading:
                     length = _LENGTH.unpack_from(content, at)[0] if at + 4 <= end else end
                     if at + 4 + length > end:
                         if inside:
-                            raise self.wrong(base, "a record goes on behind the end of its chunk")
+                            raise self.wrong(base, "a record continues behind the end of its chunk")
                         return False
                     places.append((at + 4, length))
                     at += 4 + length

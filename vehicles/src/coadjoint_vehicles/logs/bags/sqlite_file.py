@@ -34,11 +34,11 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
     """
     with path.open("rb") as opened:
         if opened.read(len(MAGIC)) != MAGIC:
-            raise FileError(f"The file {path} is no bag of ROS 2: it is no SQLite database.")
+            raise FileError(f"The file {path} is not a bag of ROS 2: it is not an SQLite database.")
     journal = path.with_name(path.name + "-wal")
     if journal.is_file() and journal.stat().st_size:
         raise FileError(
-            f"The bag {path} was not closed, and {journal.name} beside it holds messages: stop the recorder, then "
+            f"The bag {path} was not closed, and {journal.name} next to it holds messages: stop the recorder, then "
             f"write them into the bag by `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`."
         )
     try:
@@ -58,10 +58,12 @@ def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], boo
     found = Bag(str(path), size=path.stat().st_size)
     tables = {name for (name,) in base.execute(_TABLES)}
     if not {"topics", "messages"} <= tables:
-        raise FileError(f"The file {path} is no bag of ROS 2: it has no tables `topics` and `messages`.")
+        raise FileError(f"The file {path} is not a bag of ROS 2: it has no tables `topics` and `messages`.")
     for table in sorted(tables):
         if any(hidden for *_, hidden in base.execute(f"PRAGMA table_xinfo({table})")):
-            raise FileError(f"The file {path} is no bag of ROS 2: its table `{table}` has columns that are computed.")
+            raise FileError(
+                f"The file {path} is not a bag of ROS 2: its table `{table}` has columns that are computed."
+            )
     held, texts = 0, dict[str, tuple[str, bytes]]()
     if "message_definitions" in tables:
         rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")

@@ -44,7 +44,7 @@ def read_tlog(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
     with path.open("rb") as opened:
         head = opened.read(9)
         if len(head) < 9 or head[8] not in STARTS:
-            raise FileError(f"The file {path} is no telemetry of MAVLink: its ninth byte must be fd or fe.")
+            raise FileError(f"The file {path} is not telemetry of MAVLink: its ninth byte must be fd or fe.")
         parser = library("pymavlink.dialects.v20.ardupilotmega", "Reading .tlog").MAVLink(None)
         parser.robust_parsing = True
         opened.seek(0)
