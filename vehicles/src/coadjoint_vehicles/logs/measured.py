@@ -17,6 +17,7 @@ from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.identification import Log
 from coadjoint_vehicles.axes import Axes, space_axes
+from coadjoint_vehicles.logs.bags import BAG_FORMATS
 from coadjoint_vehicles.logs.columns import written
 from coadjoint_vehicles.logs.headers import NAMES, Column, column
 from coadjoint_vehicles.logs.turned import turned
@@ -27,9 +28,6 @@ _BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
 _CURRENT = "current_"
 _LEFT_OUT = ("set_", _CURRENT, "u_water", "v_water", "w_water")
-
-BAGS = (".mcap", ".db3", ".bag", ".bin", ".tlog")
-"""The suffixes of files that robots record."""
 
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
@@ -78,7 +76,7 @@ def _read(
     unsorted: Unsorted,
     options: dict[str, Any],
 ) -> Log:
-    if Path(path).suffix.lower() in BAGS or Path(path).is_dir():
+    if Path(path).suffix.lower() in BAG_FORMATS or Path(path).is_dir():
         from coadjoint_vehicles.logs.bags.reading import read_bag
 
         return read_bag(path, axes=axes, ignore=ignore, jumps=jumps, unsorted=unsorted, **options)
@@ -89,7 +87,7 @@ def _read(
         )
     if options:
         raise ArgumentError(
-            f"A table has no option `{next(iter(options))}`; it is of files that end in {', '.join(BAGS)}."
+            f"A table has no option `{next(iter(options))}`; it is of files that end in {', '.join(BAG_FORMATS)}."
         )
     return read_table(path, "NED/FRD" if axes is None else axes, ignore, jumps, unsorted)
 

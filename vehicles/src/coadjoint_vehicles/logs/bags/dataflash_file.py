@@ -75,11 +75,11 @@ class Dataflash:
         return self.found[name]
 
 
-def read_dataflash(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
+def read_dataflash(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Dataflash:
     """A log of ArduPilot with the messages of those topics for which `wanted(topic, type)` is true.
 
-    Raises FileError for files that are not such logs or are larger than `LARGEST`, and for those of which more than a
-    hundredth are not messages.
+    partial: without effect, since these files have no end that could be missing. Raises FileError for files that are
+    not such logs or are larger than `LARGEST`, and for those of which more than a hundredth are not messages.
     """
     require_short(path, LARGEST)
     with path.open("rb") as opened:

@@ -17,15 +17,14 @@ from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.units import unit_of
 from coadjoint_vehicles.axes import Axes, space_axes
+from coadjoint_vehicles.logs.bags import BAG_FORMATS, BagFormat
 from coadjoint_vehicles.logs.bags.bag import Bag
 from coadjoint_vehicles.logs.bags.converted import WaterAbove
-from coadjoint_vehicles.logs.bags.dataflash_file import Dataflash, read_dataflash
+from coadjoint_vehicles.logs.bags.dataflash_file import Dataflash
 from coadjoint_vehicles.logs.bags.declared import Declared, declared
-from coadjoint_vehicles.logs.bags.mcap_file import read_mcap
 from coadjoint_vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint_vehicles.logs.bags.messages import Topic
 from coadjoint_vehicles.logs.bags.mounting import mounting_of
-from coadjoint_vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint_vehicles.logs.bags.sampled import driving, samples
 from coadjoint_vehicles.logs.bags.sensor_messages import FOLDER
 from coadjoint_vehicles.logs.bags.sensors import (
@@ -40,10 +39,7 @@ from coadjoint_vehicles.logs.bags.sensors import (
     usual,
     water,
 )
-from coadjoint_vehicles.logs.bags.sqlite_file import read_sqlite
-from coadjoint_vehicles.logs.bags.tlog_file import read_tlog
 
-ARDUPILOT_FILES = (".bin", ".tlog")
 OWN = "coadjoint"
 """The name of the metadata that bags of this library hold: the axes, the step and the units of commands."""
 
@@ -81,7 +77,7 @@ def read_bag(
     require_choices(jumps, unsorted)
     if axes is not None:
         space_axes(axes)
-    native = "NED/FRD" if file.suffix.lower() in ARDUPILOT_FILES else "ENU/FLU"
+    native = _format(file).axes
     if isinstance(topics, str):
         raise ArgumentError(f"Argument `topics` must be a list of topics, such as [{topics!r}], but is {topics!r}.")
     wanted = declared(sensors, axes, native)
@@ -130,6 +126,10 @@ def _parts(file: Path) -> list[Path]:
     return sorted(found, key=lambda part: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", part.name)])
 
 
+def _format(file: Path) -> BagFormat:
+    return BAG_FORMATS.get(file.suffix.lower(), BAG_FORMATS[".mcap"])
+
+
 def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | Dataflash:
     """The bag in one file, by the end of its name, with the messages that are wanted."""
 
@@ -139,11 +139,7 @@ def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | 
         return kind in TYPES or kind in ARDUPILOT or driven(topic, kind) is not None or (topic, kind) == CURRENT
 
     try:
-        if file.suffix.lower() == ".bag":
-            return read_ros1(file, wanted, partial)
-        if file.suffix.lower() in ARDUPILOT_FILES:
-            return (read_tlog if file.suffix.lower() == ".tlog" else read_dataflash)(file, wanted)
-        return read_sqlite(file, wanted) if file.suffix.lower() == ".db3" else read_mcap(file, wanted, partial)
+        return _format(file).read(file, wanted, partial)
     except OSError as error:
         if isinstance(error, FileError):
             raise

@@ -26,11 +26,11 @@ _TABLES = """SELECT name FROM sqlite_master
 WHERE type = 'table' AND name IN ('topics', 'messages', 'message_definitions')"""
 
 
-def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
+def read_sqlite(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Bag:
     """A database of rosbag2 with the messages of those topics for which `wanted(topic, type)` is true.
 
-    Definitions of messages are those in the file; files before ROS Iron have none and get those of the library. Raises
-    FileError for files that are not such bags or cannot be read.
+    partial: without effect. Definitions of messages are those in the file; files before ROS Iron have none and get
+    those of the library. Raises FileError for files that are not such bags or cannot be read.
     """
     with path.open("rb") as opened:
         if opened.read(len(MAGIC)) != MAGIC:

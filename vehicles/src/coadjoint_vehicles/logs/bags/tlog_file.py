@@ -33,10 +33,11 @@ LATEST = (2**63 - 1) // 1000
 """The last time whose nanoseconds an integer of 64 bits holds, µs; that of a packet with a later one is damaged."""
 
 
-def read_tlog(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
+def read_tlog(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Dataflash:
     """Telemetry with the messages of those kinds for which `wanted(kind, kind)` is true, at the times of logging.
 
     Where several vehicles send messages of a kind, each has a topic, `ATTITUDE[1]` with the number of its system.
+    partial: without effect, since these files have no end that could be missing.
     Raises FileError for files that are not such logs or are larger than `LARGEST`, if more than a fifth of the packets
     is damaged, and for several vehicles without a choice of one; ArgumentError where pymavlink is missing.
     """
