@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,10 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named, named
 from coadjoint_vehicles import Craft, Vehicle
-from coadjoint_vehicles.parts import T200, Damping, Thrusters
+from coadjoint_vehicles.files.file import vehicle_from_text
+from coadjoint_vehicles.files.writing import vehicle_to_toml
+from coadjoint_vehicles.parts import T200, Damping, Thrusters, force_curves
+from coadjoint_vehicles.parts.force_curves import ForceCurve
 from coadjoint_vehicles.parts.part import Flow
 from coadjoint_vehicles.parts.published_curves import force_curve
 
@@ -66,6 +70,30 @@ CURVES = {
     "flat polynomial": force_curve({"polynomial": (0.0, 0.0, 2.0)}, "x"),
     "table": force_curve({"table": [(-5, -9), (-1, -1), (0, 0), (2, 1), (5, 20)]}, "x"),
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Cubic(ForceCurve):
+    """F = c u³."""
+
+    kind: ClassVar[str] = "cubic"
+    factor: Any
+
+    def force(self, command, own):
+        return own.factor * command**3
+
+    def command(self, force, own, limit):
+        return jnp.cbrt(force / own.factor)
+
+
+def test_a_curve_is_a_class_and_a_line_and_is_read_and_written_in_vehicle_files(monkeypatch):
+    monkeypatch.setitem(force_curves.CURVES, "cubic", Cubic)
+    rover = co.vehicles.load("bluerov2_heavy_blue")
+    thrusters = next(part for part in rover.parts if isinstance(part, Thrusters))
+    changed = replace(thrusters, curve={"cubic": np.float64(40.0)}, limit=(-1.0, 1.0), unit="1")
+    text = vehicle_to_toml(replace(rover, parts=tuple(changed if part is thrusters else part for part in rover.parts)))
+    again = next(part for part in vehicle_from_text(text).parts if isinstance(part, Thrusters))
+    assert isinstance(again.curve, Cubic) and again.curve.factor == 40.0
 
 
 @pytest.mark.parametrize("kind", CURVES)

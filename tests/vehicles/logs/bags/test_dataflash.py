@@ -10,7 +10,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import FileError
 from coadjoint_vehicles.logs import read_log
-from coadjoint_vehicles.logs.bags import dataflash_file
+from coadjoint_vehicles.logs.bags import BAG_FORMATS, BagFormat, dataflash_file
 from coadjoint_vehicles.logs.bags.dataflash_file import read_dataflash
 
 RANDOM = np.random.default_rng(1776)
@@ -121,6 +121,17 @@ def test_a_log_that_is_none_is_refused(log, tmp_path, change, words):
     path.write_bytes(change(log.read_bytes()))
     with pytest.raises(FileError, match=words):
         read_log(path)
+
+
+def test_a_format_is_a_function_and_a_line_with_its_suffix(log, tmp_path, monkeypatch):
+    own = tmp_path / "dive.own"
+    own.write_bytes(log.read_bytes())
+    own_format = BagFormat(dataflash_file.__name__, "read_dataflash", "NED/FRD")
+    monkeypatch.setitem(BAG_FORMATS, ".own", own_format)
+    one, other = read_log(own), read_log(log)
+    np.testing.assert_array_equal(one.time, other.time)
+    assert one.columns.keys() == other.columns.keys()
+    assert all(np.array_equal(one.columns[name], other.columns[name], equal_nan=True) for name in other.columns)
 
 
 def test_a_log_that_was_cut_off_is_read_to_its_last_whole_message_and_tells(log, tmp_path):

@@ -16,10 +16,9 @@ from coadjoint_vehicles.files.kinds import kinds
 from coadjoint_vehicles.files.read_derivatives import read_derivatives
 from coadjoint_vehicles.files.table import Section, axes_of
 from coadjoint_vehicles.model.vehicle import Quantity
+from coadjoint_vehicles.parts.force_curves import CURVES
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.thrusters import COMMANDED, Thrusters
-
-CURVES = ("linear", "quadratic", "polynomial", "table")
 
 
 def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before: tuple[str, ...]) -> Part:

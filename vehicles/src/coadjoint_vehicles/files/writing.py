@@ -15,7 +15,6 @@ from coadjoint_vehicles.files.kinds import kind_of
 from coadjoint_vehicles.model.loads import held
 from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint_vehicles.parts.derivatives import Derivatives
-from coadjoint_vehicles.parts.force_curves import Linear, Polynomial, Quadratic
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.published_curves import PUBLISHED
 from coadjoint_vehicles.parts.thrusters import Thrusters
@@ -131,17 +130,9 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
         if value is not None and not ends and not whole:
             yield _line(key, value, dimension, given)
     if published is None:
-        curve = part.curve
-        if isinstance(curve, Linear):
-            kind, value = "linear", curve.slope
-        elif isinstance(curve, Quadratic):
-            kind, value = "quadratic", [curve.ahead, curve.astern]
-        elif isinstance(curve, Polynomial):
-            kind, value = "polynomial", curve.coefficients
-        else:
-            kind, value = "table", np.column_stack([curve.commands, curve.forces])
+        kind = part.curve.kind
         yield "\n[part.curve]"
-        yield _line(kind, value, None, told.get(f"{part.name}.curve.{kind}"))
+        yield _line(kind, part.curve.in_file, None, told.get(f"{part.name}.curve.{kind}"))
 
 
 def _controller(vehicle: Vehicle) -> Iterator[str]:

@@ -7,8 +7,8 @@ numbers are parameters of the part that has it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +22,19 @@ from coadjoint_vehicles.parts.numbers import Numbers
 @dataclass(frozen=True, eq=False)
 class ForceCurve(Numbers, ABC):
     """F(u), N, never falling, with F = 0 at the neutral command. Its numbers are `p.thrusters.curve` of a system."""
+
+    kind: ClassVar[str]
+    """Its word in vehicle files."""
+
+    @classmethod
+    def of(cls, numbers: Any) -> ForceCurve:
+        """The curve of the numbers under its word in a vehicle file."""
+        return cast(Any, cls)(numbers)
+
+    @property
+    def in_file(self) -> Any:
+        """Its numbers in a vehicle file, of which `of` makes it again."""
+        return getattr(self, fields(self)[0].name)
 
     @property
     def neutral(self) -> float:
@@ -63,6 +76,7 @@ def _set(curve: ForceCurve, **values: Any) -> None:
 class Linear(ForceCurve):
     """F = s u. slope: s, N per unit of command."""
 
+    kind: ClassVar[str] = "linear"
     slope: Any
 
     def __post_init__(self) -> None:
@@ -84,8 +98,17 @@ class Quadratic(ForceCurve):
     ahead, astern: k₊, k₋, N per unit of command squared; one number where astern is left out.
     """
 
+    kind: ClassVar[str] = "quadratic"
     ahead: Any
     astern: Any = None
+
+    @classmethod
+    def of(cls, numbers: Any) -> Quadratic:
+        return cls(*numbers) if np.ndim(numbers) == 1 else cls(numbers)
+
+    @property
+    def in_file(self) -> Any:
+        return [self.ahead, self.astern]
 
     def __post_init__(self) -> None:
         astern = self.ahead if self.astern is None else self.astern
@@ -113,6 +136,7 @@ class Quadratic(ForceCurve):
 class Polynomial(ForceCurve):
     """F = c_1 u + c_2 u² + … + c_m u^m. coefficients: (c_1, …, c_m)."""
 
+    kind: ClassVar[str] = "polynomial"
     coefficients: Any
 
     def __post_init__(self) -> None:
@@ -167,8 +191,20 @@ class Table(ForceCurve):
     commands: u_i, (k,), growing. forces: F_i, (k,) N, never falling, from F ≤ 0 to F ≥ 0.
     """
 
+    kind: ClassVar[str] = "table"
     commands: Any
     forces: Any
+
+    @classmethod
+    def of(cls, numbers: Any) -> Table:
+        rows = np.asarray(numbers, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != 2:
+            raise ArgumentError(f"A table of forces must have rows (command, force), but has shape {rows.shape}.")
+        return cls(rows[:, 0], rows[:, 1])
+
+    @property
+    def in_file(self) -> Any:
+        return np.column_stack([self.commands, self.forces])
 
     def __post_init__(self) -> None:
         commands = _numbers(self.commands, "commands", "table", (None,))
@@ -231,3 +267,7 @@ class Table(ForceCurve):
             )
             total = total + (share if i >= z else -share) * (u[i + 1] - u[i])
         return total
+
+
+CURVES: dict[str, type[ForceCurve]] = {curve.kind: curve for curve in (Linear, Quadratic, Polynomial, Table)}
+"""The kinds of curves, by their words in vehicle files."""

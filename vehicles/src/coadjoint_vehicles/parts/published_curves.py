@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from coadjoint.errors import ArgumentError
-from coadjoint_vehicles.parts.force_curves import ForceCurve, Linear, Polynomial, Quadratic, Table
+from coadjoint_vehicles.parts.force_curves import CURVES, ForceCurve, Table
 
 KGF = 9.80665
 """N in a kilogram-force."""
@@ -41,13 +39,6 @@ among them, which other public code names so. Straight lines between the 15 miss
 PUBLISHED = {"T200": T200}
 """Curves that may be given by name."""
 
-KINDS: dict[str, Callable[..., ForceCurve]] = {
-    "linear": Linear,
-    "quadratic": Quadratic,
-    "polynomial": Polynomial,
-    "table": Table,
-}
-
 
 def force_curve(given: Any, name: str) -> ForceCurve:
     """The curve of the part `name`: itself, the name of a published one, or a dictionary of one kind and its numbers.
@@ -59,21 +50,14 @@ def force_curve(given: Any, name: str) -> ForceCurve:
         return given
     if isinstance(given, str) and given in PUBLISHED:
         return PUBLISHED[given]
-    if not isinstance(given, Mapping) or len(given) != 1 or next(iter(given)) not in KINDS:
+    if not isinstance(given, Mapping) or len(given) != 1 or next(iter(given)) not in CURVES:
         raise ArgumentError(
-            f"The force curve of `{name}` must be one of {', '.join(KINDS)}, as in {{'linear': 40.0}}, or of the "
+            f"The force curve of `{name}` must be one of {', '.join(CURVES)}, as in {{'linear': 40.0}}, or of the "
             f"published {', '.join(PUBLISHED)}, but is {given!r}."
         )
     ((kind, numbers),) = given.items()
     try:
-        if kind == "table":
-            rows = np.asarray(numbers, dtype=float)
-            if rows.ndim != 2 or rows.shape[1] != 2:
-                raise ArgumentError(f"A table of forces must have rows (command, force), but has shape {rows.shape}.")
-            return Table(rows[:, 0], rows[:, 1])
-        if kind == "quadratic" and np.ndim(numbers) == 1:
-            return Quadratic(*numbers)
-        return KINDS[kind](numbers)
+        return CURVES[kind].of(numbers)
     except ArgumentError as error:
         raise ArgumentError(f"The force curve of `{name}`: {error}") from None
     except (TypeError, ValueError):
