@@ -44,8 +44,8 @@ def check(case, forced, reference):
     assert chunk.steps == STEPS
     assert_same(chunk.records, records)
     assert_same(chunk.final, final)
-    # A Newton increment within round-off of the tolerance may be judged either way.
-    assert abs(chunk.iterations - iterations) <= 1
+    # Chords shrink by a factor, where Newton's increments are squared.
+    assert chunk.iterations <= 2 * iterations
 
 
 def by_numpy(program, constants, state):

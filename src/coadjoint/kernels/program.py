@@ -35,9 +35,9 @@ REMAINDER = 1e-15
 nearly constant factor, so that the one that would follow is δ₂²/δ₁: a chord stops where |δ₂|²/|δ₁| ≤ REMAINDER·|z_b|∞ +
 1e-3·FLOOR/|h| in every block."""
 
-CONTRACTION = 1 / 16
-"""A chord whose increment is larger than this part of the one before is dropped, without being counted, and the stage
-continues by Newton."""
+CONTRACTION = 1 / 256
+"""After a chord whose increment is larger than this part of the one before, the stage renews its matrix. One that did
+not shrink to STALLED of it is dropped, without being counted, and the stage continues by Newton alone."""
 
 MAX_ITERATIONS = 25
 

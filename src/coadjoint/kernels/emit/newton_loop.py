@@ -143,25 +143,29 @@ class StageLoop:
         lanes.put(lanes.renew, b.not_(b.load(lanes.chords)), active)
 
     def _chord(self, lanes: _Iterates, delta: list[Any]) -> None:
-        """Take the chord's increment where it is much smaller than the one before; elsewhere drop it, and go on with
-        Newton's alone. It settles the unknowns by `program.REMAINDER`."""
+        """Take the chord's increment where it has shrunk, and renew the matrix where it did so slowly.
+
+        Elsewhere drop it, and continue with Newton's alone. It settles the unknowns by `program.REMAINDER`.
+        """
         b, emit = self.b, self.emit
         new = [b.fadd(b.load(found), d) for found, d in zip(lanes.found, delta, strict=True)]
         sizes, scales, together = self._measured(delta, new)
-        settled = contracts = emit.bit(True)
+        settled = shrunk = quick = emit.bit(True)
         for g, size in sizes.items():
             last = b.load(lanes.sizes[g])
             left = b.fadd(b.fmul(emit.constant(REMAINDER), scales[g]), b.fmul(emit.constant(1e-3), self.floor))
             fine = b.fcmp_ordered("<=", b.fmul(size, size), b.fmul(last, left))
-            quick = b.fcmp_ordered("<=", size, b.fmul(emit.constant(CONTRACTION), last))
-            settled, contracts = b.and_(settled, fine), b.and_(contracts, b.or_(fine, quick))
+            below = [b.fcmp_ordered("<=", size, b.fmul(emit.constant(part), last)) for part in (STALLED, CONTRACTION)]
+            settled = b.and_(settled, fine)
+            shrunk, quick = (b.and_(x, b.or_(fine, y)) for x, y in zip((shrunk, quick), below, strict=True))
         active = None if emit.width == 1 else lanes.active(False)
-        taken, dropped = contracts, b.not_(contracts)
+        taken, dropped = shrunk, b.not_(shrunk)
         if active is not None:
             taken, dropped = b.and_(active, taken), b.and_(active, dropped)
         with lanes.where(taken) as there:
             self._count(lanes, there)
             self._take(lanes, new, sizes, together, settled, there)
+            lanes.put(lanes.renew, b.not_(quick), there)
         with lanes.where(dropped) as there:
             lanes.put(lanes.renew, emit.bit(True), there)
             lanes.put(lanes.chords, emit.bit(False), there)
