@@ -123,7 +123,7 @@ def test_a_long_chain_with_a_torque_and_friction_closes_its_balance_and_its_ener
     assert run.largest("balance") < 1e-14
     assert run.largest("newton_residual") < 1e-14
     energy, t = run.dataset.energy.values, run.dataset.time.values
-    xi = run.dataset.xi.values.reshape(len(t), LONG, 3)  # of the steps that start at the nodes, at their middle
+    xi = run.dataset.xi_step.values.reshape(len(t), LONG, 3)  # of the steps that start at the nodes, at their middle
     middle = t + 0.01
     applied = np.stack([0.3 * np.sin(middle), 0.1 + 0 * middle, 0.2 * middle], axis=1)
     power = np.einsum("ti,ti->t", applied, xi[:, 0]) - 0.1 * np.einsum("tni,tni->t", xi, xi)
