@@ -52,8 +52,8 @@ def run(**given):
 WRONG = {
     "error": (lambda: ModelProcess(system(), start(), error="middle"), '`error`.*must be "left" or "right"'),
     "method": (
-        lambda: ModelProcess(system(), start(), method=co.methods.Yoshida4(co.Midpoint())),
-        "a method of one stage",
+        lambda: ModelProcess(system(), start(), method=co.methods.VariableStep(co.Midpoint())),
+        "a method of fixed steps",
     ),
     "noise": (lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"drag": 1.0}), "no `drag`"),
     "negative noise": (

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.errors import StepError
-from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.process import Process
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
+from coadjoint.kernels.run.function import RowFunction
 from coadjoint.kernels.run.kalman import Filters, MeasurementCode
 
 
@@ -100,8 +100,8 @@ class FilterEngine:
         for order, a, b, c in orders.tolist():
             if order == PREDICT:
                 h = float(data[0, a])
-                after = self._process.advanced(rows, h)
-                Phi, Q = self._process.linearised(rows, after, h)
+                after, course = self._process.stepped(rows, h)
+                Phi, Q = self._process.linearised(rows, after, h, course)
                 rows[:], P[:] = after, predicted(P, Phi, Q)
             elif order == SET:
                 rows[:, self._process.commanded[a : a + b]] = data[:, c : c + b]

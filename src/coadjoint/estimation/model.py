@@ -14,14 +14,15 @@ from coadjoint.errors import ArgumentError, GroupError, StepError, shown
 from coadjoint.estimation.augmented_state import DriftingParameters
 from coadjoint.estimation.drifts import Drift
 from coadjoint.estimation.filtered import states_at
-from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.process import Process, spread
-from coadjoint.estimation.stepping import ModelSteps
 from coadjoint.groups.element_statistics import logarithms
 from coadjoint.kernels.packing import flattened, layout, pack, rows
+from coadjoint.kernels.program import Code
+from coadjoint.kernels.run.function import RowFunction
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.jaxprs import used_by_each
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.internal_state import at_node
@@ -31,6 +32,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.step_model import StepModel, StepsTaken
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps, recorded
 from coadjoint.simulation.accuracy.ruler import course_of, ruler_of
 from coadjoint.simulation.arguments import require_kinds, with_inputs
@@ -53,7 +55,8 @@ class ModelProcess(Process):
     theorem, dz = −(∂R/∂z)⁻¹ ∂R/∂x dx, exact to round-off.
 
     Arguments:
-        system, start, method: those of `co.simulate`; a method of one stage, by default `co.Midpoint()`.
+        system, start, method: those of `co.simulate`; a method of fixed steps, compositions included, by default
+            `co.Midpoint()`.
         inputs: the commands that are set before each step, as `co.Stepper` takes them; by default none.
         error: "left" (the default) or "right".
         noise: {"torque": S_T, "force": S_f}, the roots of the spectral densities of white torques and forces in body
@@ -105,10 +108,12 @@ class ModelProcess(Process):
         self.error_sizes = {"g": d, "q": q, "mu": d, "pi": q, **self._drifts.sizes}
         self.error_sizes = {name: size for name, size in self.error_sizes.items() if size}
         self.densities = roots_of_noise(noise, d, q)
-        self.unknowns, self.drifting = driven.unknowns, self._drifts.count
-        self._steps = ModelSteps(self._program, self._constants, self._begun, self._drifts.places)
-        names = list(shapes_of(self._begun))
-        self._t = int(np.cumsum([0, *map(np.size, jax.tree.leaves(self._begun))])[names.index("t")])
+        self.unknowns, self.drifting = self._program.unknowns, self._drifts.count
+        self._model = StepModel(
+            self._program, self._constants, self._begun, course=True, free=self._drifts.places.tolist()
+        )
+        self.substeps = self._program.substeps
+        self._t = int(self._model.unpack(np.arange(self._model.size)).t)
 
     @property
     def example(self) -> np.ndarray:
@@ -279,14 +284,21 @@ class ModelProcess(Process):
 
     # Steps.
 
-    def advanced(self, rows: np.ndarray, h: float) -> np.ndarray:
+    def stepped(self, rows: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
         size = self._layout.size
-        after, code = self._steps(rows, h)
-        if code:
-            t = float(np.min(self.time(rows)))
+        found = self._steps(rows, np.full(len(rows), float(h)))
+        if worst := int(np.max(found.code)):
+            t, code = float(np.min(self.time(rows))), Code(worst).name.lower().replace("_", " ")
             raise StepError(f"The model has no step of {h:g} s from the estimate at t = {t:g} s: {code}.")
         theta = self._drifts.moved(rows[:, size:], h)
-        return np.concatenate([after, theta], axis=1)
+        return np.concatenate([found.after, theta], axis=1), found.course
+
+    def _steps(self, rows: np.ndarray, h: np.ndarray, steps: int = 1) -> StepsTaken:
+        """Steps of h (members,) of the model from rows (members, size), with the parameters θ in them."""
+        size, places = self._layout.size, self._drifts.places
+        p = np.repeat(self._model.p, len(rows), axis=0)
+        p[:, places] = rows[:, size : size + len(places)]
+        return self._model.step(rows[:, :size], h, steps, p=p)
 
     @property
     def parts(self) -> PartsOfSteps:
@@ -297,32 +309,27 @@ class ModelProcess(Process):
         course = course_of(self._layout, self._system.internal)
 
         def probe(rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None):
-            after, theta, failed = rows[:, : self._layout.size], rows[:, self._layout.size :], ""
-            for _ in range(steps):
-                after, reason = self._steps(np.concatenate([after, theta], axis=1), float(h[0]))
-                failed = failed or reason
-            after = np.concatenate([after, theta], axis=1)
-            return after, recorded(rows, after, course), np.full(len(rows), 1 if failed else 0)
+            found, theta = self._steps(rows, h, steps), rows[:, self._layout.size :]
+            after = np.concatenate([found.after, theta], axis=1)
+            return after, recorded(rows, after, course), found.code
 
         return PartsOfSteps(probe, ruler_of(self._layout, self._system.places), course, self.method.order)
 
-    def unknowns_of(self, after: np.ndarray) -> np.ndarray:
-        return self._steps.unknowns(after)
-
     def native(self) -> Model | None:
-        if self._steps.native is None or self.tangent.native is None or self.moving.native is None:
+        model, tangent, moving = self._model, self.tangent.native, self.moving.native
+        if model.backend == "xla" or tangent is None or moving is None:
             return None
-        kernel, steps = self._steps.native, self._steps
+        kernel = model.kernel(1)
         return Model(
-            len(self._first), self._layout.size, steps.of_unknowns, steps.parameters, self._spread_places,
-            kernel.function, kernel.record.size, self.tangent.native, self.densities, self.moving.native,
+            len(self._first), model.size, np.array(self.substeps), self.unknowns, kernel.record.size, model.p[0],
+            self._spread_places, kernel.function, kernel.row, self.between, tangent, self.densities, moving,
             self.commanded, self.width,
         )  # fmt: skip
 
     @property
     def _spread_places(self) -> np.ndarray:
         """The places of θ among the parameters of the step; biases follow them, where no step reads."""
-        behind = np.full(self._drifts.count - len(self._drifts.places), len(self._steps.parameters))
+        behind = np.full(self._drifts.count - len(self._drifts.places), self._model.p.shape[1])
         return np.concatenate([self._drifts.places, behind]).astype(int)
 
     @property
@@ -331,25 +338,58 @@ class ModelProcess(Process):
 
     @cached_property
     def _tangent(self) -> RowFunction:
-        n, w = self.width, len(self.densities)
-        x = np.concatenate([self._steps.unknowns(self._first[None])[0], np.zeros(n + w)])
-        return RowFunction(self._error_after, x, np.concatenate([self._first, self._first, [0.1]]))
+        x = np.zeros(self.unknowns + self.between + len(self.densities))
+        lengths = np.ones(1 if len(self.substeps) == 1 else 4)
+        return RowFunction(self._error_after, x, np.concatenate([self._first, self._first, lengths]))
 
     def _error_after(self, x: Any, y: Any) -> Any:
-        """(z, e, w), (row, row after, h) ↦ the residual of the step, and the error after it."""
+        """See `tangent`: the residual of a substep, and the error after it."""
         m, n, size = self.unknowns, self.width, len(self._first)
-        z, e, w = x[:m], x[m : m + n], x[m + n :]
-        row, after, h = y[:size], y[size : 2 * size], y[2 * size]
+        row, after, lengths = y[:size], y[size : 2 * size], y[2 * size :]
+        z, e, w = x[:m], x[m : m + n], x[m + self.between :]
         state, theta = self._unpacked(self.retract(row, e))
-        constants, stage = self._drifts.replaced(theta), self._program.stages[0]
-        prepared = self._program.prepare(constants, state, h)
-        residual = stage.residual(constants, prepared, h, z)
-        there = stage.advance(constants, prepared, h, z, jnp.asarray(1.0))
-        d = self._system.group.dim
-        there = there.replace(mu=there.mu + w[:d], pi=there.pi + w[d:])
-        later = self._drifts.moved(theta, h)
-        error = self.differ(after, jnp.concatenate([flattened(there), later]))
-        return jnp.concatenate([residual, error, later, self._drifts.variances(h)])
+        constants, d = self._drifts.replaced(theta), self._system.group.dim
+        if len(self.substeps) == 1:
+            h = lengths[0]
+            residual, there = self._program.substep(constants, self._program.prepare(constants, state, h), h, z)
+            there = there.replace(mu=there.mu + w[:d], pi=there.pi + w[d:])
+            later = self._drifts.moved(theta, h)
+            error = self.differ(after, jnp.concatenate([flattened(there), later]))
+            return jnp.concatenate([residual, error, later, self._drifts.variances(h)])
+        length, h, first, last = lengths
+        state = self._layout.views(flattened(state).at[self._held].add(x[m + n : m + self.between]))
+        residual, there = self._program.substep(
+            constants, self._program.prepare_if(constants, state, h, first), length, z
+        )
+        there = there.replace(mu=there.mu + last * w[:d], pi=there.pi + last * w[d:])
+        later = jnp.where(last > 0.5, self._drifts.moved(theta, h), theta)
+        numbers = flattened(there)
+        error = self.differ(after, jnp.concatenate([numbers, later]))
+        held = numbers[self._held] - after[self._held]
+        return jnp.concatenate([residual, error, held, later, last * self._drifts.variances(h)])
+
+    @property
+    def between(self) -> int:
+        return self.width + len(self._held)
+
+    @cached_property
+    def _held(self) -> np.ndarray:
+        """The places of the inputs and the internal state over a step that depend on the error at its start, and with
+        which it reaches the second substep and later ones."""
+
+        def over_step(e: Any) -> list[Any]:
+            state, theta = self._unpacked(self.retract(self._first, e))
+            return parts(self._program.prepare(self._drifts.replaced(theta), state, 1.0))
+
+        def parts(state: State) -> list[Any]:
+            return jax.tree.leaves((state.inputs, state.internal, state.internal_mean, state.internal_end))
+
+        if len(self.substeps) == 1:
+            return np.zeros(0, int)
+        used = used_by_each(over_step, np.zeros(self.width))
+        places = parts(self._model.unpack(np.arange(self._model.size)))
+        moving = [np.ravel(place) for place, (by_error,) in zip(places, used, strict=True) if by_error]
+        return np.concatenate([np.zeros(0), *moving]).astype(int)
 
     # The first covariance.
 

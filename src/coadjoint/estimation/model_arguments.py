@@ -1,4 +1,4 @@
-"""Checks of the arguments of a model process: methods of one stage, flat spaces, noise of its forces."""
+"""Checks of the arguments of a model process: methods of fixed steps, flat spaces, noise of its forces."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def sizes_of(shapes: Any) -> dict[str, int]:
 def require_fit(method: Method, system: System, start: State, error: str) -> None:
     """Raise ArgumentError for methods, spaces and starts that a filter does not support."""
     checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
-    if method.variable or len(method.pattern) != 1 or len(method.substeps) != 1 or method.pattern[0][0].tolerant:
-        raise ArgumentError(f"A filter takes a method of one stage, such as co.Midpoint(), not {method.title}.")
+    if method.variable or any(step.tolerant for step, _ in method.pattern):
+        raise ArgumentError(f"A filter takes a method of fixed steps, such as co.Midpoint(), not {method.title}.")
     if method.start == "velocity":
         raise ArgumentError(
             f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."

@@ -14,9 +14,10 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
-from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.numbers import float64, numbers
+from coadjoint.kernels.run.function import RowFunction
 from coadjoint.kernels.run.kalman import Model
+from coadjoint.methods.step_model import implicit_slopes
 from coadjoint.portable import Remade
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps
 
@@ -142,7 +143,9 @@ class Process(Remade, ABC):
     awaited: tuple[str, ...] = ()
     """The inputs that a step requires: the readings of an instrument."""
     unknowns: int = 0
-    """m, the number of unknowns z in a step."""
+    """m, the number of unknowns z in a substep."""
+    substeps: tuple[float, ...] = (1.0,)
+    """The substeps of a step as parts of h."""
     densities: np.ndarray
     """Roots of the spectral densities of the noises w, (count of w,)."""
     drifting: int = 0
@@ -163,12 +166,15 @@ class Process(Remade, ABC):
         return rows
 
     @abstractmethod
+    def stepped(self, rows: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """The rows (members, size) after a step of h, and its course, as `StepsTaken`: (members, substeps, …).
+
+        Raises StepError where there is no step.
+        """
+
     def advanced(self, rows: np.ndarray, h: float) -> np.ndarray:
         """The rows (members, size) after a step of h without noise; raises StepError."""
-
-    @abstractmethod
-    def unknowns_of(self, after: np.ndarray) -> np.ndarray:
-        """z (members, m) of the step that led to these rows."""
+        return self.stepped(rows, h)[0]
 
     @property
     @abstractmethod
@@ -176,6 +182,8 @@ class Process(Remade, ABC):
         """(z, e, w), (x, x after, h) ↦ (R, e after, θ after, q) of the step from retract(x, e) with the noise w.
 
         R: the residual. e after: the error after it. θ, q: the numbers that drift, and the variances that they gain.
+        Of several substeps the function is that of one of them, (x, x after, its length, h, first, last), with 1 for
+        the first and the last and 0 for others, and e has `between` numbers, those of an error and further ones.
         """
 
     @property
@@ -183,29 +191,49 @@ class Process(Remade, ABC):
         """The judge of the steps from rows (k, size), None if they are not those of a model."""
         return None
 
+    @property
+    def between(self) -> int:
+        """The count of errors between substeps."""
+        return self.width
+
     @abstractmethod
     def native(self) -> Model | None:
         """The process as machine code, or None."""
 
-    def linearised(self, rows: np.ndarray, after: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """(Φ, Q) about a step that was taken: e⁺ = Φ e + noise of the covariance Q, each (members, n, n)."""
-        Phi, G, variances = self._slopes(rows, after, h)
+    def linearised(
+        self, rows: np.ndarray, after: np.ndarray, h: float, course: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(Φ, Q) about a step that was taken: e⁺ = Φ e + noise of the covariance Q, each (members, n, n).
+
+        course: that of the step, from `stepped`; by default the step is taken again for it.
+        """
+        course = self.stepped(rows, h)[1] if course is None else course
+        Phi, G, variances = self._slopes(rows, after, h, course)
         Q = G @ G.transpose(0, 2, 1)
         last = np.arange(self.width - self.drifting, self.width)
         Q[:, last, last] += variances
         return Phi, Q
 
-    def _slopes(self, rows: np.ndarray, after: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _slopes(
+        self, rows: np.ndarray, after: np.ndarray, h: float, course: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(Φ, G, q): e⁺ = Φ e + G u + noise of the variances q in drifting numbers, with u standard normal numbers."""
-        m, n = self.unknowns, self.width
-        still = np.zeros((len(rows), n + len(self.densities)))
-        x = np.concatenate([self.unknowns_of(after), still], axis=1)
-        length = np.full((len(rows), 1), h)
-        value, J = self.tangent(x, np.concatenate([rows, after, length], axis=1))
-        solved = np.linalg.solve(J[:, :m, :m], J[:, :m, m : m + n])
-        below = J[:, m : m + n]
-        Phi = below[:, :, m : m + n] - below[:, :, :m] @ solved
-        return Phi, below[:, :, m + n :] * (self.densities * np.sqrt(h)), value[:, m + n + self.drifting :]
+        m, n, k = self.unknowns, self.width, self.unknowns + self.between
+        still, count = np.zeros((len(rows), self.between + len(self.densities))), len(self.substeps)
+        begin, Phi, value, J = rows, np.eye(self.between), rows, still
+        for number, part in enumerate(self.substeps):
+            there = course[:, number]
+            end = after if number + 1 == count else np.concatenate([there[:, m:], self._drifting(rows)], axis=1)
+            flags = [part * h, h, number == 0, number + 1 == count] if count > 1 else [h]
+            lengths = np.repeat(np.array([flags], float), len(rows), axis=0)
+            x, y = np.concatenate([there[:, :m], still], axis=1), np.concatenate([begin, end, lengths], axis=1)
+            value, J = self.tangent(x, y)
+            own = implicit_slopes(J[:, :k, :k], m)
+            Phi, begin = own @ Phi if number else own, end
+        return Phi[:, :n, :n], J[:, m : m + n, k:] * (self.densities * np.sqrt(h)), value[:, k + self.drifting :]
+
+    def _drifting(self, rows: np.ndarray) -> np.ndarray:
+        return rows[:, rows.shape[1] - self.drifting :]
 
     def drawn(self, rows: np.ndarray, h: float, random: np.random.Generator) -> np.ndarray:
         """The rows (members, size) after a step of h with noise from `random`: a truth that the process describes.
@@ -217,8 +245,8 @@ class Process(Remade, ABC):
                 f"A step is drawn from rows (members, {len(self.example)}) and np.random.default_rng(seed), but got "
                 f"rows {np.shape(rows)} and {shown(random)}."
             )
-        after = self.advanced(rows, h)
-        _, G, variances = self._slopes(rows, after, h)
+        after, course = self.stepped(rows, h)
+        _, G, variances = self._slopes(rows, after, h, course)
         e = (G @ random.normal(size=(len(rows), len(self.densities), 1)))[:, :, 0]
         e[:, self.width - self.drifting :] += np.sqrt(variances) * random.normal(size=variances.shape)
         return self.moved(after, e)

@@ -35,8 +35,8 @@ def smoothed(found: Filtered) -> Filtered:
     for k in range(len(found.t) - 2, -1, -1):
         h = float(found.t[k + 1] - found.t[k])
         here = _held(process, rows[k], rows[k + 1])
-        after = process.advanced(here, h)
-        Phi, Q = process.linearised(here, after, h)
+        after, course = process.stepped(here, h)
+        Phi, Q = process.linearised(here, after, h, course)
         before = Phi @ P[k] @ Phi.transpose(0, 2, 1) + Q
         G = _gain(P[k], Phi, before)
         e = process.errors(after, rows[k + 1])

@@ -28,10 +28,10 @@ from coadjoint.estimation.extended_poses import (
     product,
     small_turn,
 )
-from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.inertial_state import InertialState, one_by_one, parts_of, vector
 from coadjoint.estimation.process import Process, spread
 from coadjoint.groups import attitude
+from coadjoint.kernels.run.function import RowFunction
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import NodeMotion
@@ -230,12 +230,9 @@ class StrapdownProcess(Process):
         given = np.concatenate([self._first, [0.1]])
         return RowFunction(lambda _, y: self._after(y[:size], y[size], jnp.zeros(6)), np.zeros(0), given)
 
-    def advanced(self, rows: np.ndarray, h: float) -> np.ndarray:
-        length = np.full((len(rows), 1), float(h))
-        return self._step(np.zeros((len(rows), 0)), np.concatenate([rows, length], axis=1))[0]
-
-    def unknowns_of(self, after: np.ndarray) -> np.ndarray:
-        return np.zeros((len(after), 0))
+    def stepped(self, rows: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        length, none = np.full((len(rows), 1), float(h)), np.zeros((len(rows), 0))
+        return self._step(none, np.concatenate([rows, length], axis=1))[0], none[:, None]
 
     @property
     def tangent(self) -> RowFunction:
@@ -257,10 +254,9 @@ class StrapdownProcess(Process):
         parts = self._step.native, self.tangent.native, self.moving.native
         if parts[0] is None or parts[1] is None or parts[2] is None:
             return None
-        none = np.zeros(0, int)
         return Model(
-            len(self._first), 22, none, np.zeros(0), np.zeros(self.drifting, int), parts[0].code, 0, parts[1],
-            self.densities, parts[2], self.commanded, self.width,
+            len(self._first), 22, np.ones(1), 0, 0, np.zeros(0), np.zeros(self.drifting, int), parts[0].code, 0,
+            self.width, parts[1], self.densities, parts[2], self.commanded, self.width,
         )  # fmt: skip
 
     def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:

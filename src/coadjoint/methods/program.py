@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import jax
@@ -125,6 +125,34 @@ class StepProgram:
     @property
     def substeps(self) -> tuple[float, ...]:
         return self.method.substeps
+
+    @property
+    def unknowns(self) -> int:
+        """m, the number of unknowns z of the stages of a substep."""
+        return sum(sum(stage.blocks) for stage in self.stages)
+
+    def prepare_if(self, parameters: Constants, state: State, h: Scalar, first: Scalar) -> State:
+        """`prepare` before the first substep of a step of h, where `first` is 1, and the state before the others, where
+        it is 0."""
+        renewal = jnp.where(first > 0.5, RENEWED if parameters.renewal is None else parameters.renewal, ALL_HELD)
+        return self.prepare(replace(parameters, renewal=renewal), state, h)
+
+    def substep(self, parameters: Constants, state: State, h: Scalar, z: Array) -> tuple[Array, State]:
+        """(r, x⁺) of a substep of h from a prepared state: the residuals of its stages at their unknowns z, both (m,),
+        and the state after it.
+
+        Each stage starts where z brings the one before, so that r(x, z) = 0 and x⁺ determine the substep and its
+        derivatives. The remainder of t is left out. h: one number.
+        """
+        residual, start = [], 0
+        for stage in self.stages:
+            own = z[start : start + sum(stage.blocks)]
+            length = h if stage.fraction == 1.0 else stage.fraction * h
+            residual.append(stage.residual(parameters, state, length, own))
+            state = stage.advance(parameters, state, length, own, jnp.asarray(1.0))
+            state = state.replace(t_rest=jnp.zeros_like(state.t_rest))
+            start += len(own)
+        return jnp.concatenate(residual), state
 
     def prepare(self, parameters: Constants, state: State, h: Scalar) -> State:
         """The state with the inputs and the internal state over the step of h, one number.

@@ -18,9 +18,9 @@ PREDICT, SET, CORRECT, SAVE = range(4)
 data), (CORRECT, measurement, place in the data, place of (NIS, used) in the output), (SAVE, place of the row in the
 output, of P, whether all of P is kept)."""
 FIELDS = (
-    *("errors", "size", "state", "unknowns", "noises", "drifting", "implicit"),
-    *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "of_unknowns"),
-    *("densities", "Phi", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
+    *("errors", "size", "state", "unknowns", "noises", "drifting", "implicit", "parts", "between", "course"),
+    *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "fractions"),
+    *("densities", "Phi", "chain", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
     *("measurements", "sizes", "covariances", "gates", "turns", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
 )
 """The memory of a filter: sizes and addresses, all integers."""
@@ -94,9 +94,8 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
     f = Loops(module, "predict", INT64, INTEGERS, DOUBLE)
     memory, h = f.args
     m = _Memory(f, memory)
-    size, row, after, y, x = m.integer("size"), m.numbers("row"), m.numbers("after"), m.numbers("y"), m.numbers("x")
+    size, row, after, y = m.integer("size"), m.numbers("row"), m.numbers("after"), m.numbers("y")
     f.b.call(algebra.copy, [y, row, size])
-    f.put(y, f.times(2, size), h)
     with f.b.if_else(f.b.icmp_signed("!=", m.integer("implicit"), INT64(0))) as (implicit, explicit):
         with implicit:
             _implicit(f, m, algebra, h)
@@ -107,19 +106,18 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
             zeros = m.numbers("zeros")
             m.call("step", _FUNCTION, [zeros, after, f.place(y, size), zeros, INT64(1)])
             f.b.call(algebra.copy, [after, f.place(y, size), size])
-    f.b.call(algebra.copy, [f.place(y, size), after, size])
-    m.call("tangent", _FUNCTION, [x, y, m.numbers("value"), m.numbers("J"), INT64(1)])
+    with f.over(m.integer("parts")) as part:
+        _linearise(f, m, algebra, h, part)
     _carry(f, m, algebra, h)
-    unknowns, n, k = m.integer("unknowns"), m.integer("errors"), m.integer("drifting")
-    value, at = m.numbers("value"), f.add(unknowns, n)
+    at, k = f.add(m.integer("unknowns"), m.integer("between")), m.integer("drifting")
     f.b.call(algebra.copy, [row, after, size])
-    f.b.call(algebra.copy, [f.place(row, m.integer("state")), f.place(value, at), k])
+    f.b.call(algebra.copy, [f.place(row, m.integer("state")), f.place(m.numbers("value"), at), k])
     f.b.ret(f.b.zext(_not_finite(f, m), INT64))
     return f.function
 
 
 def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
-    """One step of the model's own kernel, with the drifting parameters in their places, and its unknowns in x."""
+    """One step of the model's own kernel, with the drifting parameters in their places."""
     row, after, state = m.numbers("row"), m.numbers("after"), m.integer("state")
     f.b.call(algebra.copy, [after, row, m.integer("size")])
     parameters, places = m.numbers("parameters"), m.integers("places")
@@ -130,16 +128,34 @@ def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     with f.over(4) as i:
         f.put(status, i, INT64(0))
     m.call("step", _KERNEL, [parameters, length, after, INT64(1), INT64(1), scratch, scratch, scratch, status])
-    x, of_unknowns = m.numbers("x"), m.integers("of_unknowns")
-    with f.over(m.integer("unknowns")) as i:
-        f.put(x, i, f.at(after, f.at(of_unknowns, i)))
 
 
-def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
-    """Φ = ∂e⁺/∂e by the implicit function theorem, and P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
-    u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
-    J, Phi, turned, W, P = (m.numbers(name) for name in ("J", "Phi", "turned", "W", "P"))
-    stride, square = f.add(u, n, w), f.times(n, n)
+def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any, part: Any) -> None:
+    """The slopes of a part of the step, a substep of a composition, and Φ of all parts up to this one."""
+    u, size, state, parts = (m.integer(name) for name in ("unknowns", "size", "state", "parts"))
+    x, y = m.numbers("x"), m.numbers("y")
+    place = f.add(m.integer("course"), f.times(part, f.add(u, state)))
+    course = f.place(m.numbers("step_scratch"), place)
+    last = f.b.icmp_signed("==", f.add(part, 1), parts)
+    f.b.call(algebra.copy, [x, course, u])
+    f.b.call(algebra.copy, [f.place(y, size), m.numbers("after"), size])
+    with f.b.if_then(f.b.not_(last)):
+        f.b.call(algebra.copy, [f.place(y, size), f.place(course, u), state])
+    first = f.b.icmp_signed("==", part, INT64(0))
+    flags = [f.b.uitofp(flag, DOUBLE) for flag in (first, last)]
+    for i, value in enumerate([f.b.fmul(h, f.at(m.numbers("fractions"), part)), h, *flags]):
+        f.put(y, f.add(size, size, i), value)
+    m.call("tangent", _FUNCTION, [x, y, m.numbers("value"), m.numbers("J"), INT64(1)])
+    _eliminate(f, m, algebra)
+    with f.b.if_then(f.b.icmp_signed(">", parts, INT64(1))):
+        _chain(f, m, algebra, first, last)
+    f.b.call(algebra.copy, [y, f.place(y, size), size])
+
+
+def _eliminate(f: Loops, m: _Memory, algebra: DenseAlgebra) -> None:
+    """Φ = ∂e⁺/∂e of a part by the implicit function theorem."""
+    u, n, w = (m.integer(name) for name in ("unknowns", "between", "noises"))
+    J, Phi, stride = m.numbers("J"), m.numbers("Phi"), f.add(u, n, w)
     below = f.place(J, f.times(u, stride))
     # The slopes of the step keep their zeros: the solve works on a copy.
     kept = m.numbers("KR")
@@ -147,8 +163,30 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     f.b.call(algebra.solve, [kept, f.place(kept, u), u, n, stride, stride])
     with f.over(n) as i:
         f.b.call(algebra.copy, [f.place(Phi, f.times(i, n)), f.place(below, f.add(f.times(i, stride), u)), n])
-    one, minus = DOUBLE(1.0), DOUBLE(-1.0)
-    f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, minus])
+    f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
+
+
+def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Any, last: Any) -> None:
+    """The product of the Φ of all parts; of the last, Φ of the errors at both ends."""
+    n, errors = m.integer("between"), m.integer("errors")
+    Phi, chain, product, square = m.numbers("Phi"), m.numbers("chain"), m.numbers("W"), f.times(n, n)
+    with f.b.if_else(first) as (begins, goes_on):
+        with begins:
+            f.b.call(algebra.copy, [chain, Phi, square])
+        with goes_on:
+            _clear(f, product, square)
+            f.b.call(algebra.product, [product, Phi, chain, n, n, n, n, n, n, DOUBLE(1.0)])
+            f.b.call(algebra.copy, [chain, product, square])
+    with f.b.if_then(last), f.over(errors) as i:
+        f.b.call(algebra.copy, [f.place(Phi, f.times(i, errors)), f.place(chain, f.times(i, n)), errors])
+
+
+def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+    """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
+    u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
+    between = m.integer("between")
+    J, Phi, turned, W, P = (m.numbers(name) for name in ("J", "Phi", "turned", "W", "P"))
+    stride, square, one = f.add(u, between, w), f.times(n, n), DOUBLE(1.0)
     f.b.call(algebra.transpose, [turned, Phi, n, n, n])
     _clear(f, W, square)
     f.b.call(algebra.product, [W, Phi, P, n, n, n, n, n, n, one])
@@ -156,7 +194,7 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     # W is full and Φᵀ is not: the product is taken transposed, Φ Wᵀ, of which P is the transpose.
     f.b.call(algebra.transpose, [turned, W, n, n, n])
     f.b.call(algebra.product, [P, Phi, turned, n, n, n, n, n, n, one])
-    densities, G = m.numbers("densities"), f.place(below, f.add(u, n))
+    densities, G = m.numbers("densities"), f.place(J, f.add(f.times(u, stride), u, between))
     with f.over(w) as a:
         scale = f.b.fmul(f.at(densities, a), h)
         with f.over(n) as i:
@@ -164,7 +202,7 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
             with f.b.if_then(f.b.fcmp_unordered("!=", here, DOUBLE(0.0))), f.over(n) as j:
                 place = f.place(P, f.add(f.times(i, n), j))
                 f.b.store(f.plus(f.b.load(place), here, f.at(G, f.add(f.times(j, stride), a))), place)
-    value, first, last = m.numbers("value"), f.add(u, n, k), f.b.sub(n, k)
+    value, first, last = m.numbers("value"), f.add(u, between, k), f.b.sub(n, k)
     with f.over(k) as i:
         place = f.place(P, f.times(f.add(last, i), f.add(n, 1)))
         f.b.store(f.b.fadd(f.b.load(place), f.at(value, f.add(first, i))), place)

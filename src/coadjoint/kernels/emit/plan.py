@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -63,6 +63,7 @@ class StepPlan:
 
     With `inner`, the stages are those of one substep, and record and monitors belong to the first substep.
     `certificates` are already the maximum over the stages; `monitors` and `certificates` are flat, `shapes` names them.
+    `kept`, none by default, follow the record of a step: the unknowns of every substep with the state after it.
     """
 
     graph: Graph
@@ -77,6 +78,17 @@ class StepPlan:
     monitor_shapes: dict[str, tuple[int, ...]]
     certificates: dict[str, Expr]
     stop: Expr | None
+    kept: list[Expr] = field(default_factory=list)
+
+    def with_course(self) -> StepPlan:
+        """The same step; the unknowns of every substep, with the state after it, follow its record."""
+        unknowns = [node for stage in self.stages for node in stage.solution]
+        return replace(self, kept=[*unknowns, *self.stages[-1].after])
+
+    @property
+    def course(self) -> int:
+        """How many numbers follow a record."""
+        return len(self.kept) * (1 if self.inner is None else len(self.inner.fractions))
 
 
 def specialised(values: Iterable[float]) -> tuple[int, ...]:

@@ -191,6 +191,7 @@ class StepFunction:
             iterations=iterations,
             after=self.emit.values(plan.stages[-1].after),
             record=lambda: self.emit.values(plan.record),
+            course=lambda: self.emit.values(plan.kept),
             monitors=lambda: self.emit.values(plan.monitors),
             certificates=self.emit.values(plan.certificates.values()),
         )
@@ -227,7 +228,7 @@ class StepFunction:
         b.position_at_end(now)
         row = b.load(self.row)
         with self.emit.scope():
-            for values, out in ((done.record(), self.record_out), (observed, self.monitor_out)):
+            for values, out in (([*done.record(), *done.course()], self.record_out), (observed, self.monitor_out)):
                 start = b.mul(row, INT64(len(values)))
                 for i, value in enumerate(values):
                     self.store(value, out, b.add(start, INT64(i)))

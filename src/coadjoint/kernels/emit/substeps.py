@@ -17,7 +17,7 @@ from coadjoint.kernels.emit.plan import Inner, StepPlan
 class Done:
     """A completed step: its status, the state after it, and its observations.
 
-    `record` and `monitors` emit their values where they are needed.
+    `record`, `course` and `monitors` emit their values where they are needed.
     """
 
     well: Any
@@ -25,6 +25,7 @@ class Done:
     iterations: Any
     after: list[Any]
     record: Callable[[], list[Any]]
+    course: Callable[[], list[Any]]
     monitors: Callable[[], list[Any]]
     certificates: list[Any]
 
@@ -34,7 +35,7 @@ def substeps(
 ) -> Done:
     """The stages over every substep; record and monitors are those of the first one, put into the variables `kept`."""
     b = emit.builder
-    table = _table(emit, inner.fractions)
+    table, course = _table(emit, inner.fractions), _Course(emit, plan)
     start = emit.values(inner.start)
     before, head, end = b.block, b.append_basic_block("substep"), b.append_basic_block("substeps")
     b.branch(head)
@@ -55,6 +56,7 @@ def substeps(
                 b.store(value, place)
         b.branch(on)
         b.position_at_end(on)
+        course.store(number, done.course())
         largest = [emit.intrinsic("maximum", x, y) for x, y in zip(certificates, done.certificates, strict=True)]
     code_now, well_now = b.select(well, done.code, code), b.and_(well, done.well)
     sum_now, following = b.add(iterations, done.iterations), b.add(number, INT64(1))
@@ -72,7 +74,31 @@ def substeps(
         emit.bind(symbol, value)
     seen = [b.load(place) for place in kept]
     size = len(plan.record)
-    return Done(well_now, code_now, sum_now, done.after, lambda: seen[:size], lambda: seen[size:], largest)
+    record, monitors = (lambda: seen[:size]), (lambda: seen[size:])
+    return Done(well_now, code_now, sum_now, done.after, record, course.load, monitors, largest)
+
+
+class _Course:
+    """The kept numbers of all substeps in an array."""
+
+    def __init__(self, emit: Emitter, plan: StepPlan):
+        self._emit, self._count = emit, plan.course
+        if self._count:
+            with emit.builder.goto_entry_block():
+                self._array = emit.builder.alloca(emit.number, self._count)
+
+    def _place(self, index: Any) -> Any:
+        return self._emit.builder.gep(self._array, [index])
+
+    def store(self, number: Any, values: list[Any]) -> None:
+        """Store those of a substep."""
+        b = self._emit.builder
+        for i, value in enumerate(values):
+            b.store(value, self._place(b.add(b.mul(number, INT64(len(values))), INT64(i))))
+
+    def load(self) -> list[Any]:
+        """Those of all substeps."""
+        return [self._emit.builder.load(self._place(INT64(i))) for i in range(self._count)]
 
 
 def _table(emit: Emitter, values: tuple[float, ...]) -> Any:

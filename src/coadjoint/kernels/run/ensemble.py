@@ -20,7 +20,7 @@ from coadjoint.kernels.lanes import in_lanes, of_lanes
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
-from coadjoint.kernels.run.native import Kernel, LaneArrays
+from coadjoint.kernels.run.native import Kernel, LaneArrays, Variant
 
 
 def lanes() -> int:
@@ -96,8 +96,8 @@ def _kernel_for(
     shape_p, p = members_of(parameters, axes[0])
     shape_s, s = members_of(state, axes[1])
     pattern = specialised(np.where(np.all(p == p[:1], axis=0), p[0], np.nan))
-    key = shape_p, shape_s, pattern, monitors, lanes()
-    return native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), key), shape_s, p, s
+    variant = Variant(shape_p, shape_s, pattern, monitors, lanes())
+    return native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), variant), shape_s, p, s
 
 
 def _empty(kernel: Kernel, state: np.ndarray, records: int) -> LaneArrays:

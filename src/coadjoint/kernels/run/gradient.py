@@ -84,7 +84,8 @@ class _Pullback:
         self.h, self.steps, self.save_every = np.full(1, float(h)), steps, save_every
         pattern = specialised(self.p)
         key = program, self.shape_p, self.shape_s, pattern
-        self.plain = native.kernel_for(program, parameters, state, (self.shape_p, self.shape_s, pattern, False, 1))
+        variant = native.Variant(self.shape_p, self.shape_s, pattern, False, 1)
+        self.plain = native.kernel_for(program, parameters, state, variant)
         self.code = _adjoint(key, parameters, state)
 
     def run(self, records_bar: Any, final_bar: Any) -> Cotangents:

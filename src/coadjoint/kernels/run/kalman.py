@@ -17,19 +17,24 @@ from coadjoint.kernels.run.machine import Machine, machine
 class Model(NamedTuple):
     """The model of a filter: sizes, and functions of rows as machine code.
 
-    size: of a row. state: how many of its first numbers the step takes; the others drift. unknowns: of the step, and
-    their places in the row after it. parameters: of the step, and the places of those that drift. step: a kernel of one
-    lane, or where there are no unknowns a function of (row, h). tangent: (unknowns, e, w), (row, row after, h) ↦
-    (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
+    size: of a row. state: how many of its first numbers the step takes; the others drift. parts: of h, the substeps.
+    unknowns: how many a part has. course: the place in `scratch` of those of the parts, each with the state after it.
+    parameters: of the step, and the places of those that drift. step: a kernel of one lane, or where there are no
+    unknowns a function of (row, h). scratch: the size of its record with the course. between: the count of errors
+    between parts, the first of them e. tangent: (unknowns, errors, w), (row, row after, length, h, first, last) of a
+    part ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
     """
 
     size: int
     state: int
-    unknowns: np.ndarray
+    parts: np.ndarray
+    unknowns: int
+    course: int
     parameters: np.ndarray
     places: np.ndarray
     step: Any
     scratch: int
+    between: int
     tangent: NativeFunction
     densities: np.ndarray
     retract: NativeFunction
@@ -73,21 +78,23 @@ class Filters:
 
     def _fill(self) -> None:
         M, seen = self._model, self._measurements
-        n, size, u, w, k = M.errors, M.size, len(M.unknowns), len(M.densities), M.size - M.state
+        n, size, u, w, k, among = M.errors, M.size, M.unknowns, len(M.densities), M.size - M.state, M.between
         most = max([one.covariance.shape[0] for one in seen], default=1)
         numbers = {
-            "after": size + 1, "x": u + n + w, "y": 2 * size + 1,
-            "value": u + n + 2 * k, "J": (u + n + 2 * k) * (u + n + w),
-            "Phi": n * n, "turned": n * max(n, most), "W": n * max(n, most), "step_scratch": max(M.scratch, 1),
+            "after": size + 1, "x": u + among + w, "y": 2 * size + 4,
+            "value": u + among + 2 * k, "J": (u + among + 2 * k) * (u + among + w),
+            "Phi": among**2, "chain": among**2, "turned": n * max(n, most), "W": max(n * max(n, most), among**2),
+            "step_scratch": max(M.scratch, 1),
             "moved": size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
-            "KR": max(most * n, u * (u + n + w)), "e": max(n, most), "zeros": u + n + w + 1,
+            "KR": max(most * n, u * (u + among + w)), "e": max(n, most), "zeros": u + n + w + 1,
         }  # fmt: skip
         for name, count in numbers.items():
             self._hold(name, np.zeros(max(count, 1)))
         self._hold("status", np.zeros(4, np.int64))
-        for name, value in (("parameters", M.parameters), ("densities", M.densities**2)):
+        given = ("parameters", M.parameters), ("densities", M.densities**2), ("fractions", M.parts)
+        for name, value in given:
             self._hold(name, np.concatenate([value, [0.0]]))
-        for name, value in (("places", M.places), ("of_unknowns", M.unknowns), ("input_places", M.inputs)):
+        for name, value in (("places", M.places), ("input_places", M.inputs)):
             self._hold(name, np.concatenate([value, [0]]).astype(np.int64))
         covariances = [np.ascontiguousarray(one.covariance, float) for one in seen]
         turns = [np.ascontiguousarray(one.turns, float) for one in seen]
@@ -98,6 +105,7 @@ class Filters:
         self._hold("turns", np.array([part.ctypes.data for part in turns] + [0], np.int64))
         self._hold("gates", np.array([one.gate for one in seen] + [0.0]))
         sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
+        sizes |= {"parts": len(M.parts), "between": among, "course": M.course}
         functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}
         for name, value in {**sizes, **functions, "implicit": int(u > 0)}.items():
             self._memory[kalman.FIELDS.index(name)] = value

@@ -26,8 +26,27 @@ KEPT = 128
 _SIGNATURE = [*[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4]
 
 
+class Variant(NamedTuple):
+    """The variant of a program that a kernel runs.
+
+    parameters, state: their layouts. pattern: that of `specialised`. monitors: whether it observes. width: of its
+    lanes. course: whether the unknowns of every substep, with the state after it, follow
+    each record.
+    """
+
+    parameters: Layout
+    state: Layout
+    pattern: tuple[int, ...]
+    monitors: bool
+    width: int
+    course: bool = False
+
+
 class Kernel(NamedTuple):
-    """Machine code for a program at given shapes; `machine` keeps the code alive that `function` points to."""
+    """Machine code for a program at given shapes; `machine` keeps the code alive that `function` points to.
+
+    course: how many numbers follow each record.
+    """
 
     machine: Machine
     function: Any
@@ -35,6 +54,12 @@ class Kernel(NamedTuple):
     monitor_shapes: dict[str, tuple[int, ...]]
     certificates: tuple[str, ...]
     pace: PieceLength
+    course: int = 0
+
+    @property
+    def row(self) -> int:
+        """How many numbers a record is, with those behind it."""
+        return self.record.size + self.course
 
     @property
     def monitor_size(self) -> int:
@@ -62,18 +87,18 @@ def compile(program: Program, parameters: Any, state: Any, monitors: bool = True
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, values), (shape_s, _) = pack(parameters), pack(state)
-    return kernel_for(program, parameters, state, (shape_p, shape_s, specialised(values), monitors, width))
+    return kernel_for(program, parameters, state, Variant(shape_p, shape_s, specialised(values), monitors, width))
 
 
-def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
-    """The kernel for key = (layout of parameters, of state, zeros and ones, monitors, lanes), made at its first use."""
-    key = (program, *key)
+def kernel_for(program: Program, parameters: Any, state: Any, variant: Variant) -> Kernel:
+    """The kernel of a variant, made at its first use."""
+    key = program, variant
     with _lock:
         known = _kernels.get(key)
         if known is not None:
             _kernels.move_to_end(key)
             return known
-    made = _kept(program, parameters, state, key[1:])
+    made = _kept(program, parameters, state, variant)
     with _lock:
         _kernels[key] = made
         while len(_kernels) > KEPT:
@@ -81,31 +106,34 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
     return made
 
 
-def _kept(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
+def _kept(program: Program, parameters: Any, state: Any, variant: Variant) -> Kernel:
     """The kernel from the disk cache, or planned and stored there."""
-    _, shape, pattern, monitors, width = key
-    name = plans.name(program, parameters, state, "kernel", pattern, monitors, width)
+    _, shape, *given = variant
+    name = plans.name(program, parameters, state, "kernel", *given)
     found = disk_cache.find(name)
     code = None if found is None else kept_machine(found["code"])
     if found is not None and code is not None:
         monitored = {one: tuple(shape) for one, shape in found["monitors"]}
-        return _kernel(code, shape, monitored, tuple(found["certificates"]))
-    planned = plan(program, parameters, state, pattern, monitors)
-    made = load(planned, width)
+        return _kernel(code, shape, monitored, tuple(found["certificates"]), found["course"])
+    planned = plan(program, parameters, state, variant.pattern, variant.monitors)
+    made = load(planned.with_course() if variant.course else planned, variant.width)
     if made.record == shape:
-        shapes = list(made.monitor_shapes.items())
-        disk_cache.keep(name, {"code": made.machine.name, "monitors": shapes, "certificates": list(made.certificates)})
+        shapes, names = list(made.monitor_shapes.items()), list(made.certificates)
+        kept = {"code": made.machine.name, "monitors": shapes, "certificates": names, "course": made.course}
+        disk_cache.keep(name, kept)
     return made
 
 
 def load(planned: StepPlan, width: int) -> Kernel:
     """The kernel of a plan; `record` is a layout of the plan's record, or a row of numbers if that was replaced."""
     code, names = machine(assemble(planned, width)), tuple(planned.certificates)
-    return _kernel(code, _record_layout(planned), planned.monitor_shapes, names)
+    return _kernel(code, _record_layout(planned), planned.monitor_shapes, names, planned.course)
 
 
-def _kernel(code: Machine, record: Layout, monitors: dict[str, tuple[int, ...]], certificates: tuple[str, ...]):
-    return Kernel(code, code.function(NAME, *_SIGNATURE), record, monitors, certificates, PieceLength())
+def _kernel(
+    code: Machine, record: Layout, monitors: dict[str, tuple[int, ...]], certificates: tuple[str, ...], course: int
+) -> Kernel:
+    return Kernel(code, code.function(NAME, *_SIGNATURE), record, monitors, certificates, PieceLength(), course)
 
 
 def _record_layout(planned: StepPlan) -> Layout:
@@ -123,7 +151,7 @@ def run(
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
-    kernel = kernel_for(program, parameters, state, (shape_p, shape_s, specialised(p), monitors, 1))
+    kernel = kernel_for(program, parameters, state, Variant(shape_p, shape_s, specialised(p), monitors, 1))
     try:
         result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
     except Cut as cut:

@@ -43,6 +43,8 @@ class StepResult(NamedTuple):
     code: jax.Array
     iterations: jax.Array
     certificates: dict[str, jax.Array]
+    course: tuple[jax.Array, Any]
+    """The unknowns of every substep, (substeps, m), and the states after them."""
 
 
 def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = True) -> StepResult:
@@ -65,6 +67,7 @@ def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = 
             code=results.code[jnp.argmax(results.code > 0)],
             iterations=jnp.sum(results.iterations),
             certificates={name: jnp.max(values) for name, values in results.certificates.items()},
+            course=jax.tree.map(lambda rows: rows[:, 0], results.course),
         )
     after = jax.tree.map(lambda new, old: jnp.where(result.code == 0, new, old), after, before)
     return result._replace(after=after)
@@ -74,6 +77,7 @@ def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool
     """The stages of a substep one after the other."""
     code, iterations, record = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0), None
     certificates: dict[str, jax.Array] = {}
+    unknowns = []
     for stage in program.stages:
         part = stage.fraction * h
         equations, guess = stage.equations(parameters, state, part), stage.guess(parameters, state, part)
@@ -95,8 +99,10 @@ def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool
         if certify:
             for name, value in stage.certificate(parameters, state, part, z, after).items():
                 certificates[name] = jnp.maximum(certificates.get(name, -jnp.inf), value)
+        unknowns.append(z)
         state = after
-    return StepResult(record, state, code, iterations, certificates)
+    course = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], (jnp.concatenate(unknowns), state))
+    return StepResult(record, state, code, iterations, certificates, course)
 
 
 class _Carry(NamedTuple):

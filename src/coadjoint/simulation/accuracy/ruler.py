@@ -11,11 +11,11 @@ import numpy as np
 from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
-from coadjoint.kernels.run.probe import Probe
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
 from coadjoint.mechanics.state import Places, State
 from coadjoint.methods.program import INPUTS_HELD, Constants
+from coadjoint.methods.step_model import StepModel
 from coadjoint.simulation.accuracy.local_error import (
     Bilinear,
     Frequencies,
@@ -192,16 +192,24 @@ def structure(group: Any) -> np.ndarray:
     return _structures[group]
 
 
+def steps_of(plan: Plan, state: State, constants: Constants | None = None) -> StepModel:
+    """The steps of a plan, whose kernel they use. state: of one member. constants: by default those of the plan."""
+    return StepModel(
+        plan.program, plan.constants if constants is None else constants, state, backend=plan.backend,
+        monitors=plan.watches, axes=plan.axes, count=plan.members or 1,
+    )  # fmt: skip
+
+
 class Doubling(PartsOfSteps):
     """Judges steps of a plan from records, whose inputs are held over a step."""
 
-    probe: Probe
+    probe: StepModel
 
     def __init__(self, plan: Plan, state: State):
         self.plan, constants = plan, plan.constants
         if constants.renewal is not None:
             constants = Constants(constants.system, constants.monitors, INPUTS_HELD)
-        probe = Probe(plan.backend, plan.program, constants, state, plan.watches, plan.axes, plan.members or 1)
+        probe = steps_of(plan, state, constants)
         method, system = plan.program.method, plan.program.skeleton
         self.places = numbered(probe.layout)
         memory = jax.tree.leaves(self.places.memory) if method.variable else []

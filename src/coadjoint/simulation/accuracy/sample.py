@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels.run.probe import Probe
 from coadjoint.mechanics.state import State
+from coadjoint.simulation.accuracy.ruler import steps_of
 from coadjoint.simulation.plan import Plan, RecordSink
 
 FIRST, SPREAD = 3, 16
@@ -216,8 +216,8 @@ def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State,
     left = int(SHARE * plan.steps)
     if plan.save_every == 1 or plan.backend != "native" or min(left, len(largest)) < 1:
         return kept
-    probe = Probe("native", plan.program, plan.constants, state, plan.watches, plan.axes, plan.members or 1)
-    places: Any = probe.layout.unpack(np.arange(probe.layout.size))
+    model = steps_of(plan, state)
+    places: Any = model.layout.unpack(np.arange(model.size))
     found = dict(zip(kept.steps.tolist(), kept.rows, strict=True))
     for step in largest:
         length = min(plan.save_every, plan.steps - step, left)
@@ -225,7 +225,7 @@ def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State,
             continue
         left -= length
         rows = found[step]
-        records = probe.records(np.atleast_2d(rows), plan.h, length, members)
+        records = model.records(np.atleast_2d(rows), plan.h, length, members)
         change = np.nan_to_num(np.abs(np.diff(records, axis=1)).max(axis=0))
         for field in CHANGING:
             numbers = np.ravel(getattr(places, field))

@@ -192,7 +192,7 @@ def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, shor
         return False
     begun = given.copy()
     begun[:, doubling.places.internal_due] = 1.0
-    found = doubling.probe(begun, short, 1, whose)
+    found = doubling.probe.step(begun, short, 1, whose)
     change = found.record[:, at_end] - given[:, at_node]
     rates = change.reshape(len(PARTS), len(rows), -1).swapaxes(0, 1) / SHORT
     return not found.code.any() and bent(rates, 0.0, ROUND_OFF * np.max(np.abs(rows[:, at_node])))
