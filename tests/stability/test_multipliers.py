@@ -20,7 +20,7 @@ def test_symplectic_steps_keep_the_modes_of_a_stable_conservative_motion_on_the_
     body = ellipsoid(semi_axes=(0.3, 0.5, 1.0), center_of_mass=(0, 0, 0.02))
     motion = steady_motion(body, start(body, velocity=(0, 0, 0.4)))
     found = step_modes(motion, 0.2)
-    np.testing.assert_allclose(np.abs(found.multipliers), 1, atol=1e-9)
+    np.testing.assert_allclose(np.abs(found.multipliers), 1, atol=1e-13)
     assert np.max(np.abs(found.effective - found.eigenvalues)) < 0.01
 
 

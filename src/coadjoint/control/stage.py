@@ -181,17 +181,14 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
     unknowns: list[Expr] = []
     residual: list[Expr] = []
     for part in program.substeps:
-        for stage in program.stages:
-            size = tracer.graph.mul(h, tracer.graph.constant(part * stage.fraction))
-            at = np.asarray(size)
-            z = tracer.symbols(f"z{len(unknowns)} ", np.zeros(sum(stage.blocks)))
-            unknowns += flat(z)
-            residual += flat(traced(tracer, "The step", stage.residual, constants, node, at, z))
-            node = traced(tracer, "The step", stage.advance, constants, node, at, z, np.ones(()))
-            node = node.replace(t_rest=np.zeros(()))
-    found = Symbols(flat(StepGraph._symbolic(begun)), commands, unknowns, [*profiles, *free_symbols], h)
+        length = np.asarray(tracer.graph.mul(h, tracer.graph.constant(part)))
+        z = tracer.symbols(f"z{len(unknowns)} ", np.zeros(program.unknowns))
+        found, node = traced(tracer, "The step", program.substep, constants, node, length, z)
+        unknowns += flat(z)
+        residual += flat(found)
+    named = Symbols(flat(StepGraph._symbolic(begun)), commands, unknowns, [*profiles, *free_symbols], h)
     begun = begun.replace(inputs=held)
-    return StepGraph(tracer, beginning, found, constants, begun, node, residual)
+    return StepGraph(tracer, beginning, named, constants, begun, node, residual)
 
 
 def _commands(tracer: Tracer, system: System, state: State, t: Any, h: Expr) -> tuple[Any, list[Expr], list[Expr]]:

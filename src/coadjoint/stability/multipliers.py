@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.kernels.run import backend as kernels
+from coadjoint.groups.group import Array
+from coadjoint.kernels.packing import flattened
+from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.state import State
 from coadjoint.methods import Method, Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.step_model import StepModel
 from coadjoint.models.quantities import positive
 from coadjoint.stability.spectrum import Linearisation, linearised
 from coadjoint.stability.steady import SteadyMotion
-
-DIFFERENCE = 1e-5
-"""By how much x is changed for central differences; velocities and angles are of order one in x."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def step_modes(
 
     motion: of co.stability.steady_motion. dt: h, s. method: by default co.Midpoint(). linear: its linearisation, by
     default made here. Symplectic methods neither damp nor excite modes of conservative
-    systems where they are stable: |m| = 1. Derivatives are central differences, right to about 1e-9.
+    systems where they are stable: |m| = 1. Derivatives are exact to round-off.
     Raises ArgumentError where the steps have no steady motion near and for a motion that goes along symmetries, and
     StepError where a step fails.
     """
@@ -67,9 +68,8 @@ def step_modes(
     step = _Step(motion, method, h, linear)
     x = np.zeros(len(linear.matrix))
     for _ in range(6):
-        before, after = step(x)
-        slopes = _slopes(step, x)
-        change = np.linalg.lstsq(slopes[1] - slopes[0], before - after, rcond=1e-7)[0]
+        (before, after), (begins, ends) = step(x)
+        change = np.linalg.lstsq(ends - begins, before - after, rcond=1e-7)[0]
         x = x + change
         if np.max(np.abs(change), initial=0.0) < 1e-10:
             break
@@ -77,8 +77,8 @@ def step_modes(
         raise ArgumentError(
             f"The steps of {h:g} s have no steady motion near that of the equations: take smaller ones."
         )
-    before, after = _slopes(step, x)
-    found = np.linalg.eigvals(after @ np.linalg.inv(before)).astype(complex)
+    _, (begins, ends) = step(x)
+    found = np.linalg.eigvals(ends @ np.linalg.inv(begins)).astype(complex)
     expected = np.exp(linear.eigenvalues * h)
     rows, columns = linear_sum_assignment(np.abs(expected[:, None] - found[None, :]))
     eigenvalues, multipliers = linear.eigenvalues[rows].astype(complex), found[columns]
@@ -87,33 +87,32 @@ def step_modes(
 
 
 class _Step:
-    """x of the chart ↦ δy, in coordinates, before a step and after it."""
+    """x of the chart ↦ δy, in coordinates, before a step and after it, (2, dim), and both derivatives by x."""
 
     def __init__(self, motion: SteadyMotion, method: Method, h: float, linear: Linearisation):
         system, reduced = motion.system, motion.reduced
-        self.h, self.linear, self.y = h, linear, _phase(motion.state)
-        self.program = StepProgram(replace_parameters(system, None), method, version=version(system, motion.state))
-        self.constants = Constants(system.parameters, None)
-        self.start = method.begin(system, motion.state, h)
-        self.moved = tabulate(
-            lambda z, s: reduced.with_momenta(reduced.moved(s, z)), np.zeros(len(linear.charts)), self.start
-        )
-        self.backend: kernels.Backend = kernels.choose(self.program, self.constants, self.start, False, "auto")
+        self.h, self.linear = h, linear
+        program = StepProgram(replace_parameters(system, None), method, version=version(system, motion.state))
+        begun = method.begin(system, motion.state, h)
+        self.model = StepModel(program, Constants(system.parameters, None), begun, course=True)
+        places = self.model.unpack(np.arange(self.model.size))
+        self.phase = np.concatenate([places.mu, places.n, places.pi, places.a]).astype(int)
+        self.y = self.model.pack(jax.tree.map(lambda leaf: np.asarray(leaf)[None], motion.state))[0, self.phase]
 
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        state = self.moved(self.linear.charts @ x, self.start)
-        chunk = kernels.run(self.backend, self.program, self.constants, state, self.h, 1, 1, monitors=False)
-        if chunk.code:
-            what = chunk.code.name.lower().replace("_", " ")
+        def row(x: Array, start: State) -> Array:
+            return flattened(reduced.with_momenta(reduced.moved(start, linear.charts @ x)))
+
+        given = np.zeros(len(linear.matrix)), begun
+        self.row = tabulate(lambda x, start: (row(x, start), jax.jacfwd(row)(x, start)), *given)
+        self.start = begun
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found, slopes = self.row(x, self.start)
+        rows, h = np.asarray(found)[None], np.full(1, self.h)
+        taken = self.model.step(rows, h)
+        if taken.code[0]:
+            what = Code(int(taken.code[0])).name.lower().replace("_", " ")
             raise StepError(f"A step of {self.h:.3g} s from near the steady motion failed: {what}.")
-        return np.stack([self.linear.rows @ (_phase(s) - self.y) for s in (state, chunk.final)])
-
-
-def _phase(state: State) -> np.ndarray:
-    return np.concatenate([state.mu, state.n, state.pi, state.a])
-
-
-def _slopes(step: _Step, x: np.ndarray) -> np.ndarray:
-    """The derivatives of both by x."""
-    unit = DIFFERENCE * np.eye(len(x))
-    return np.stack([(step(x + e) - step(x - e)) / (2 * DIFFERENCE) for e in unit], axis=2)
+        ends = np.stack([slopes, self.model.tangent(rows, h)[0] @ slopes])[:, self.phase]
+        values = np.concatenate([rows, taken.after])[:, self.phase] - self.y
+        return values @ self.linear.rows.T, self.linear.rows @ ends
