@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.traced_once import traced_once
 from coadjoint.simulation.steppers import engines
 
 INERTIA = np.array([2.0, 2.0, 1.0])
@@ -110,3 +112,24 @@ def test_the_velocities_of_the_node_are_sought_only_where_an_observation_reads_t
     for observe, reads in (({"mu": lambda s: 2 * s.mu}, False), ({"speed": lambda s: s.xi @ s.xi}, True)):
         engines.watch(BODY, observe, BODY.state(xi=START))
         assert bool(sought) is reads
+
+
+def test_a_stepper_traces_the_velocities_of_a_lagrangian_that_is_not_quadratic_once(monkeypatch):
+    calls, solve = [], inverse_legendre._velocities.__wrapped__
+
+    def counted(system, state):
+        calls.append(state)
+        return solve(system, state)
+
+    monkeypatch.setattr(inverse_legendre, "_velocities", traced_once(counted))
+    system = co.System(
+        co.Translation(1),
+        lambda xi: 0.5 * xi @ xi + 0.0625 * (xi @ xi) ** 2,
+        forces=lambda motion: co.Force(torque=-0.1 * motion.inputs.spin),
+    )
+    start = system.state(xi=[0.3])
+    co.Stepper(
+        system, start, dt=0.01, inputs={"spin": lambda motion: motion.xi}, observe={"xi": lambda s: s.xi},
+        accuracy=False,
+    )  # fmt: skip
+    assert len(calls) == 1

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.checks import float64, whole
@@ -137,6 +138,32 @@ def commanded_system(system: System, start: State, commands: Commands, by_veloci
         start = start if by_velocities else with_own_momenta(system, start)
         start = start.replace(inputs=spread(commands.start, np.shape(start.t)))
     return with_inputs(system, start, commands.inputs, by_velocities)
+
+
+def commanded(inputs: Inputs | None, state: State, command: Any) -> State:
+    """The state with commands, which may be traced; those that are not named stay."""
+    if command is None:
+        return state
+    if inputs is None or not any(isinstance(source, Command) for source in inputs.sources):
+        raise ArgumentError("This stepper has no commands: leave out `command`.")
+    if inputs.names is None:
+        return state.replace(inputs=_value(command, inputs.sources[0].shape, "The command"))
+    if not isinstance(command, Mapping):
+        raise ArgumentError(f"Argument `command` must be name → value, but is {type(command).__name__}.")
+    shapes = {n: s.shape for n, s in zip(inputs.names, inputs.sources, strict=True) if isinstance(s, Command)}
+    if unknown := [name for name in command if name not in shapes]:
+        raise ArgumentError(f"There is no command `{unknown[0]}`; there is: {', '.join(shapes)}.")
+    values = {name: _value(value, shapes[name], f"Command `{name}`") for name, value in command.items()}
+    return state.replace(inputs=Named(**{**state.inputs.asdict(), **values}))
+
+
+def _value(value: Any, shape: tuple[int, ...], what: str) -> Any:
+    array = float64(value, what)
+    if jnp.shape(array) != shape:
+        raise ArgumentError(
+            f"{what} must have {f'shape {shape}' if shape else 'one number'}, but has {jnp.shape(array)}."
+        )
+    return array
 
 
 def checked(

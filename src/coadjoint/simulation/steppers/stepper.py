@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.checks import float64, positive, truth, whole
+from coadjoint.checks import positive, truth, whole
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
@@ -22,10 +21,10 @@ from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.inputs import Command, Inputs
 from coadjoint.mechanics.members import Each, stacked
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import tracing_once
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, as_read
@@ -40,6 +39,7 @@ from coadjoint.simulation.steppers.beginning import Beginning, Shapes, carried, 
 from coadjoint.simulation.steppers.building import (
     Commands,
     checked,
+    commanded,
     commanded_system,
     commands_from,
     ending,
@@ -55,7 +55,6 @@ from coadjoint.simulation.steppers.interface import Buffers, Engine, Prepared, S
 from coadjoint.simulation.steppers.native_engine import NativeEngine
 from coadjoint.simulation.steppers.stepping import Stepping
 from coadjoint.simulation.trajectory import Trajectory, computed
-from coadjoint.spaces.named import Named
 
 
 class Stepper(Stepping):
@@ -118,48 +117,63 @@ class Stepper(Stepping):
             raise ArgumentError(f"A stepper takes steps of dt, but {method.title} chooses its own: take another.")
         h, threads, count = positive(dt, "dt"), whole(threads, "threads"), members_of(system, start, members)
         commands = commands_from(inputs)
-        by_velocities = method.start == "velocity"
-        system, start = commanded_system(system, start, commands, by_velocities)
-        one, first = first_member(system, start)
-        event = as_event(until)
-        begun, version, told = checked(one, first, method, h, event)
-        for sentence in told:
-            warn(sentence, stacklevel=2)
-        constants = Constants(one.parameters, None)
-        watched, seen = watch(one, observe, begun)
-        skeleton = replace_parameters(system, None)
-        self._program = program_of(skeleton, method, event, version)
-        self._beginning = Beginning(skeleton, method, h, count, begun, constants)
+        system, start = commanded_system(system, start, commands, method.start == "velocity")
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
         starts = start if np.ndim(start.t) else spread(start, (1 if count is None else count,))
-        for step in dict.fromkeys(step for step, _ in around(one, method.stages)) if len(starts.t) > 1 else ():
-            step.require_members(system, values, axes, starts)
-        fixed, compiled_in = fixed_parameters(constants, parameters, changing)
-        face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)
-        self._watch = watched
-        engine: Engine | None = None
-        try:
-            if backend != "xla":
-                with as_read(version):
-                    engine = self._native(face, constants, begun)
-        except Untraceable as reason:
-            fall_back(reason, backend)
-        if engine is None:
-            begun = method.begin_by_xla(one, begun)
-            self._beginning = Beginning(skeleton, method, h, count, begun, constants, by_xla=True)
-            face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), ())
-            layouts = self._beginning.constants, self._beginning.state
-            engine = XlaEngine(self._program, watched, layouts, face.commanded)
-        states = self._beginning.begun(starts, parameters, starts.inputs)
+        with tracing_once():
+            one, begun, seen = self._trace(system, start, method, h, count, observe, as_event(until))
+            for step in dict.fromkeys(step for step, _ in around(one, method.stages)) if len(starts.t) > 1 else ():
+                step.require_members(system, values, axes, starts)
+            face, engine = self._compiled(one, begun, commands, parameters, changing, Fields.of(seen), backend)
+            states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
         buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
-        buffers = buffers.with_limits(limits_of(skeleton.internal, system.parameters, face.commands))
-        super().__init__(face, engine, buffers, buffers.state.copy(), threads)
+        limits = limits_of(system.internal, system.parameters, face.commands)
+        super().__init__(face, engine, buffers.with_limits(limits), buffers.state.copy(), threads)
         if judging:
             begins, places = self._beginning.state, begun.places
-            course = course_of(begins, skeleton.internal)
+            course = course_of(begins, system.internal)
             self._begin_sample(PartsOfSteps(self._steps(course), ruler_of(begins, places), course, method.order))
+
+    def _trace(
+        self, system: System, start: State, method: Method, h: float, count: int | None, observe: Observe | None,
+        event: Event | None,
+    ) -> tuple[System, State, Shapes]:  # fmt: skip
+        """Check one member and trace its observations: its system, its start as the method begins it, and their shapes.
+
+        Sets the program, the beginning and the observations.
+        """
+        one, first = first_member(system, start)
+        begun, version, warnings = checked(one, first, method, h, event)
+        for sentence in warnings:
+            warn(sentence, stacklevel=3)
+        skeleton = replace_parameters(system, None)
+        self._watch, seen = watch(one, observe, begun)
+        self._program = program_of(skeleton, method, event, version)
+        self._beginning = Beginning(skeleton, method, h, count, begun, Constants(one.parameters, None))
+        return one, begun, seen
+
+    def _compiled(
+        self, one: System, begun: State, commands: Commands, parameters: np.ndarray, changing: Sequence[str],
+        seen: Fields, backend: Backend,
+    ) -> tuple[StepperInterface, Engine]:  # fmt: skip
+        """The interface and the engine; machine code unless XLA is asked for or needed."""
+        program, constants = self._program, Constants(one.parameters, None)
+        fixed, compiled_in = fixed_parameters(constants, parameters, changing)
+        face = self._face(shapes_of(begun), commands, fixed, seen, compiled_in)
+        try:
+            if backend != "xla":
+                with as_read(program.version):
+                    return face, self._native(face, constants, begun)
+        except Untraceable as reason:
+            fall_back(reason, backend)
+        begun = program.method.begin_by_xla(one, begun)
+        one_step = self._beginning.skeleton, program.method, self._beginning.h, self._beginning.members
+        self._beginning = Beginning(*one_step, begun, constants, by_xla=True)
+        face = self._face(shapes_of(begun), commands, fixed, seen, ())
+        layouts = self._beginning.constants, self._beginning.state
+        return face, XlaEngine(program, self._watch, layouts, face.commanded)
 
     def _plain_ruler(self) -> Ruler | None:
         if self._parts is None:
@@ -320,29 +334,3 @@ class Stepper(Stepping):
         constants = self._beginning.constants.unpack(parameters[0])
         begun = self._beginning.state.unpack(of_lanes(self._origin)[0])
         self._engine = self._native(self.face, constants, begun)
-
-
-def commanded(inputs: Inputs | None, state: State, command: Any) -> State:
-    """The state with commands, which may be traced; those that are not named stay."""
-    if command is None:
-        return state
-    if inputs is None or not any(isinstance(source, Command) for source in inputs.sources):
-        raise ArgumentError("This stepper has no commands: leave out `command`.")
-    if inputs.names is None:
-        return state.replace(inputs=_value(command, inputs.sources[0].shape, "The command"))
-    if not isinstance(command, Mapping):
-        raise ArgumentError(f"Argument `command` must be name → value, but is {type(command).__name__}.")
-    shapes = {n: s.shape for n, s in zip(inputs.names, inputs.sources, strict=True) if isinstance(s, Command)}
-    if unknown := [name for name in command if name not in shapes]:
-        raise ArgumentError(f"There is no command `{unknown[0]}`; there is: {', '.join(shapes)}.")
-    values = {name: _value(value, shapes[name], f"Command `{name}`") for name, value in command.items()}
-    return state.replace(inputs=Named(**{**state.inputs.asdict(), **values}))
-
-
-def _value(value: Any, shape: tuple[int, ...], what: str) -> Any:
-    array = float64(value, what)
-    if jnp.shape(array) != shape:
-        raise ArgumentError(
-            f"{what} must have {f'shape {shape}' if shape else 'one number'}, but has {jnp.shape(array)}."
-        )
-    return array
