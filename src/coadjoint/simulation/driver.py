@@ -1,4 +1,4 @@
-"""The loop on the host: chunk after chunk, sized for the updates of a progress bar, into a sink of records."""
+"""The loop on the host: chunk after chunk, sized for the updates of a progress bar, into the sinks of records."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import numpy as np
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.plan import AnyPosition, Plan, Sink
+from coadjoint.simulation.plan import AnyPosition, Plan
 from coadjoint.simulation.progress import Progress, compiling
+from coadjoint.simulation.sinks import Outputs
 
 PATIENCE = 0.25
 """Seconds between two updates of progress, which determine the size of chunks."""
@@ -25,8 +26,8 @@ LONGEST = 5.0
 class Driver:
     """Runs a plan from a position to its end, or to the first step that fails; in an ensemble, for each member."""
 
-    def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
-        self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
+    def __init__(self, plan: Plan, outputs: Outputs, progress: bool | None, title: str):
+        self.plan, self.outputs, self.progress, self.title = plan, outputs, progress, title
         self.taking = False
         """Whether a sink is taking records: an interrupt then finds it in an incomplete state."""
 
@@ -56,8 +57,9 @@ class Driver:
             self._close(position)
 
     def _stretch(self, position: AnyPosition, speed: float) -> None:
-        """Run for about PATIENCE seconds: complete blocks of save_every steps, or a part of one where they are long."""
-        every, phase = self.plan.save_every, position.steps % self.plan.save_every
+        """Run for about PATIENCE seconds: complete blocks from a record to the next, or a part of one where they are
+        long."""
+        every, phase = self.outputs.every, position.steps % self.outputs.every
         left = self.plan.steps - position.steps
         wished = max(int(speed * PATIENCE), 1)
         if phase == 0 and min(wished, left) >= every:
@@ -71,9 +73,9 @@ class Driver:
         rows = -(-done // length) if phase == 0 else 0
         self.taking = True
         if rows:
-            self.sink.append(position.steps + length * np.arange(rows), *self._rows(chunk))
+            self.outputs.append(position.steps + length * np.arange(rows), *self._rows(chunk))
         position.advance(chunk, done)
-        self.sink.checkpoint(position)
+        self.outputs.checkpoint(position)
         self.taking = False
 
     def _rows(self, chunk: Any) -> tuple[State, Mapping[str, np.ndarray]]:
@@ -85,7 +87,7 @@ class Driver:
     def _capacity(self, position: AnyPosition) -> int:
         """The most records of a chunk."""
         most = self.plan.capacity(position.state)
-        return most if self.plan.members is None else min(self.sink.length, most)
+        return most if self.plan.members is None else min(self.outputs.length, most)
 
     @property
     def _patience(self) -> float:
@@ -104,7 +106,7 @@ class Driver:
         if position.closed(chunk):
             self._append(position, chunk)
             position.complete = True
-        self.sink.checkpoint(position)
+        self.outputs.checkpoint(position)
         self.taking = False
 
     def append_last(self, position: AnyPosition) -> None:
@@ -114,7 +116,7 @@ class Driver:
             self._append(position, chunk)
 
     def _append(self, position: AnyPosition, chunk: Any) -> None:
-        self.sink.append(np.array([position.steps]), *self._rows(chunk))
+        self.outputs.append(np.array([position.steps]), *self._rows(chunk), last=True)
         position.watch(chunk)
 
     def undo(self, position: AnyPosition) -> None:

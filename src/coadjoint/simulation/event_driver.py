@@ -17,8 +17,9 @@ from coadjoint.methods.program import EVENTS
 from coadjoint.simulation import driver
 from coadjoint.simulation.dense import DenseStep, part_of_step
 from coadjoint.simulation.events import Event
-from coadjoint.simulation.plan import MembersPosition, Plan, Sink
+from coadjoint.simulation.plan import MembersPosition, Plan
 from coadjoint.simulation.root_finding import AHEAD, candidates, crossings, from_zero
+from coadjoint.simulation.sinks import Outputs
 
 
 class Found(NamedTuple):
@@ -35,8 +36,8 @@ class EventDriver(driver.Driver):
     crossed: name → states; of an ensemble, name → those of each member.
     """
 
-    def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str, crossed: dict[str, list[Any]]):
-        super().__init__(plan, sink, progress, title)
+    def __init__(self, plan: Plan, outputs: Outputs, progress: bool | None, title: str, crossed: dict[str, list[Any]]):
+        super().__init__(plan, outputs, progress, title)
         self.crossed = crossed
 
     def _stretch(self, position: Any, speed: float) -> None:
@@ -61,16 +62,13 @@ class EventDriver(driver.Driver):
             part = unwatched(part_of_step(self.plan, position.state, end.theta, monitors=True), self.plan)
             self._take(position, part, part.steps)
             position.event = float(position.state.t)
-        self.sink.checkpoint(position)
+        self.outputs.checkpoint(position)
         self.taking = False
 
     def _take(self, position: Any, chunk: Any, steps: int) -> None:
-        """Append those records of a chunk, one at each node, that are to be saved, and move to its end."""
-        kept = np.flatnonzero((position.steps + np.arange(steps)) % self.plan.save_every == 0)
-        if len(kept):
-            records, monitors = self._rows(chunk)
-            rows = jax.tree.map(lambda leaf: leaf[kept], (records, dict(monitors)))
-            self.sink.append(position.steps + kept, *rows)
+        """Append the records of a chunk, one at each node, and move to its end."""
+        records, monitors = jax.tree.map(lambda leaf: leaf[:steps], self._rows(chunk))
+        self.outputs.append(position.steps + np.arange(steps), records, monitors)
         position.advance(chunk, steps)
 
     def undo(self, position: Any) -> None:
@@ -89,10 +87,10 @@ class MembersEvents(EventDriver):
     """
 
     def __init__(
-        self, plan: Plan, sink: Sink, progress: bool | None, title: str, crossed: dict[str, list[Any]],
+        self, plan: Plan, outputs: Outputs, progress: bool | None, title: str, crossed: dict[str, list[Any]],
         ended: dict[int, State],
     ):  # fmt: skip
-        super().__init__(plan, sink, progress, title, crossed)
+        super().__init__(plan, outputs, progress, title, crossed)
         self.ended = ended
 
     def drive(self, position: Any) -> None:
@@ -108,7 +106,7 @@ class MembersEvents(EventDriver):
             length = max(int(chunk.steps.max()) + 1, 1)
         self.taking = True
         self._take(position, chunk, length)
-        self.sink.checkpoint(position)
+        self.outputs.checkpoint(position)
         self.taking = False
 
     def _members(self, position: MembersPosition, chunk: EnsembleChunk, ahead: EnsembleChunk) -> dict[int, int]:

@@ -20,8 +20,8 @@ from coadjoint.simulation.dense import not_finite, part_of_step
 from coadjoint.simulation.driver import Driver
 from coadjoint.simulation.energy_budget import driven, energy_warnings, gap, members_driven
 from coadjoint.simulation.event_driver import EventDriver, MembersEvents
-from coadjoint.simulation.plan import Memory, Sink
 from coadjoint.simulation.result import Result
+from coadjoint.simulation.sinks import Memory, Output, Outputs
 
 _log = logger(__name__)
 
@@ -37,18 +37,19 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
     """Drive a run from its position to its end; raises StepError at a step that fails, except in an ensemble."""
     ended = run.position.ended
     complete = run.memory.complete
-    judging = accuracy and run.accuracy is None and not complete
-    sink = Sampler(run.memory, run.plan.steps, run.plan.save_every, chosen_members(run)) if judging else run.memory
-    loop, before_it = driver(run, sink, progress), list[str]()
+    sampler = sampler_of(run) if accuracy and run.accuracy is None and not complete else None
+    every = run.plan.save_every
+    outputs = Outputs([Output(sink, every) for sink in (sampler, run.memory) if sink is not None])
+    loop, before_it = driver(run, outputs, progress), list[str]()
     try:
         before = run.seconds
         if not ended:
             _log.info("%s begins, %d steps %s.", run.title, run.plan.steps, run.plan.solution or "by native code")
             loop.drive(run.position)
-        if isinstance(sink, Sampler):
-            run.accuracy = judged_run(run, sink)
+        if sampler is not None:
+            run.accuracy = judged_run(run, sampler)
         if not ended:
-            run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
+            run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - outputs.seconds
         run.warnings += accuracy_warnings(run)
         if run.members is not None:
             run.warnings += members_driven(run) if run.count else []
@@ -59,23 +60,28 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
             run.warnings += energy_warnings(run) + gap(run) + fixed_steps(run)
         look()
         if not complete:
-            sink.finish(run.position)
+            outputs.finish(run.position)
             _log.info("%s ends after %.3g s, set up in %.3g s.", run.title, run.seconds, run.set_up_seconds)
     except KeyboardInterrupt:
         forget()
         if ended or not (run.position.steps or run.count):
             raise
-        raise interrupted(run, loop, sink) from None
+        raise interrupted(run, loop) from None
     finally:
-        sink.release()
+        outputs.release()
     if run.position.failed:
         raise StepError(" ".join([_sentence(run), *before_it]), run)
     return run
 
 
-def driver(run: Result, sink: Sink, progress: bool | None) -> Driver:
-    """The driver of a run, whose records go into a sink."""
-    how = run.plan, sink, progress, run.title
+def sampler_of(run: Result) -> Sampler:
+    """The sampler of the records by which a run is judged."""
+    return Sampler(run.memory, run.plan.steps, run.plan.save_every, chosen_members(run))
+
+
+def driver(run: Result, outputs: Outputs, progress: bool | None) -> Driver:
+    """The driver of a run, whose records go into these sinks."""
+    how = run.plan, outputs, progress, run.title
     if not run.plan.events:
         return Driver(*how)
     return EventDriver(*how, run.crossed) if run.members is None else MembersEvents(*how, run.crossed, run.ended)
@@ -118,7 +124,7 @@ def _sentence(run: Result) -> str:
     )
 
 
-def interrupted(run: Any, loop: Driver, sink: Sink) -> Interrupted:
+def interrupted(run: Any, loop: Driver) -> Interrupted:
     """The exception for a run whose loop was interrupted; its records end at the current position.
 
     Records in memory are cut there, and the current node is added. On disk a checkpoint is written, unless the
@@ -126,11 +132,11 @@ def interrupted(run: Any, loop: Driver, sink: Sink) -> Interrupted:
     """
     position, plan = run.position, run.plan
     if isinstance(run.memory, Memory):
-        how = _in_memory(run, loop, sink)
+        how = _in_memory(run, loop)
     else:
         whole = position.ended or not loop.taking
         if whole:
-            sink.finish(position, complete=False)
+            loop.outputs.finish(position, complete=False)
         how = f"co.resume({str(run.memory.folder)!r}, system) goes on from the last checkpoint there"
         run = run if whole else None
     here = float(np.max(position.state.t) if plan.h > 0 else np.min(position.state.t))
@@ -139,7 +145,7 @@ def interrupted(run: Any, loop: Driver, sink: Sink) -> Interrupted:
     return Interrupted(f"Interrupted {where}; {how}.", run)
 
 
-def _in_memory(run: Any, loop: Driver, sink: Sink) -> str:
+def _in_memory(run: Any, loop: Driver) -> str:
     """Cut a run at its position and say how to continue it."""
     position, plan = run.position, run.plan
     kept = "what was computed is in `.run` of this exception"

@@ -1,12 +1,10 @@
-"""The plan of a run: a program over a grid, the position of the run, and the sinks that take its records."""
+"""The plan of a run, a program over a grid, and the position of the run."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Protocol, Self
+from typing import Self
 
 import jax
 import numpy as np
@@ -93,45 +91,6 @@ def widened(before: Extrema, now: Mapping[str, tuple[np.ndarray, np.ndarray]]) -
     return {**before, **{name: (np.minimum(a[0], b[0]), np.maximum(a[1], b[1])) for name, (a, b) in both.items()}}
 
 
-class Sink(Protocol):
-    """Where records go; `seconds` is the time that this took."""
-
-    @property
-    def seconds(self) -> float: ...
-
-    @property
-    def length(self) -> int:
-        """The most nodes of an ensemble that it takes in one call."""
-        ...
-
-    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
-        """Take the records at these step indices, with one row of every monitor each."""
-        ...
-
-    def checkpoint(self, position: AnyPosition) -> None:
-        """All records up to `position` have been appended: make sure that a run can continue from there."""
-        ...
-
-    def finish(self, position: AnyPosition, complete: bool = True) -> None:
-        """Make sure of all records up to `position`; `complete` where the run has ended and is judged."""
-        ...
-
-    def release(self) -> None:
-        """End the use of the sink; no records follow."""
-        ...
-
-
-class RecordSink(Sink, Protocol):
-    """A sink that keeps the records, in memory or on disk, and a sample of them from which the run can be continued.
-
-    `sample` gives the sample so far, `sampled` is the sample that was read, and `last` is the last record.
-    """
-
-    sample: Callable[[], Mapping[str, np.ndarray]]
-    sampled: Mapping[str, np.ndarray]
-    last: State | None
-
-
 @dataclass(frozen=True)
 class Plan:
     """A program over a grid, for one system or the members of an ensemble, with the events that are monitored."""
@@ -183,43 +142,6 @@ class Plan:
     def watches(self) -> bool:
         """Whether a kernel computes observations: monitors, or the values of events."""
         return self.monitors or bool(self.events)
-
-
-class Memory:
-    """A sink that keeps everything."""
-
-    seconds = 0.0
-    length = sys.maxsize
-    complete = False
-    sampled: Mapping[str, np.ndarray] = MappingProxyType({})
-    last: State | None = None
-
-    def __init__(self) -> None:
-        self.sample: Callable[[], Mapping[str, np.ndarray]] = dict
-        self.steps: list[np.ndarray] = []
-        self.records: list[State] = []
-        self.monitors: list[Mapping[str, np.ndarray]] = []
-
-    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
-        self.steps.append(steps)
-        self.records.append(records)
-        self.monitors.append(monitors)
-
-    def cut(self, step: int) -> None:
-        """Discard the records from a step on, and incomplete records left by an interrupt."""
-        good = min(len(self.steps), len(self.records), len(self.monitors))
-        good = sum(bool(steps[0] < step) for steps in self.steps[:good])
-        for rows in (self.steps, self.records, self.monitors):
-            del rows[good:]
-
-    def checkpoint(self, position: AnyPosition) -> None:
-        pass
-
-    def finish(self, position: AnyPosition, complete: bool = True) -> None:
-        pass
-
-    def release(self) -> None:
-        pass
 
 
 @dataclass

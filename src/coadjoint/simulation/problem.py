@@ -33,8 +33,9 @@ from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, requir
 from coadjoint.simulation.dissipation_checks import require_forward
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
 from coadjoint.simulation.members import begin_members, count_of, first_member, require_one_time, with_own_directions
-from coadjoint.simulation.plan import MembersPosition, Memory, Plan, Position
+from coadjoint.simulation.plan import MembersPosition, Plan, Position
 from coadjoint.simulation.run import Ensemble, Run
+from coadjoint.simulation.sinks import Memory
 
 MOST_DIRECTIONS = 500
 """The most dimensions of a group of which all spatial momenta are observed at every step."""

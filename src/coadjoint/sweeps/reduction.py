@@ -18,7 +18,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.dataset import Variables, reported, variables
 from coadjoint.simulation.derived import Derivation
-from coadjoint.simulation.plan import Memory
+from coadjoint.simulation.sinks import Memory
 from coadjoint.sweeps.sketch import Sketch
 
 USUAL = ("q", "euler_angles", "xi", "nu")

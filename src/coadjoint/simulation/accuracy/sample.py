@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -10,7 +11,8 @@ import numpy as np
 
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.ruler import steps_of
-from coadjoint.simulation.plan import Plan, RecordSink
+from coadjoint.simulation.plan import AnyPosition, Plan
+from coadjoint.simulation.sinks import RecordSink
 
 FIRST, SPREAD = 3, 16
 """The number of records kept from the start, and the number spread evenly over the run. The records after 4, 8, 16, …
@@ -51,13 +53,16 @@ class Largest(NamedTuple):
 
 
 class Sampler:
-    """A sink that keeps a few records and passes all on to another sink; the choice does not depend on the chunks.
+    """A sink that keeps a few records; the choice does not depend on the chunks.
 
-    steps, save_every: those of the run. members: the kept members of an ensemble.
+    kept: the sink whose checkpoints hold the sample. steps: those of the run. save_every: the cadence of its records.
+    members: the kept members of an ensemble.
     """
 
-    def __init__(self, sink: RecordSink, steps: int, save_every: int, members: np.ndarray | None = None):
-        self.sink, self.members = sink, members
+    seconds, length = 0.0, sys.maxsize
+
+    def __init__(self, kept: RecordSink, steps: int, save_every: int, members: np.ndarray | None = None):
+        self.members = members
         nodes = -(-steps // save_every)
         powers = 2 ** np.arange(2, max(nodes, 4).bit_length())
         even = np.linspace(0, nodes, SPREAD + 1).astype(int)
@@ -67,16 +72,15 @@ class Sampler:
         self._largest: dict[str, Largest] = {}
         self._before: Before | None = None
         self._waiting: list[tuple[np.ndarray, State]] = []
-        sink.sample = self.numbers
-        if sink.sampled and sink.last is not None:
-            self._go_on(sink.sampled, sink.last)
+        kept.sample = self.numbers
+        if kept.sampled and kept.last is not None:
+            self._go_on(kept.sampled, kept.last)
 
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
         if len(steps):
             self._waiting.append((np.asarray(steps), records))
             if sum(np.size(records.t) for _, records in self._waiting) >= BLOCK:
                 self._flush()
-        self.sink.append(steps, records, monitors)
 
     def _flush(self) -> None:
         """Examine the records since the last call; their places are counted over all waiting chunks."""
@@ -183,24 +187,14 @@ class Sampler:
         self._largest = {field: Largest(float(x), int(step)) for field, (x, step) in found if step >= 0}
         self._before = Before(int(numbers["before"]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], last))
 
-    # The other sink does all other tasks.
+    def checkpoint(self, position: AnyPosition) -> None:
+        """Nothing: the sink of the records asks for the sample."""
 
-    @property
-    def seconds(self) -> float:
-        return self.sink.seconds
-
-    @property
-    def length(self) -> int:
-        return self.sink.length
-
-    def checkpoint(self, position: Any) -> None:
-        self.sink.checkpoint(position)
-
-    def finish(self, position: Any, complete: bool = True) -> None:
-        self.sink.finish(position, complete)
+    def finish(self, position: AnyPosition, complete: bool = True) -> None:
+        """Nothing."""
 
     def release(self) -> None:
-        self.sink.release()
+        """Nothing."""
 
 
 SHARE = 0.05
