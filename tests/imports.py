@@ -10,6 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "coadjoint"
+VEHICLES = ROOT / "vehicles" / "src" / "coadjoint_vehicles"
 _LIBRARY = ("coadjoint", "co")
 """What the library is called where it is imported as a whole."""
 _IN_TEXT = re.compile(r"\bcoadjoint(?:_vehicles)?(?:\.\w+)+")
@@ -26,6 +27,10 @@ def modules(*sources: Path) -> dict[str, ast.Module]:
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
             found[_called(name)] = ast.parse(path.read_text(encoding="utf-8"))
     return found
+
+
+parsed = cache(modules)
+"""`modules`, read once: for tests of files that no test changes."""
 
 
 def files() -> dict[str, Path]:

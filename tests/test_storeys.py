@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from imports import circles, modules, named
+from imports import circles, named, parsed
 
 STOREYS = (
     *(
@@ -86,15 +86,9 @@ FACES = {"coadjoint", "coadjoint.vehicles"}
 
 
 @cache
-def trees() -> dict[str, ast.Module]:
-    """Every module of the library."""
-    return modules()
-
-
-@cache
 def names() -> dict[str, set[str]]:
     """The modules that each module names."""
-    return {module: named(trees(), module) - FACES for module in trees() if module not in FACES}
+    return {module: named(parsed(), module) - FACES for module in parsed() if module not in FACES}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -149,7 +143,7 @@ def test_no_rooms_and_no_files_name_one_another():
 
 def test_no_two_classes_of_a_storey_have_one_name():
     found: dict[tuple[str, str], list[str]] = {}
-    for module, tree in trees().items():
+    for module, tree in parsed().items():
         storey = next((name for name in ("vehicles", "cli") if module.startswith(f"coadjoint.{name}")), "core")
         for node in tree.body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):

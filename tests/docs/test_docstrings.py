@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import coadjoint as co
-from imports import modules
+from imports import parsed
 
 PACKAGES = (co, co.difference_maps, co.errors, co.groups, co.mechanics, co.methods, co.simulation, co.spaces, co.sweeps)
 PUBLIC = list(dict.fromkeys(getattr(package, name) for package in PACKAGES for name in package.__all__))
@@ -81,7 +81,7 @@ def has_arrays(function: ast.FunctionDef) -> bool:
 
 @pytest.mark.long
 def test_public_functions_of_arrays_state_a_shape() -> None:
-    trees = modules()
+    trees = parsed()
     known = {node.name: node for tree in trees.values() for node in tree.body if isinstance(node, ast.ClassDef)}
     public = [m for m in trees if m.split(".")[1:2] and m.split(".")[1] in CHAPTERS]
     public += [f"coadjoint.simulation.{name}" for name in RUNS]
@@ -95,7 +95,7 @@ def test_public_functions_of_arrays_state_a_shape() -> None:
 
 @pytest.mark.long
 def test_public_classes_with_arrays_state_a_shape() -> None:
-    trees = modules()
+    trees = parsed()
     kinds = [
         (m, node)
         for m, tree in trees.items()

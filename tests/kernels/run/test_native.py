@@ -14,6 +14,7 @@ from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import ensemble, native, xla
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.kernels.untraceable import Untraceable
 
 H = 0.01
@@ -44,18 +45,17 @@ def reference(program):
             s, iterations = stage.advance(p, s, part, root.unknowns), iterations + root.iterations
         return record, s, iterations
 
-    return jax.jit(step)
+    return step
 
 
 def follow(program, p, s, h, steps):
     """Records, final state and iterations of the reference."""
-    records, counts = [], []
-    with jax.enable_x64(True):
-        for _ in range(steps):
-            record, s, count = reference(program)(p, s, h)
-            records.append(jax.tree.map(np.asarray, record))
-            counts.append(int(count))
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *records), jax.tree.map(np.asarray, s), counts
+    records, counts, step = [], [], tabulate(reference(program), p, s, h)
+    for _ in range(steps):
+        record, s, count = step(p, s, h)
+        records.append(record)
+        counts.append(int(count))
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *records), s, counts
 
 
 def assert_close(ours, theirs, tolerance=1e-12):

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-import coadjoint as co
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint_vehicles.controllers.pid import nearest_turn, pid, pull
 
 GAINS, PERIOD = (2.0, 0.5, 0.25), 0.1
 
 
 def law(error: float, rate: float = 0.0, integral: float = 0.0, **more: Any) -> tuple[float, float]:
-    with co.float64():
-        command, following = pid(GAINS, error, rate, integral, PERIOD, 3.0, **more)
-        return float(command), float(following)
+    command, following = evaluate(lambda *given: pid(GAINS, *given, PERIOD, 3.0, **more), error, rate, integral)
+    return float(command), float(following)
 
 
 def test_within_its_limits_the_command_is_the_sum_of_its_terms_with_the_new_integral():
@@ -46,19 +45,18 @@ def test_the_rate_and_what_is_known_beforehand_count_for_the_limits():
 
 
 def test_an_angle_is_turned_into_half_a_turn():
-    with co.float64():
-        assert [float(nearest_turn(a)) for a in (3.5, -3.5, 7.0)] == pytest.approx(
-            [3.5 - 2 * np.pi, 2 * np.pi - 3.5, 7.0 - 2 * np.pi]
-        )
+    turned = evaluate(nearest_turn, np.array([3.5, -3.5, 7.0]))
+    assert turned == pytest.approx([3.5 - 2 * np.pi, 2 * np.pi - 3.5, 7.0 - 2 * np.pi])
 
 
 def test_the_propulsion_follows_the_speed_ahead_only():
     own = SimpleNamespace(speed_gains=GAINS, period=PERIOD, thrust_limit=3.0, feed_forward=1.5)
 
     def command(wanted: float, speed: float) -> float:
-        with co.float64():
-            feedback = SimpleNamespace(inputs=SimpleNamespace(speed=wanted), velocity=np.array([speed, 9.0, 9.0]))
-            return float(pull(feedback, 0.0, own)[0])
+        def pulled(wanted, velocity):
+            return pull(SimpleNamespace(inputs=SimpleNamespace(speed=wanted), velocity=velocity), 0.0, own)[0]
+
+        return float(evaluate(pulled, wanted, np.array([speed, 9.0, 9.0])))
 
     assert command(1.0, 0.8) == pytest.approx(1.5 + 2 * 0.2 + 0.5 * 0.02) and command(0.2, 1.5) == 0.0
     assert command(2.0, 1.0) == 3.0

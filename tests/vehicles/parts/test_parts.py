@@ -307,8 +307,7 @@ def test_a_fin_may_be_made_inside_of_a_derivative():
         flow = Flow(*np.array([[1.5, 0.1, 0.0], [0, 0, 0]]), np.float64(RHO), jnp.ones(3), jnp.zeros(()), jnp.zeros(()))
         return part.force(flow, jnp.zeros(()), Named(**part.parameters())).force[1]
 
-    with co.float64():
-        value, slope = jax.value_and_grad(pushed)(0.02)
+    value, slope = evaluate(jax.value_and_grad(pushed), 0.02)
     assert float(value) < 0 and float(slope) == pytest.approx(float(value) / 0.02, rel=1e-13)
 
 
