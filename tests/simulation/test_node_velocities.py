@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.continuous import vector_field
 from coadjoint.mechanics.traced_once import traced_once
+from coadjoint.methods.program import Constants
 from coadjoint.simulation.steppers import engines
 
 INERTIA = np.array([2.0, 2.0, 1.0])
@@ -107,10 +110,11 @@ def test_where_only_steps_have_velocities_these_are_shown_and_said_to_be_so():
 
 
 def test_the_velocities_of_the_node_are_sought_only_where_an_observation_reads_them(monkeypatch):
-    sought, at_node = [], engines.at_node
+    sought, at_node, state = [], engines.at_node, BODY.state(xi=START)
     monkeypatch.setattr(engines, "at_node", lambda *given: sought.append(given) or at_node(*given))
     for observe, reads in (({"mu": lambda s: 2 * s.mu}, False), ({"speed": lambda s: s.xi @ s.xi}, True)):
-        engines.watch(BODY, observe, BODY.state(xi=START))
+        seen, _ = engines.watch(BODY, observe, state)
+        evaluate(seen, Constants(BODY.parameters, None), state)
         assert bool(sought) is reads
 
 
@@ -133,3 +137,20 @@ def test_a_stepper_traces_the_velocities_of_a_lagrangian_that_is_not_quadratic_o
         accuracy=False,
     )  # fmt: skip
     assert len(calls) == 1
+
+
+def test_the_equations_that_several_observations_read_are_traced_once():
+    def reads(count):
+        calls = []
+
+        def lagrangian(xi, p):
+            calls.append(xi)
+            return 0.5 * xi @ (p.inertia * xi)
+
+        body = co.System(co.SO3(), lagrangian, parameters={"inertia": INERTIA})
+        observe = {f"part{i}": lambda s, i=i: vector_field(body, s).mu[i] for i in range(count)}
+        co.Stepper(body, body.state(xi=START), dt=0.1, observe=observe, accuracy=False)
+        return len(calls)
+
+    reads(1)  # what is traced once in a process
+    assert reads(3) == reads(1)

@@ -22,6 +22,7 @@ from coadjoint.mechanics.poisson import Phase
 from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import traced_once
 
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:
@@ -45,6 +46,7 @@ def energy_at(system: System, state: State, xi: Array, nu: Array) -> Array:
     return node(system, state.holding(state.internal), Point(xi, state.n, nu, state.a, state.t)).energy
 
 
+@traced_once
 def vector_field(system: System, state: State) -> State:
     """d/dt of g, n, a, μ, π, ξ, ν at (ξ, ν) of the state, on a flat Q.
 

@@ -139,7 +139,7 @@ class SimulationProblem:
         program, constants = self._program(first, state, watching, reading), _constants(first, watching)
         program, constants, axes = with_own_directions(program, constants, members, warnings)
         states = members.states
-        with as_read(program.version):
+        with tracing_once(), as_read(program.version):
             chosen = kernels.choose(program, constants, states, self._watches, self.backend, axes=(axes, True))
         if chosen == "xla":
             states = evaluate(jax.vmap(lambda state: method.begin_by_xla(first, state)), states)

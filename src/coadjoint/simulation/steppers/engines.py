@@ -61,11 +61,11 @@ def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch,
         raise ArgumentError(
             f"Argument `observe` must be a dictionary of names and functions of the state, but is {observe!r}."
         )
-    functions = quantities_from(observe)
+    functions, observed = quantities_from(observe), []
     for name, function in functions:
         what = f"The observation `{name}`"
         require_float64(partial(value, system, function), what, (state,))
-        found = evaluate(partial(value, system, function), state)
+        observed.append(found := evaluate(partial(value, system, function), state))
         if not isinstance(found, (np.ndarray, np.generic, float, int)):
             raise LagrangianError(f"{what} must be a number or an array, but is a {type(found).__name__}.")
         if not np.all(np.isfinite(found)):
@@ -73,8 +73,7 @@ def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch,
     read = depends(lambda state: [value(system, function, state) for _, function in functions], state)
     used = jax.tree.unflatten(jax.tree.structure(state), read)
     made = Watch(replace_parameters(system, None), functions, any(jax.tree.leaves((used.xi, used.nu))))
-    seen = evaluate(made, Constants(system.parameters, None), state)
-    return made, {name: np.shape(part) for (name, _), part in zip(functions, seen, strict=True)}
+    return made, {name: np.shape(part) for (name, _), part in zip(functions, observed, strict=True)}
 
 
 KEPT = 32
