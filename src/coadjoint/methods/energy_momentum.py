@@ -18,7 +18,7 @@ from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import Motion, State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Halved
+from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.quadrature import gauss
 from coadjoint.methods.step import Step
@@ -50,7 +50,7 @@ class _Leap(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EnergyMomentum(Method, Halved):
+class EnergyMomentum(Method, HalfStepSquared):
     """A discrete gradient of the reduced Hamiltonian ℋ(μ, π, n, a), order 2, symmetric: keeps ℋ and the momenta.
 
     Between nodes x₀ and x₁, x = (μ, π, n, a), the mean ∇̄ℋ = ∫₀¹ ∇ℋ(x₀ + s(x₁ − x₀)) ds has ⟨∇̄ℋ, x₁ − x₀⟩ = ℋ₁ − ℋ₀.

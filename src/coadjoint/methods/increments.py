@@ -9,14 +9,14 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.step import Step
 
 
-class Whole(Step):
+class FullStep(Step):
     """F = τ(hξ) of the difference map τ."""
 
     def relative(self, system: System, record: State, h: Scalar) -> Element:
         return self.difference_map.tau(system.group, h * record.xi)
 
 
-class Halved(Step):
+class HalfStepSquared(Step):
     """F = H² with H = σ(hξ/2) of the difference map σ; the map need only reach half of the step (mathematics: 6).
 
     ν is that of the middle, in the frame H⁻¹.

@@ -17,7 +17,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.momentum_sizes import largest, relative
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Whole
+from coadjoint.methods.increments import FullStep
 from coadjoint.methods.isospectral_algebra import algebra_of
 from coadjoint.methods.isospectral_end import LARGE, SINGLE, RightSides, correction, valued
 from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved, moves, rows_of
@@ -52,7 +52,7 @@ class LastSteps(NamedTuple):
 
 
 @dataclass(frozen=True)
-class IsospectralMidpoint(Method, Whole):
+class IsospectralMidpoint(Method, FullStep):
     """Lie–Poisson systems on U(n), SU(n), SO(n), copies of one, and 𝔤 ⋉ 𝔤* over these, of order 2, symmetric.
 
     Of ℋ(μ): μ̇ = ad*_ξ μ, ξ = ∂ℋ/∂μ; as matrices, W of μ and P of −ξ, Ẇ = [P, W]. With ε = h/2 the unknown is the

@@ -10,13 +10,13 @@ from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Whole
+from coadjoint.methods.increments import FullStep
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 
 @dataclass(frozen=True)
-class LeftRectangle(Method, Whole):
+class LeftRectangle(Method, FullStep):
     """Λ = hℓ(ξ, n, (s − n)/h, a), order 1; with `start="velocity"` the scheme of (P73), (P74).
 
     Solve μ_k + D = (dτ⁻¹_{hξ})*∂_ξℓ, π_k + κ = ∂_νℓ; then μ_{k+1} = Ad*_F(μ_k + D), π_{k+1} = F*(π_k + κ),

@@ -11,13 +11,13 @@ from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Halved
+from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 
 @dataclass(frozen=True)
-class Midpoint(Method, Halved):
+class Midpoint(Method, HalfStepSquared):
     """Λ = hℓ(ξ, H⁻¹(n + s)/2, H⁻¹(s − n)/h, H⁻¹a) with H = σ(hξ/2) and F = H², order 2, symmetric.
 
     σ is the difference map given; the increment is its squared map. At the node n̄ = H⁻¹n + ½hν̄, ā = H⁻¹a, t + h/2:

@@ -11,14 +11,14 @@ from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Whole
+from coadjoint.methods.increments import FullStep
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 
 @dataclass(frozen=True)
-class RightRectangle(Method, Whole, adjoint_of=LeftRectangle):
+class RightRectangle(Method, FullStep, adjoint_of=LeftRectangle):
     """Λ = hℓ(ξ, F⁻¹s, F⁻¹(s − n)/h, F⁻¹a), order 1.
 
     At the node n⁺ = F⁻¹n + hν⁺, a⁺ = F⁻¹a: solve μ_k = (dτ⁻¹_{hξ})*∂_ξℓ, F*π_k = ∂_νℓ; then

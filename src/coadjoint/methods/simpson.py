@@ -12,7 +12,7 @@ from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Halved
+from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
@@ -34,7 +34,7 @@ class _Nodes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Simpson(Method, Halved):
+class Simpson(Method, HalfStepSquared):
     """Λ = h(ℓ⁰ + 4ℓ^½ + ℓ¹)/6 at (n, Hν̄, a), (n̄, ν̄, ā) and (n₊, H⁻¹ν̄, a₊), F = H², order 2, symmetric.
 
     H = σ(hξ/2) with the difference map σ, n̄ = H⁻¹n + ½hν̄, n₊ = H⁻¹(n̄ + ½hν̄), ā = H⁻¹a, a₊ = H⁻¹ā: a third of the

@@ -12,7 +12,7 @@ from coadjoint.groups.group import Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Whole
+from coadjoint.methods.increments import FullStep
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
@@ -28,7 +28,7 @@ class _Ends(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trapezoidal(Method, Whole):
+class Trapezoidal(Method, FullStep):
     """Λ = ½hℓ(ξ, n, ν, a) + ½hℓ(ξ, F⁻¹s, F⁻¹ν, F⁻¹a) with ν = (s − n)/h, order 2, symmetric.
 
     With ⁰ at (n, ν, a) and ¹ at (F⁻¹(n + hν), F⁻¹ν, F⁻¹a): solve μ_k + ½D⁰ = (dτ⁻¹_{hξ})*½(∂_ξℓ⁰ + ∂_ξℓ¹),

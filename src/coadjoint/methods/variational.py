@@ -17,7 +17,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.increments import Whole
+from coadjoint.methods.increments import FullStep
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
@@ -43,7 +43,7 @@ class LagrangianSlopes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Variational(Method, Whole):
+class Variational(Method, FullStep):
     """Λ(ξ, n, s, a; h) of `System(discrete_lagrangian=…)`, differentiated; order and symmetry are those of Λ.
 
     left: μ_k = (dτ⁻¹_{hξ})*∂_ξΛ/h − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻; right: μ_{k+1} =

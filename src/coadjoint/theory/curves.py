@@ -31,7 +31,7 @@ from coadjoint.methods import (
     Trapezoidal,
     Variational,
 )
-from coadjoint.methods.increments import Halved
+from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.quadrature import gauss
 from coadjoint.methods.step import Step
 from coadjoint.methods.variable_step import Paced
@@ -141,7 +141,7 @@ def _quadrature(system: System, step: Step, h: Scalar, record: State) -> Trial:
     def curve(z: Array, n: Array, a: Array) -> Curve:
         xi, d = z[:dim], z[dim:]
         H = tau.tau(group, 0.5 * h * xi)
-        F = group.compose(H, H) if isinstance(step, Halved) else tau.tau(group, h * xi)
+        F = group.compose(H, H) if isinstance(step, HalfStepSquared) else tau.tau(group, h * xi)
         frames = {0.0: group.identity(), 0.5: H, 1.0: F}
         places = [
             _place(system, w, frames[c], xi, n + c * d, d / h, a, record.t + c * h)

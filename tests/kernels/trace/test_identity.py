@@ -18,9 +18,9 @@ from coadjoint.kernels.trace.identity import Shapes, Traced, identity
 from coadjoint.mechanics.identity import parts
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.models import catalogue
-from coadjoint_vehicles.missions.legs import arrival
+from coadjoint_vehicles.missions.mission_section import arrival
 from coadjoint_vehicles.parts.fin import Fin
-from coadjoint_vehicles.water.borders import at_bottom
+from coadjoint_vehicles.water.surface_bottom import at_bottom
 
 
 def test_equal_objects_of_the_library_have_one_identity_and_others_another():

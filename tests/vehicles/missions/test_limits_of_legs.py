@@ -14,7 +14,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.sections import read
-from coadjoint_vehicles.missions import faults, legs
+from coadjoint_vehicles.missions import faults, mission_section
 
 UNITS = {"depth": "m", "heading": "rad", "speed": "m/s", "rudder": "rad", "thrusters": "N", "attitude": "1"}
 RUDDER = SimpleNamespace(name="rudder", kind="fin", command=SimpleNamespace(unit="rad", start=0.0))
@@ -22,8 +22,8 @@ MOTORS = SimpleNamespace(name="motors", kind="thrusters", command=SimpleNamespac
 LEAD = SimpleNamespace(name="lead", kind="payload", command=SimpleNamespace(unit="1", start=0.0))
 
 
-def mission(frame: str = "NED/FRD", **given: Any) -> legs.MissionSection:
-    return read(legs.MissionSection, "mission", given, axes=frame)
+def mission(frame: str = "NED/FRD", **given: Any) -> mission_section.MissionSection:
+    return read(mission_section.MissionSection, "mission", given, axes=frame)
 
 
 def inputs(**given: Any) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def test_a_controller_follows_way_points_from_where_the_vehicle_starts():
 
 def test_the_last_way_point_is_reached_within_its_acceptance_or_beside_it():
     controller = SimpleNamespace(way_points=[[0, 0, 0], [10, 0, 0], [20, 0, 0]], acceptance=2.0)
-    gap = legs.arrival(controller)
+    gap = mission_section.arrival(controller)
 
     def at(leg: int, x: float, y: float) -> float:
         memory = SimpleNamespace(leg=leg)

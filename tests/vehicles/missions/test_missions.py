@@ -26,8 +26,8 @@ from coadjoint_vehicles.missions.craft import set_up
 from coadjoint_vehicles.missions.example import example
 from coadjoint_vehicles.missions.faults import FaultSection
 from coadjoint_vehicles.missions.file import MissionFile, from_table
-from coadjoint_vehicles.missions.legs import ENDS, MissionSection
 from coadjoint_vehicles.missions.lost_sensors import LostSensor
+from coadjoint_vehicles.missions.mission_section import ENDS, MissionSection
 from coadjoint_vehicles.missions.sections import MissionOutputSection
 from coadjoint_vehicles.missions.sensors import SensorsSection
 from coadjoint_vehicles.missions.summary import mission_summary

@@ -19,11 +19,11 @@ from coadjoint.units import split_name
 from coadjoint_vehicles.figures.scenes import BOTTOM, GEOMETRY
 from coadjoint_vehicles.figures.shapes import geometry
 from coadjoint_vehicles.logs.headers import inside
-from coadjoint_vehicles.missions.legs import arrival, require_unit
+from coadjoint_vehicles.missions.mission_section import arrival, require_unit
 from coadjoint_vehicles.missions.perturb import perturbed, seeds
 from coadjoint_vehicles.missions.results import require_room
 from coadjoint_vehicles.missions.water import bottom, water
-from coadjoint_vehicles.water.borders import altitude
+from coadjoint_vehicles.water.surface_bottom import altitude
 
 if TYPE_CHECKING:
     from coadjoint_vehicles.missions.sections import MissionSections

@@ -11,8 +11,8 @@ from coadjoint.checks import choice
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import read
 from coadjoint_vehicles.missions.faults import read_fault
-from coadjoint_vehicles.missions.legs import MissionSection
 from coadjoint_vehicles.missions.lost_sensors import is_of_sensor, read_lost_sensor
+from coadjoint_vehicles.missions.mission_section import MissionSection
 from coadjoint_vehicles.missions.perturb import PerturbSection
 from coadjoint_vehicles.missions.sections import AXES, MissionSections
 from coadjoint_vehicles.missions.sensors import SensorsSection

@@ -16,8 +16,8 @@ from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
 from coadjoint.sections import key, written
 from coadjoint.units import ANGLE, ANGULAR_VELOCITY, LENGTH, SPEED, TIME
 from coadjoint_vehicles.missions.faults import FaultSection
-from coadjoint_vehicles.missions.legs import MissionSection
 from coadjoint_vehicles.missions.lost_sensors import LostSensor
+from coadjoint_vehicles.missions.mission_section import MissionSection
 from coadjoint_vehicles.missions.perturb import PerturbSection
 from coadjoint_vehicles.missions.sensors import SensorsSection
 

@@ -7,10 +7,6 @@ from typing import TYPE_CHECKING
 from coadjoint.extending import lazy
 
 if TYPE_CHECKING:
-    from coadjoint_vehicles.water.borders import altitude as altitude
-    from coadjoint_vehicles.water.borders import at_bottom as at_bottom
-    from coadjoint_vehicles.water.borders import at_surface as at_surface
-    from coadjoint_vehicles.water.borders import first_of as first_of
     from coadjoint_vehicles.water.bottom import Bottom as Bottom
     from coadjoint_vehicles.water.currents import TIDES as TIDES
     from coadjoint_vehicles.water.currents import CurrentField as CurrentField
@@ -26,6 +22,10 @@ if TYPE_CHECKING:
     from coadjoint_vehicles.water.profiles import PowerLaw as PowerLaw
     from coadjoint_vehicles.water.profiles import Sheared as Sheared
     from coadjoint_vehicles.water.sea import Sea as Sea
+    from coadjoint_vehicles.water.surface_bottom import altitude as altitude
+    from coadjoint_vehicles.water.surface_bottom import at_bottom as at_bottom
+    from coadjoint_vehicles.water.surface_bottom import at_surface as at_surface
+    from coadjoint_vehicles.water.surface_bottom import first_of as first_of
     from coadjoint_vehicles.water.tables import CurrentTable as CurrentTable
     from coadjoint_vehicles.water.water import StillWater as StillWater
     from coadjoint_vehicles.water.water import UniformWater as UniformWater

@@ -209,17 +209,17 @@ class MissionSection:
         """
         if not self.ends:
             return None
-        from coadjoint_vehicles.water import borders
+        from coadjoint_vehicles.water import surface_bottom
 
         events = []
         for end in self.ends:
             if end == "surface":
-                events.append(borders.at_surface())
+                events.append(surface_bottom.at_surface())
             elif end == "bottom":
-                events.append(borders.at_bottom(self._bottom(grid), self.clearance or 0.0))
+                events.append(surface_bottom.at_bottom(self._bottom(grid), self.clearance or 0.0))
             else:
                 events.append(arrived)
-        return events[0] if len(events) == 1 else borders.first_of(*events)
+        return events[0] if len(events) == 1 else surface_bottom.first_of(*events)
 
     @property
     def _lowest(self) -> float:
