@@ -15,7 +15,7 @@ from coadjoint.cli.main import COMMANDS
 from coadjoint.plotting.registries import ADDED, SCENES
 from coadjoint.report.numbers import NUMBERS
 from coadjoint.runs.run_file import KINDS
-from coadjoint.simulation.recording import FORMATS
+from coadjoint.simulation.result import FORMATS
 from imports import VEHICLES, parsed
 
 PAGE = Path(__file__).parents[1] / "docs" / "extending.md"

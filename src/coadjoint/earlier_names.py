@@ -15,6 +15,8 @@ _MODULES = {
     "mechanics.casimirs": "mechanics.casimir_functions",
     "mechanics.mechanical_connection": "mechanics.locked_inertia",
     "mechanics.trace_casimirs": "mechanics.trace_functions",
+    "simulation.accuracy.accuracy": "simulation.accuracy.verdict",
+    "simulation.recording": "simulation.result",
     "simulation.steppers.slave": "simulation.steppers.fmi_instance",
     "theory.discrete_mechanical_connection": "theory.discrete_connections",
     "theory.lagrange_poincare": "theory.principal_bundles",

@@ -12,7 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.models import fluids
-from coadjoint.simulation.dissipation_checks import require_forward
+from coadjoint.simulation.arguments import require_forward
 
 NU, ALPHA, OMEGA = 0.03, 0.2, 0.7
 

@@ -71,7 +71,7 @@ def test_an_error_changes_one_line_and_keeps_the_number_of_lines():
 
 def test_every_kind_is_found_in_the_library():
     kinds = Counter()
-    for name in ("spaces/submanifold.py", "mechanics/check.py", "simulation/recording.py", "sweeps/numbers.py"):
+    for name in ("spaces/submanifold.py", "mechanics/check.py", "simulation/result.py", "sweeps/numbers.py"):
         kinds.update(mutant.operator for mutant in mutants.mutants(name, (PACKAGE / name).read_text()))
     assert set(kinds) == {operator for operator, _, _ in OPERATORS}
 

@@ -8,7 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.models import rigid_body
-from coadjoint.simulation.root_finding import candidates, crossings
+from coadjoint.simulation.events import candidates, crossings
 
 BODY = rigid_body.make(inertia=(1.0, 1.0, 2.0))
 START = rigid_body.start(BODY, angular_velocity=(0.5, 0.0, 1.5))

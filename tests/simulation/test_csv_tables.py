@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from coadjoint.simulation.recording import csv_table
+from coadjoint.simulation.result import csv_table
 
 
 def cells(text: str) -> list[list[str]]:

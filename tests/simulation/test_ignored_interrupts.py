@@ -16,7 +16,7 @@ import pytest
 import coadjoint as co
 from coadjoint.interrupts import deferred_interrupts, look
 from coadjoint.kernels.run import ensemble, interruptible, native
-from coadjoint.simulation.steppers.native_engine import NativeEngine
+from coadjoint.simulation.steppers.interface import NativeEngine
 
 STEPS = 300
 AT = {"dt": 0.01, "steps": STEPS, "progress": False}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.simulation.dissipation_checks import SAFE, damping_rate
+from coadjoint.simulation.arguments import SAFE, damping_rate
 
 SUZUKI = co.Suzuki4(co.Midpoint(co.Cayley()))
 ALLOWED = co.Suzuki4(co.Midpoint(co.Cayley()), negative_substeps="allow")

@@ -30,8 +30,7 @@ from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.simulation.arguments import with_inputs
-from coadjoint.simulation.dissipation_checks import require_forward
+from coadjoint.simulation.arguments import require_forward, with_inputs
 from coadjoint.spaces.named import Named
 
 

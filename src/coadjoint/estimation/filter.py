@@ -11,17 +11,17 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from coadjoint import checks
 from coadjoint.arrays import Scalar
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError, StepError, shown, warn
-from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
+from coadjoint.estimation.arguments import array, first_covariance, prepared
+from coadjoint.estimation.engines import FilterEngine
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
-from coadjoint.estimation.measurements import Measurement, semidefinite
-from coadjoint.estimation.numbers import float64, numbers
+from coadjoint.estimation.measurements import Measurement
+from coadjoint.estimation.numbers import float64
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample, judged_log, judged_members
 from coadjoint.estimation.timetable import (
@@ -34,7 +34,6 @@ from coadjoint.estimation.timetable import (
     series,
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
-from coadjoint.mechanics.trace_checks import in_words
 from coadjoint.portable import Remade
 
 
@@ -97,13 +96,11 @@ class Filter(Remade):
         checks.instance(measurements, "measurements", Mapping, "name → Measurement")
         row = process.row(start)
         require_times(float(process.time(row)), "The filter begins")
-        P = _first(process, row, deviations, covariance)
+        P = first_covariance(process, row, deviations, covariance)
         count = 1 if self.members is None else self.members
         self.rows, self.P = np.repeat(row[None], count, axis=0), np.repeat(P[None], count, axis=0)
         self.measurements = dict(measurements)
-        self._prepared = {
-            name: _prepared(process, name, measurement) for name, measurement in self.measurements.items()
-        }
+        self._prepared = {name: prepared(process, name, measurement) for name, measurement in self.measurements.items()}
         self._sizes = {name: len(one.covariance) for name, one in self._prepared.items()}
         self._numbers = {name: i for i, name in enumerate(self._prepared)}
         self._past = Past(memory)
@@ -119,7 +116,7 @@ class Filter(Remade):
 
     @rows.setter
     def rows(self, rows: np.ndarray) -> None:
-        self._rows = _array(rows, "rows", (1 if self.members is None else self.members, len(self.process.example)))
+        self._rows = array(rows, "rows", (1 if self.members is None else self.members, len(self.process.example)))
 
     @property
     def P(self) -> np.ndarray:
@@ -129,7 +126,7 @@ class Filter(Remade):
     @P.setter
     def P(self, P: np.ndarray) -> None:
         n = self.process.width
-        self._P = _array(P, "P", (1 if self.members is None else self.members, n, n))
+        self._P = array(P, "P", (1 if self.members is None else self.members, n, n))
 
     @property
     def t(self) -> float:
@@ -344,39 +341,3 @@ class Filter(Remade):
             checks.instance(inputs, "inputs", Mapping, "name → value")
         for name in inputs or ():
             checks.known(name, self.process.input_sizes, "input", "The process")
-
-
-def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:
-    """A measurement with its function of rows, R and the largest NIS that is accepted."""
-    checks.instance(measurement, f"`{name}` of `measurements`", Measurement, "a co.estimation.Measurement")
-    with in_words(f"The function of the measurement `{name}`"):
-        function = process.measurement(measurement.function, measurement.of_state)
-        seen, _ = function(np.zeros((1, process.width)), process.example[None])
-    if not np.all(np.isfinite(seen)):
-        raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")
-    size = seen.shape[1]
-    gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, size))
-    return PreparedMeasurement(name, function, measurement.noise(size, name), gate, measurement.turns(size, name))
-
-
-def _array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Rows or covariances of a filter, in the order of C; raises ArgumentError if they do not fit."""
-    if not isinstance(value, np.ndarray) or value.dtype != float or value.shape != shape:
-        raise ArgumentError(
-            f"`{name}` of a filter must be a float64 array of the shape {shape}, but its shape is {np.shape(value)}."
-        )
-    return np.ascontiguousarray(value)
-
-
-def _first(process: Process, row: np.ndarray, deviations: Any, covariance: Any) -> np.ndarray:
-    if (deviations is None) == (covariance is None):
-        raise ArgumentError("Give a filter either `deviations` or `covariance` of its errors at the start.")
-    if covariance is None:
-        return process.first_covariance(row, deviations)
-    P = numbers(covariance)
-    if P.shape != (process.width, process.width) or not semidefinite(P):
-        raise ArgumentError(
-            f"Argument `covariance` must be a symmetric matrix ({process.width}, {process.width}) without negative "
-            f"eigenvalues, of the errors {', '.join(process.error_sizes)}, but is {shown(covariance)}."
-        )
-    return 0.5 * (P + P.T)

@@ -10,13 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, GroupError, StepError, shown
+from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.estimation.arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.augmented_state import DriftingParameters
 from coadjoint.estimation.drifts import Drift
 from coadjoint.estimation.filtered import states_at
-from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, sizes_of
-from coadjoint.estimation.process import Process, spread
-from coadjoint.groups.element_statistics import logarithms
+from coadjoint.estimation.invariant_errors import InvariantErrors
+from coadjoint.estimation.process import spread
 from coadjoint.kernels.packing import flattened, layout, pack, rows
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run.function import RowFunction
@@ -40,7 +40,7 @@ from coadjoint.simulation.steppers.beginning import shapes_of
 from coadjoint.simulation.steppers.building import commands_from, places_of
 
 
-class ModelProcess(Process):
+class ModelProcess(InvariantErrors):
     """A system as a filter's process: x = (g, n, a, μ, π, …, θ) advances by one step of a variational method.
 
     The error e = (η, δq, δμ, δπ, δθ) is invariant under the group: with error="left" in body axes,
@@ -202,10 +202,6 @@ class ModelProcess(Process):
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., self._t]
 
-    def _unpacked(self, row: Any) -> tuple[State, Any]:
-        size = self._layout.size
-        return self._layout.views(row[:size]), row[size:]
-
     def motion(self, row: Any) -> tuple[Any, ...]:
         state, p, biases = self.observed(row)
         return replace_parameters(self._system, p).motion_at(state, state.inputs), p, biases
@@ -214,73 +210,6 @@ class ModelProcess(Process):
         state, theta = self._unpacked(row)
         p = self._drifts.replaced(theta).system
         return at_node(replace_parameters(self._system, p), state), p, self._drifts.biases(theta)
-
-    # Errors.
-
-    def _split(self, e: Any) -> list[Any]:
-        group, Q, _ = self._system.places
-        d, q = group.dim, Q.ambient(group)
-        ends = np.cumsum([0, d, q, d, q])
-        return [e[a:b] for a, b in zip(ends, [*ends[1:], self.width], strict=True)]
-
-    def retract(self, row: Any, e: Any) -> Any:
-        (group, Q, V), (state, theta) = self._system.places, self._unpacked(row)
-        eta, dq, dmu, dpi, dtheta = self._split(e)
-        turn = group.exp(eta)
-        if self.error == "left":
-            g, back = group.compose(state.g, turn), group.inverse(turn)
-            n, mu, pi = Q.act(group, back, state.n + dq), state.mu + dmu, state.pi + dpi
-        else:
-            g = group.compose(turn, state.g)
-            back = group.compose(group.inverse(g), state.g)
-            n = state.n + Q.push(group, group.inverse(g), state.n, dq)
-            mu, pi = state.mu + group.Ad_dual(g, dmu), state.pi + Q.pull(group, g, state.n, dpi)
-        moved = state.replace(g=g, n=n, a=V.act(group, back, state.a), mu=mu, pi=pi)
-        return jnp.concatenate([flattened(moved), theta + dtheta])
-
-    def differ(self, row: Any, other: Any) -> Any:
-        """e with other = retract(row, e), (n,): η to first order, the others exactly."""
-        (group, Q, _), (a, theta), (b, later) = self._system.places, self._unpacked(row), self._unpacked(other)
-        if self.error == "left":
-            turn = group.compose(group.inverse(a.g), b.g)
-            dq, dmu, dpi = Q.act(group, turn, b.n) - a.n, b.mu - a.mu, b.pi - a.pi
-        else:
-            turn, back = group.compose(b.g, group.inverse(a.g)), group.inverse(b.g)
-            dq = Q.push(group, b.g, a.n, b.n - a.n)
-            dmu, dpi = group.Ad_dual(back, b.mu - a.mu), Q.pull(group, back, a.n, b.pi - a.pi)
-        eta = group.vee(group.matrix(turn) - jnp.eye(group.matrix_size))
-        return jnp.concatenate([eta, dq, dmu, dpi, later - theta])
-
-    def errors(self, rows: np.ndarray, others: np.ndarray) -> np.ndarray:
-        e, group = super().errors(rows, others), self._system.group
-        both = np.concatenate([rows, others], axis=-1).reshape(-1, 2 * rows.shape[-1])
-        turns, _ = self._turning(np.zeros((len(both), 0)), both)
-        size = group.matrix_size
-        e[..., : group.dim] = self._apart(turns.reshape(-1, size, size)).reshape(*e.shape[:-1], group.dim)
-        return e
-
-    def _apart(self, turns: np.ndarray) -> np.ndarray:
-        """η, (count, dim G), with exp(η) = turns, matrices (count, k, k); raises ArgumentError if there is none."""
-        group = self._system.group
-        try:
-            return logarithms(group, evaluate(jax.vmap(group.from_matrix), turns))
-        except GroupError as error:
-            raise ArgumentError(
-                "An estimate and the truth differ by an element of the group that is not an exponential, such as half "
-                f"a turn, so that their error has no coordinates. {error}"
-            ) from error
-
-    @cached_property
-    def _turning(self) -> RowFunction:
-        """(), (x, y) ↦ ĝ⁻¹g, or gĝ⁻¹ of right errors, as a matrix."""
-        group, size = self._system.group, len(self._first)
-
-        def turning(x: Any, y: Any) -> Any:
-            a, b = self._unpacked(y[:size])[0].g, self._unpacked(y[size:])[0].g
-            pair = (group.inverse(a), b) if self.error == "left" else (b, group.inverse(a))
-            return jnp.ravel(group.matrix(group.compose(*pair)))
-
-        return RowFunction(turning, np.zeros(0), np.concatenate([self._first, self._first]))
 
     # Steps.
 

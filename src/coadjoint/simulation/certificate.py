@@ -14,7 +14,7 @@ from coadjoint.mechanics.invariance import in_words
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.simulation import energy_budget
-from coadjoint.simulation.accuracy.accuracy import Accuracy
+from coadjoint.simulation.accuracy.verdict import Accuracy
 from coadjoint.simulation.monitors import budgets, changing, residuals
 from coadjoint.simulation.result import Result
 

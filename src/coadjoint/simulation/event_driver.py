@@ -16,9 +16,8 @@ from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation import driver
 from coadjoint.simulation.dense import DenseStep, part_of_step
-from coadjoint.simulation.events import Event
+from coadjoint.simulation.events import AHEAD, Event, candidates, crossings, from_zero
 from coadjoint.simulation.plan import MembersPosition, Plan
-from coadjoint.simulation.root_finding import AHEAD, candidates, crossings, from_zero
 from coadjoint.simulation.sinks import Outputs
 
 

@@ -29,8 +29,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation import setup_cache
-from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_kinds, with_inputs
-from coadjoint.simulation.dissipation_checks import require_forward
+from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_forward, require_kinds, with_inputs
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
 from coadjoint.simulation.members import begin_members, count_of, first_member, require_one_time, with_own_directions
 from coadjoint.simulation.plan import MembersPosition, Plan, Position

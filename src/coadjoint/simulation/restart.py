@@ -18,7 +18,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.rattle import Reactions, kept
-from coadjoint.simulation.recording import LAST_RECORD
+from coadjoint.simulation.result import LAST_RECORD
 from coadjoint.spaces.named import Named
 
 if TYPE_CHECKING:

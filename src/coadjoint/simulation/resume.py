@@ -23,7 +23,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
-from coadjoint.simulation.accuracy.accuracy import accuracy_from
+from coadjoint.simulation.accuracy.verdict import accuracy_from
 from coadjoint.simulation.configuration import fingerprint, method_form, method_from, start_form, start_from, versions
 from coadjoint.simulation.dataset import attributes, member_coordinates
 from coadjoint.simulation.execution import execute

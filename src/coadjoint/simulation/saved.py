@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from coadjoint.errors import ArgumentError, FileError, printable, shown
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.sealed import readable
-from coadjoint.simulation.recording import LAST_RECORD, Recording, run_path
+from coadjoint.simulation.result import LAST_RECORD, Recording, run_path
 
 if TYPE_CHECKING:
     import xarray

@@ -41,7 +41,7 @@ from coadjoint.simulation.derived import derivation, times
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.plan import AnyPosition
 from coadjoint.simulation.result import Result
-from coadjoint.simulation.store_reader import RECORDS
+from coadjoint.simulation.zarr_reader import RECORDS
 from coadjoint.simulation.zarr_writer import Chunks, unset
 
 _log = logger(__name__)

@@ -36,8 +36,14 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import members
 from coadjoint.simulation.accuracy.resolution import unresolved_records
-from coadjoint.simulation.arguments import inputs_held, require_kinds, step_size, with_inputs
-from coadjoint.simulation.dissipation_checks import require_forward, require_reversible
+from coadjoint.simulation.arguments import (
+    inputs_held,
+    require_forward,
+    require_kinds,
+    require_reversible,
+    step_size,
+    with_inputs,
+)
 from coadjoint.simulation.members import require_one_time
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 from coadjoint.simulation.plan import Plan

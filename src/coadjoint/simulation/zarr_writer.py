@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import disk
 from coadjoint.manifest import Manifest, checksum, entry
-from coadjoint.simulation.store_reader import RECORDS, along_time, arrays, chunk_names
+from coadjoint.simulation.zarr_reader import RECORDS, along_time, arrays, chunk_names
 
 
 class Chunks:

@@ -17,7 +17,7 @@ from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED, Manifest
 from coadjoint.report.folder import SUMMARY, held_manifest
 from coadjoint.sealed import readable
-from coadjoint.simulation.store_reader import require_chunks, verified
+from coadjoint.simulation.zarr_reader import require_chunks, verified
 from coadjoint.sweeps.reduction import KINDS
 from coadjoint.sweeps.sketch import merged
 from coadjoint.sweeps.store import MEMBERS, STATISTICS, statistics

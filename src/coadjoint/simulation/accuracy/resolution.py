@@ -12,12 +12,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels import packing
 from coadjoint.kernels.packing import layout
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.accuracy.accuracy import Accuracy
 from coadjoint.simulation.accuracy.local_error import differences, relative, sizes_of
 from coadjoint.simulation.accuracy.ruler import Doubling, ruler_of
 from coadjoint.simulation.accuracy.sample import FIRST, Kept, Sampler, with_steps_between
 from coadjoint.simulation.accuracy.time_dependence import unresolved_inputs, unresolved_time, unseen_pulses
-from coadjoint.simulation.accuracy.verdict import sentence, verdict, whose
+from coadjoint.simulation.accuracy.verdict import Accuracy, sentence, verdict, whose
 from coadjoint.simulation.plan import Plan
 from coadjoint.simulation.result import Result
 

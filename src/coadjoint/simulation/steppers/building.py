@@ -26,14 +26,12 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import setup_cache
-from coadjoint.simulation.arguments import inputs_held, with_inputs
+from coadjoint.simulation.arguments import inputs_held, require_forward, with_inputs
 from coadjoint.simulation.dense import part_of_step, sound
-from coadjoint.simulation.dissipation_checks import require_forward
-from coadjoint.simulation.events import Event
+from coadjoint.simulation.events import Event, crossings, from_zero
 from coadjoint.simulation.members import count_of
 from coadjoint.simulation.plan import Plan
 from coadjoint.simulation.problem import require_chart, require_events
-from coadjoint.simulation.root_finding import crossings, from_zero
 from coadjoint.simulation.steppers.beginning import shapes_of, spread
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.spaces.named import Named

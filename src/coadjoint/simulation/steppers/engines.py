@@ -33,8 +33,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import require_float64
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.steppers.interface import Buffers
-from coadjoint.simulation.steppers.native_engine import NativeEngine
+from coadjoint.simulation.steppers.interface import Buffers, NativeEngine
 
 Observe = Mapping[str, Callable[..., Any]]
 

@@ -27,8 +27,7 @@ from coadjoint.kernels.run.machine import processor
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain, to_plain
 from coadjoint.simulation.steppers.base import StepperBase
 from coadjoint.simulation.steppers.fields import Fields, named_file
-from coadjoint.simulation.steppers.interface import Buffers, StepperInterface, unlimited
-from coadjoint.simulation.steppers.native_engine import NativeEngine
+from coadjoint.simulation.steppers.interface import Buffers, NativeEngine, StepperInterface, unlimited
 
 S = TypeVar("S", bound=StepperBase)
 

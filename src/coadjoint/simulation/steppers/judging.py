@@ -12,8 +12,7 @@ from coadjoint.kernels.program import Code, StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, PartsOfSteps, Ruler, recorded
 from coadjoint.simulation.accuracy.verdict import AHEAD, MEMBERS, SampledSteps
-from coadjoint.simulation.steppers.interface import Buffers, Engine, StepperInterface
-from coadjoint.simulation.steppers.native_engine import NativeEngine
+from coadjoint.simulation.steppers.interface import Buffers, Engine, NativeEngine, StepperInterface
 
 AHEAD_BY_XLA = (4,)
 """How many steps ahead the judgement looks, by XLA, to find how far a step moves."""

@@ -51,8 +51,7 @@ from coadjoint.simulation.steppers.building import (
 )
 from coadjoint.simulation.steppers.engines import Observe, XlaEngine, native_engine, watch
 from coadjoint.simulation.steppers.fields import Fields
-from coadjoint.simulation.steppers.interface import Buffers, Engine, Prepared, StepperInterface, put
-from coadjoint.simulation.steppers.native_engine import NativeEngine
+from coadjoint.simulation.steppers.interface import Buffers, Engine, NativeEngine, Prepared, StepperInterface, put
 from coadjoint.simulation.steppers.stepping import Stepping
 from coadjoint.simulation.trajectory import Trajectory, computed
 

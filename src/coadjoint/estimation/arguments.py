@@ -1,0 +1,91 @@
+"""Checks of the arguments of filters and of model processes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from coadjoint import checks
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.drifts import not_negative
+from coadjoint.estimation.engines import PreparedMeasurement
+from coadjoint.estimation.measurements import Measurement, semidefinite
+from coadjoint.estimation.numbers import numbers
+from coadjoint.estimation.process import Process
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import in_words
+from coadjoint.methods.method import Method
+
+WHOSE = "co.estimation.ModelProcess"
+
+
+def sizes_of(shapes: Any) -> dict[str, int]:
+    """Name → count of numbers, from (name, shape)."""
+    return {name: int(np.prod(shape, dtype=int)) for name, shape in shapes}
+
+
+def require_fit(method: Method, system: System, start: State, error: str) -> None:
+    """Raise ArgumentError for methods, spaces and starts that a filter does not support."""
+    checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
+    if method.variable or any(step.tolerant for step, _ in method.pattern):
+        raise ArgumentError(f"A filter takes a method of fixed steps, such as co.Midpoint(), not {method.title}.")
+    if method.start == "velocity":
+        raise ArgumentError(
+            f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."
+        )
+    if not system.additional.flat:
+        raise ArgumentError("A filter needs a flat space of additional dynamics, such as co.Defining().")
+    if np.ndim(start.t):
+        raise ArgumentError("Argument `start` must be of one member: give `Filter` many covariances or starts instead.")
+
+
+def roots_of_noise(given: Mapping[str, Any] | None, d: int, q: int) -> np.ndarray:
+    """Roots of densities, (dim G + dim Q,)."""
+    given, found = dict(given or {}), []
+    for name, size in (("torque", d), ("force", q)):
+        value = not_negative(given.pop(name, 0.0), name, "`noise`")
+        checks.shape(value, f"`{name}` of `noise`", (), (size,))
+        found.append(np.broadcast_to(value, (size,)))
+    if given:
+        raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")
+    return np.concatenate(found)
+
+
+def prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:
+    """A measurement with its function of rows, R and the largest NIS that is accepted."""
+    checks.instance(measurement, f"`{name}` of `measurements`", Measurement, "a co.estimation.Measurement")
+    with in_words(f"The function of the measurement `{name}`"):
+        function = process.measurement(measurement.function, measurement.of_state)
+        seen, _ = function(np.zeros((1, process.width)), process.example[None])
+    if not np.all(np.isfinite(seen)):
+        raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")
+    size = seen.shape[1]
+    gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, size))
+    return PreparedMeasurement(name, function, measurement.noise(size, name), gate, measurement.turns(size, name))
+
+
+def array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Rows or covariances of a filter, in the order of C; raises ArgumentError if they do not fit."""
+    if not isinstance(value, np.ndarray) or value.dtype != float or value.shape != shape:
+        raise ArgumentError(
+            f"`{name}` of a filter must be a float64 array of the shape {shape}, but its shape is {np.shape(value)}."
+        )
+    return np.ascontiguousarray(value)
+
+
+def first_covariance(process: Process, row: np.ndarray, deviations: Any, covariance: Any) -> np.ndarray:
+    if (deviations is None) == (covariance is None):
+        raise ArgumentError("Give a filter either `deviations` or `covariance` of its errors at the start.")
+    if covariance is None:
+        return process.first_covariance(row, deviations)
+    P = numbers(covariance)
+    if P.shape != (process.width, process.width) or not semidefinite(P):
+        raise ArgumentError(
+            f"Argument `covariance` must be a symmetric matrix ({process.width}, {process.width}) without negative "
+            f"eigenvalues, of the errors {', '.join(process.error_sizes)}, but is {shown(covariance)}."
+        )
+    return 0.5 * (P + P.T)

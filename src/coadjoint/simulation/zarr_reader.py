@@ -1,0 +1,228 @@
+"""Reads arrays of a run's folder: lazily, only the files that its manifest lists, and only if they are unchanged.
+
+No array is passed to zarr before its metadata have been compared with the manifest and found plain: zarr format 3,
+numbers of a fixed size, regular chunks, and codecs from a list. Therefore no other codec is ever looked up or run, and
+an array takes no more memory than its files take on disk.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeGuard
+
+import numpy as np
+import zarr
+from zarr.storage import LocalStore
+
+from coadjoint.errors import FileError, error_line
+from coadjoint.manifest import DAMAGED, Manifest, sums_up
+
+CODECS = ("bytes", "crc32c")
+"""The codecs of every array, in their order."""
+
+
+NUMBERS = ("bool", "int32", "int64", "float64", "complex128")
+"""The types of numbers that arrays may hold."""
+
+
+LARGEST = 1 << 20
+"""Bytes of metadata at most."""
+
+
+MANY = 64
+"""How many times larger than their files arrays may be."""
+
+
+_GROUP = {"zarr_format", "node_type", "attributes", "consolidated_metadata"}
+
+
+_ARRAY = _GROUP - {"consolidated_metadata"} | {
+    "shape", "data_type", "chunk_grid", "chunk_key_encoding", "fill_value", "codecs", "dimension_names",
+    "storage_transformers",
+}  # fmt: skip
+
+
+class Verified(LocalStore):
+    """Files of the folder `place`, as the manifest lists them; raises FileError that names a file that differs.
+
+    whole: if true, every chunk was written; otherwise a chunk that the manifest lacks held only its fill value.
+    """
+
+    def __init__(self, root: Path | str, *, manifest: Manifest, place: str, whole: bool = True, **options: Any):
+        super().__init__(root, **options)
+        self.manifest, self.place, self.whole = manifest, place, whole
+
+    def with_read_only(self, read_only: bool = False) -> Verified:
+        own = {"manifest": self.manifest, "place": self.place, "whole": self.whole}
+        return Verified(self.root, read_only=read_only, **own)
+
+    async def get(self, key: str, *rest: Any, **options: Any) -> Any:
+        return self._checked(key, await super().get(key, *rest, **options)) if self._is_there(key) else None
+
+    def get_sync(self, key: str, *rest: Any, **options: Any) -> Any:
+        return self._checked(key, super().get_sync(key, *rest, **options)) if self._is_there(key) else None
+
+    def _is_there(self, key: str) -> bool:
+        """Whether the manifest has a file, which then must be a file of its size: pipes and devices are not read."""
+        name = f"{self.place}/{key}"
+        if name in self.manifest.files:
+            self.manifest.require_size(name)
+            return True
+        if (self.root / key).exists() or (self.whole and "/c." in key):
+            raise FileError(f"The file {self.root / key} is not among those of the manifest: {DAMAGED}.")
+        return False
+
+    def _checked(self, key: str, found: Any) -> Any:
+        data = None if found is None else found.to_bytes()
+        self.manifest.require(f"{self.place}/{key}", data)
+        if data is not None and "/c." in key and not sums_up(data):
+            raise FileError(f"The file {self.root / key} does not have the checksum with which it ends: {DAMAGED}.")
+        return found
+
+
+def verified(manifest: Manifest, place: str, whole: bool = True) -> Verified:
+    """The store of the folder `place`; raises FileError unless all of it is plain."""
+    group = _metadata(manifest, place, "group", _GROUP)
+    order = group["attributes"].get("order")
+    if group.get("consolidated_metadata") is not None:
+        raise _strange(manifest, place, "has consolidated metadata")
+    if not isinstance(order, list) or not all(_is_name(name) for name in order) or len({*order}) != len(order):
+        raise _strange(manifest, place, "does not list its arrays")
+    for name in order:
+        _require_plain(manifest, f"{place}/{name}")
+    return Verified(manifest.folder / place, manifest=manifest, place=place, whole=whole, read_only=True)
+
+
+def arrays(manifest: Manifest, place: str) -> dict[str, Any]:
+    """The arrays of the folder `place` by their names; values are checked when they are read."""
+    store = verified(manifest, place)
+    try:
+        group: Any = zarr.open_group(store, mode="r", zarr_format=3)
+        return {name: group[name] for name in group.attrs["order"]}
+    except FileError:
+        raise
+    except Exception as error:  # zarr has errors of all kinds
+        raise FileError(
+            f"The arrays in {manifest.folder / place} cannot be opened ({error_line(error)}): {DAMAGED}."
+        ) from error
+
+
+def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
+    """Raise FileError unless the manifest has the chunks of all arrays, in the size that each array declares.
+
+    If not `whole`, chunks may be missing, but arrays must not be much larger than their files.
+    """
+    declared = held = 0
+    for name in _metadata(manifest, place, "group", _GROUP)["attributes"]["order"]:
+        made = _metadata(manifest, f"{place}/{name}", "array", _ARRAY)
+        chunks = made["chunk_grid"]["configuration"]["chunk_shape"]
+        counts = [-(-n // chunk) for n, chunk in zip(made["shape"], chunks, strict=True)]
+        size = math.prod(chunks) * np.dtype(made["data_type"]).itemsize + 4
+        declared += math.prod(counts) * size
+        if math.prod(counts) > MANY * (1 + len(manifest.files)):
+            raise _strange(manifest, f"{place}/{name}", "declares more chunks than there are files")
+        for index in np.ndindex(*counts):
+            chunk = f"{place}/{name}/c.{'.'.join(map(str, index))}"
+            if chunk in manifest.files:
+                held += size
+                if manifest.files[chunk][0] != size:
+                    raise _strange(manifest, chunk, f"has not the {size} bytes of a chunk")
+            elif whole:
+                raise FileError(f"The file {manifest.folder / chunk} is not among those of the manifest: {DAMAGED}.")
+    if declared > MANY * (held + LARGEST):
+        raise _strange(manifest, place, "declares more numbers than its files hold")
+
+
+def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> dict[str, Any]:
+    """The content of zarr.json in a folder; raises FileError if it was changed or is of another kind."""
+    name = f"{place}/zarr.json"
+    manifest.require_size(name)
+    if manifest.files[name][0] > LARGEST:
+        raise _strange(manifest, name, "is too large")
+    manifest.require(name)
+    try:
+        found = json.loads(manifest.path(name).read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileError(f"The file {manifest.folder / name} cannot be read: {error_line(error)}.") from error
+    if not isinstance(found, dict) or found.get("zarr_format") != 3 or found.get("node_type") != kind:
+        raise _strange(manifest, place, f"is no {kind} of zarr format 3")
+    if not found.keys() <= known or not _is_plain(found.get("attributes")):
+        raise _strange(manifest, place, "has metadata that coadjoint does not write")
+    return found
+
+
+def _require_plain(manifest: Manifest, place: str) -> None:
+    """Raise FileError for an array that the library does not write."""
+    made = _metadata(manifest, place, "array", _ARRAY)
+    codecs = [(one.get("name"), one.get("configuration") or {}) for one in _tables(made.get("codecs"))]
+    little = all(given in ({}, {"endian": "little"}) for _, given in codecs)
+    if tuple(name for name, _ in codecs) != CODECS or not little or made.get("storage_transformers"):
+        raise _strange(manifest, place, f"has other codecs than {' and '.join(CODECS)}")
+    if made.get("data_type") not in NUMBERS:
+        raise _strange(manifest, place, "does not hold numbers of a fixed size")
+    shape, grid = made.get("shape"), made.get("chunk_grid")
+    chunks = grid["configuration"].get("chunk_shape") if _is_regular(grid) else None
+    dims = made.get("dimension_names")
+    if not _are_counts(shape, 0) or not _are_counts(chunks, 1) or len(shape) != len(chunks):
+        raise _strange(manifest, place, "has no regular chunks")
+    if made.get("chunk_key_encoding") != {"name": "default", "configuration": {"separator": "."}}:
+        raise _strange(manifest, place, "has other names of chunks")
+    if not isinstance(dims, list) or not all(map(_is_name, dims)) or len(dims) != len(shape):
+        raise _strange(manifest, place, "does not name its dimensions")
+    if not isinstance(made.get("fill_value"), (bool, int, float, str, list)):
+        raise _strange(manifest, place, "has no fill value")
+
+
+def _strange(manifest: Manifest, place: str, what: str) -> FileError:
+    return FileError(f"{manifest.folder / place} was not written by coadjoint: it {what}.")
+
+
+def _tables(found: Any) -> list[Mapping[str, Any]]:
+    return [one if isinstance(one, dict) else {} for one in found] if isinstance(found, list) else []
+
+
+def _is_regular(found: Any) -> TypeGuard[dict[str, Any]]:
+    return isinstance(found, dict) and found.get("name") == "regular" and isinstance(found.get("configuration"), dict)
+
+
+def _are_counts(found: Any, least: int) -> TypeGuard[list[int]]:
+    return isinstance(found, list) and all(type(n) is int and least <= n < 2**40 for n in found) and len(found) <= 32
+
+
+def _is_name(found: Any) -> bool:
+    """Whether this names an array or dimension: the name of a file in its folder."""
+    return (
+        isinstance(found, str)
+        and 0 < len(found) < 200
+        and found.isprintable()
+        and not {*found} & {"/", "\\"}
+        and (not found.startswith("."))
+    )
+
+
+def _is_plain(found: Any) -> bool:
+    """Whether attributes are texts, numbers, and lists of these, by names."""
+    if not isinstance(found, dict):
+        return False
+    values = [one for value in found.values() for one in (value if isinstance(value, list) else [value])]
+    return all(isinstance(one, (bool, int, float, str, type(None))) for one in values)
+
+
+RECORDS = "records.zarr"
+"""The folder of the records of a run."""
+
+
+def along_time(array: Any) -> int:
+    """The axis of an array that counts the nodes: 1 if members come first."""
+    return array.metadata.dimension_names.index("time")
+
+
+def chunk_names(array: Any, index: int) -> list[str]:
+    """The files of the chunks of an array with the block of nodes `index`: one, or one for each block of members."""
+    axis = along_time(array)
+    blocks = np.ndindex(*(-(-array.shape[i] // array.chunks[i]) for i in range(axis)))
+    rest = [0] * (array.ndim - axis - 1)
+    return [f"{RECORDS}/{array.basename}/c.{'.'.join(map(str, (*block, index, *rest)))}" for block in blocks]
