@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,24 +12,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram
-
-
-class Tangents(NamedTuple):
-    """Variations of a state at fixed a₀: η = g⁻¹δg, w = g⁻¹δq = δn + η·n, δμ, δπ."""
-
-    eta: jax.Array
-    w: jax.Array
-    mu: jax.Array
-    pi: jax.Array
-
-
-def two_form(system: co.System, state: co.State, d1: Tangents, d2: Tangents):
-    """ω(δ₁, δ₂) = ⟨δ₂μ, η₁⟩ − ⟨δ₁μ, η₂⟩ + ⟨μ, [η₁, η₂]⟩ + ⟨δ₂π, w₁⟩ − ⟨δ₁π, w₂⟩ + ⟨π, η₁·w₂ − η₂·w₁⟩ and its size."""
-    group, Q = system.group, system.additional
-    turned = Q.lifted(group, d1.eta, state.n, d2.w) - Q.lifted(group, d2.eta, state.n, d1.w)
-    on_group = [d2.mu @ d1.eta, -d1.mu @ d2.eta, state.mu @ group.ad(d1.eta, d2.eta)]
-    terms = jnp.stack([*on_group, d2.pi @ d1.w, -d1.pi @ d2.w, state.pi @ turned])
-    return jnp.sum(terms), jnp.sum(jnp.abs(terms))
+from coadjoint.theory import Tangents, two_form
 
 
 def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: Tangents):

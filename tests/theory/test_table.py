@@ -12,7 +12,7 @@ import theorem_table as table
 from theorem_mutations import detected, mutations, resolve
 
 ROOT = Path(__file__).parents[2]
-ROWS = [*table.P, *table.B, *table.L]
+ROWS = table.ROWS
 THEOREMS = [f"Theorem {n}" for n in (1, 2, 6, 7)] + [f"Definition {n}" for n in (3, 4, 5)]
 THEOREMS += ["Lemma 8", "Remark 9", "Lemma 10", *(f"Theorem {n}" for n in ("3.1", "3.2", "4.1", "5.1", "6.1", "6.2"))]
 WORST = 1e-11
@@ -89,6 +89,8 @@ SOME = [
     ("(P20)–(P24), right", "spaces.by_inverse.ByInverse.lifted_diamond", "sign"),
     ("[Theorem 6](theorems/discrete-euler-poincare.md), right", "theory.euler_poincare.right_momenta", "factor"),
     ("[Theorem 6](theorems/discrete-euler-poincare.md), (P79)", "methods.IsospectralMidpoint.advance", "factor"),
+    ("Theorems 2 and 7 with", "mechanics.constraints.Bound.reaction", "factor"),
+    ("Discrete momentum", "theory.constraints.generator", "factor"),
 ]
 
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import rows_bundles
+import rows_constraints
 import rows_continuous
 import rows_discrete
 import rows_large_groups
@@ -32,6 +35,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "theorems.md"
 P = [*rows_continuous.ROWS, *rows_maps.ROWS, *rows_discrete.ROWS, *rows_vehicle.ROWS, *rows_schemes.ROWS]
 B = [*rows_products.ROWS, *rows_semidirect.ROWS, *rows_poisson.ROWS, *rows_bundles.ROWS]
 L = [*rows_links.ROWS, *rows_right.ROWS, *rows_large_groups.ROWS]
+C = rows_constraints.ROWS
+ROWS = [*P, *B, *L, *C]
 
 HEAD = """# Theorems of both papers
 
@@ -69,6 +74,13 @@ no g is carried there.
 """
 
 
+HELD = """## C: constraints
+
+Theorems 2, 6 and 7 with reactions, see [constraints](constraints.md): on SO(3), SE(2) and SL(2) with masses that
+depend on the place and two random constraints, steps with random unknowns; the two-form on steps that are solved.
+"""
+
+
 class Measured(NamedTuple):
     """A row with its residual, its mutations, and which of those that are not equivalent were not detected."""
 
@@ -92,7 +104,7 @@ class Measured(NamedTuple):
 
 def measure(index: int) -> tuple[float, int, list[tuple[str, str]]]:
     """The residual of a row, the number of its mutations, and those that are neither detected nor equivalent."""
-    row = [*P, *B, *L][index]
+    row = ROWS[index]
     residual, tried = row.residual(), mutations(row)
     survived = [one for one in tried if one not in row.equivalent and not detected(row, *one)]
     return residual, len(tried), survived
@@ -100,10 +112,9 @@ def measure(index: int) -> tuple[float, int, list[tuple[str, str]]]:
 
 def measured() -> list[Measured]:
     """All rows, several at a time."""
-    rows = [*P, *B, *L]
     workers = int(os.environ.get("WORKERS", os.cpu_count() or 1))
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        return [Measured(row, *found) for row, found in zip(rows, pool.map(measure, range(len(rows))), strict=True)]
+        return [Measured(row, *found) for row, found in zip(ROWS, pool.map(measure, range(len(ROWS))), strict=True)]
 
 
 def link(test: str) -> str:
@@ -135,10 +146,12 @@ def counts(rows: list[Measured]) -> str:
 
 def page() -> str:
     rows = measured()
-    first, second, third = rows[: len(P)], rows[len(P) : len(P) + len(B)], rows[len(P) + len(B) :]
+    ends = np.cumsum([0, len(P), len(B), len(L), len(C)])
+    first, second, third, fourth = (rows[a:b] for a, b in pairwise(ends))
     titles = "## P: advected parameters and additional dynamics", "## B: semidirect products and principal bundles"
     head = [HEAD.rstrip() + "\n" + counts(rows), TAIL.rstrip()]
-    return "\n\n".join([*head, titles[0], table(first), titles[1], table(second), LARGE.rstrip(), table(third)]) + "\n"
+    papers = titles[0], table(first), titles[1], table(second)
+    return "\n\n".join([*head, *papers, LARGE.rstrip(), table(third), HELD.rstrip(), table(fourth)]) + "\n"
 
 
 if __name__ == "__main__":

@@ -1,5 +1,13 @@
 """The theorems of both papers as functions: unreduced and reduced algorithms, reduction, and every printed equation."""
 
+from coadjoint.theory.constraints import (
+    MomentumEquation,
+    Tangents,
+    discrete_momentum_equation,
+    off_constraints,
+    tangent_to_constraints,
+    two_form,
+)
 from coadjoint.theory.continuous import (
     ContinuousLagrangian,
     body_velocity,
@@ -67,12 +75,14 @@ __all__ = [
     "Instant",
     "Link",
     "Momenta",
+    "MomentumEquation",
     "MomentumMaps",
     "PoissonLagrangian",
     "PoissonLink",
     "Residual",
     "SemidirectLagrangian",
     "SemidirectLink",
+    "Tangents",
     "Transforms",
     "UnreducedLagrangian",
     "Variation",
@@ -88,6 +98,7 @@ __all__ = [
     "discrete_euler_poincare_semidirect",
     "discrete_legendre",
     "discrete_mechanical_connection",
+    "discrete_momentum_equation",
     "discrete_momentum_maps",
     "equations_of",
     "induced_variation",
@@ -99,6 +110,7 @@ __all__ = [
     "left_momenta",
     "link_momentum_maps",
     "link_of",
+    "off_constraints",
     "poisson_algorithm",
     "poisson_lagrangian",
     "poisson_link",
@@ -115,6 +127,8 @@ __all__ = [
     "semidirect_link",
     "semidirect_system",
     "space_velocity",
+    "tangent_to_constraints",
+    "two_form",
     "unreduce",
     "unreduce_continuous",
 ]
