@@ -259,3 +259,14 @@ def test_about_one_axis_they_are_the_splines_of_numbers_to_second_order(run_exam
         costs = [sum(found["spline"](found[system], attitudes, n, **given).costs.values()) for n in (10, 20)]
         errors = np.abs(np.array(costs) - least)
         assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2) and errors[1] < 0.02 * least
+
+
+@pytest.mark.long
+def test_a_rolling_disk_stays_on_its_circle_and_does_not_slip(run_example):
+    found = run_example("rolling_disk", 2)
+    errors = list(found["errors"].values())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
+    assert np.log2(errors[2] / errors[3]) == pytest.approx(4, abs=0.1)
+    assert found["slip"] < 1e-14
+    assert np.mean(found["force"]) == pytest.approx(2 * 9.81, rel=0.05)
+    assert Path("rolling_disk.png").stat().st_size > 10_000
