@@ -125,7 +125,7 @@ def test_by_a_parameter_beside_a_free_duration_and_a_chosen_parameter():
 def test_what_has_no_derivative_is_told():
     optimum = turn().solve()
     for names, start, words in [
-        (("jay",), (), "no parameter of the system"),
+        (("jay",), (), "not a parameter of the system"),
         ((), ("xi",), "parts of a state"),
         ((), "xi", "parts of a state"),
         ((), 3, "must be names"),
