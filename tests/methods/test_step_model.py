@@ -1,0 +1,83 @@
+"""One model of a step: rows of numbers in, rows out, with exact derivatives, also of compositions and by XLA."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.step_model import StepModel
+
+H = 0.1
+SUZUKI = co.Suzuki4(co.Midpoint(), negative_substeps="allow")
+
+
+def model(method, **more):
+    """A body under a drag that grows as the turning of a rotor, which follows the motion."""
+    system = co.System(
+        co.SO3(),
+        lambda xi, p: 0.5 * xi @ (p.inertia * xi),
+        parameters={"inertia": [1.0, 2.0, 3.0]},
+        forces=lambda motion, p: co.Force(torque=-0.1 * motion.xi * (1 + motion.internal.rotor[0])),
+        internal=lambda motion, h, p: {"rotor": co.mechanics.jumped(0.5 * motion.xi[:1])},
+    )
+    start = system.state(xi=[0.3, -0.2, 0.5], internal={"rotor": [0.1]})
+    program = StepProgram(replace_parameters(system, None), method)
+    constants = Constants(system.parameters, None)
+    return StepModel(program, constants, method.begin(system, start, H), course=True, **more), system, start
+
+
+def moving(found):
+    """The numbers of a state that determine all others after it."""
+    at = found.unpack(np.arange(found.size))
+    return np.concatenate([np.ravel(leaf).astype(int) for leaf in jax.tree.leaves((at.g, at.mu))])
+
+
+def differences(found, row):
+    """∂x⁺/∂x to order 4, a column for each number of g and μ."""
+    e, columns = 1e-3, []
+    for place in moving(found):
+        slope = 0.0
+        for sign, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
+            moved = row.copy()
+            moved[:, place] += sign * e
+            slope = slope + weight * found.step(moved, np.full(1, H)).after[0]
+        columns.append(slope / (12 * e))
+    return np.stack(columns, axis=1)
+
+
+def test_steps_of_rows_are_those_of_a_run_with_the_tangent_of_differences():
+    found, system, start = model(SUZUKI)
+    row = found.pack(jax.tree.map(lambda leaf: np.asarray(leaf)[None], found._begun))
+    run = co.simulate(system, start, dt=H, steps=3, method=SUZUKI, accuracy=False, monitors=False)
+    taken = found.step(row, np.full(1, H), 3)
+    np.testing.assert_array_equal(found.unpack(taken.after).mu[0], run.final.mu)
+    assert taken.code == [0] and taken.course.shape == (1, 5, found.program.unknowns + found.size)
+    first = found.step(row, np.full(1, H))
+    np.testing.assert_array_equal(first.course[:, -1, found.program.unknowns :], first.after)
+    np.testing.assert_array_equal(found.unpack(first.record).mu[0], found._begun.mu)
+    places = moving(found)
+    exact = found.tangent(row, np.full(1, H))[0]
+    np.testing.assert_allclose(exact[np.ix_(places, places)], differences(found, row)[places], atol=1e-11)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "method", [co.Midpoint(), SUZUKI, co.methods.LeftRight(), co.Galerkin()], ids=lambda m: m.title
+)
+def test_steps_and_tangents_by_xla_and_in_lanes_are_those_of_one_lane(method):
+    found, _, _ = model(method)
+    by_xla, _, _ = model(method, backend="xla")
+    row = found.pack(jax.tree.map(lambda leaf: np.asarray(leaf)[None], found._begun))
+    rows = np.concatenate([row + 1e-3 * k for k in range(5)])
+    h, places = H * np.linspace(0.5, 1.0, 5), moving(found)
+    many, other = found.step(rows, h, 2), by_xla.step(rows, h, 2)
+    each = np.concatenate([found.step(rows[[k]], h[[k]], 2).after for k in range(5)])
+    np.testing.assert_allclose(many.after, each, atol=1e-14)
+    np.testing.assert_allclose(other.after, each, atol=1e-13)
+    np.testing.assert_allclose(other.course, many.course, atol=1e-12)
+    exact, xla = (one.tangent(rows, h)[:, places][:, :, places] for one in (found, by_xla))
+    np.testing.assert_allclose(xla, exact, atol=1e-12)
