@@ -109,6 +109,11 @@ def projector_of(system: ReducedFunctions, state: State) -> np.ndarray | None:
     matrix = np.asarray(evaluate(lambda s, p: mobility(replace_parameters(system, p), s), state, system.parameters))
     diagonal = np.abs(np.diag(matrix))
     for one, part in parts(system):
+        if not np.all(np.isfinite(matrix[part])):
+            raise ArgumentError(
+                f"The derivatives of the constraint `{one.name}` must be finite at the start, but are not: look for a "
+                "division by zero or a root of a negative number there."
+            )
         if np.any(~(diagonal[part] > DEPENDENT**2 * np.max(diagonal))):
             raise ArgumentError(
                 f"Every row of the constraint `{one.name}` must restrict the velocities, but one has no derivative at "

@@ -279,6 +279,8 @@ def _called(system: ReducedFunctions, function: Callable[..., Any], at: Site) ->
 
 def _stacked(value: Any, what: str) -> Array:
     """An array from an array, a number or lists of these."""
+    if value is None:
+        raise LagrangianError(f"{what} must return real numbers, but returns nothing.")
     if isinstance(value, (list, tuple)):
         value = jnp.stack([_stacked(part, what) for part in value]) if value else jnp.zeros(0)
     array = jnp.asarray(value)

@@ -1,0 +1,167 @@
+"""Wrong uses of constraints: one clear error each, raised before the first step."""
+
+from __future__ import annotations
+
+import random
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from pinned import PIN, body, hold, lagrangian, pinned, start
+
+
+def made(constraint, **more):
+    """A system with the body's spaces and one constraint."""
+    return body(constraints={"pin": constraint}, **more)
+
+
+def holonomic(function, size=None):
+    return made(co.Holonomic(function, size))
+
+
+def nonholonomic(rows, right=None):
+    return made(co.Nonholonomic(rows, right))
+
+
+def run(system, begun=None, **more):
+    return co.simulate(system, start(system) if begun is None else begun, dt=0.01, steps=1, accuracy=False, **more)
+
+
+def bare(**more):
+    """A body on SO(3) alone."""
+    return co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, **more)
+
+
+def short(n, a, p):
+    return n + jnp.asarray(PIN, dtype=jnp.float32)
+
+
+def impure(n, a, p):
+    return n + p.pin + 1e-9 * random.random()
+
+
+def forced():
+    return made(co.Holonomic(hold), forces={"pin": lambda motion, p: co.Force()})
+
+
+def discrete():
+    return co.System(
+        co.SO3(),
+        discrete_lagrangian=lambda xi, h: h * 0.5 * xi @ xi,
+        constraints={"axis": co.Nonholonomic(lambda: [[0, 0, 1]])},
+    )
+
+
+def with_quantity():
+    system = pinned(quantities={"reaction_pin": lambda state: state.t})
+    return run(system)
+
+
+def without_quadrature():
+    system = body(
+        constraints={"slip": co.Nonholonomic(lambda n, a, p: np.eye(6)[:1])},
+        discrete_lagrangian=lambda xi, n, s, a, p, h: h * lagrangian(xi, n, (s - n) / h, a, p),
+    )
+    return run(system, start(system, xi=[0, 0, 0], qdot=[0, 0, 0]), method=co.Variational())
+
+
+def rest(system):
+    return start(system, xi=[0, 0, 0], qdot=[0, 0, 0])
+
+
+def at_rest(function, kind=co.Holonomic):
+    system = made(kind(function))
+    return run(system, rest(system))
+
+
+USES = {
+    "a list": (lambda: body(constraints=[co.Holonomic(hold)]), r"`constraints` must be a dictionary of names"),
+    "nothing in the dictionary": (lambda: body(constraints={}), r"`constraints` must be a dictionary of names"),
+    "a name of two words": (lambda: body(constraints={"a pin": co.Holonomic(hold)}), r"name of a constraint must be a"),
+    "a name of the budget": (lambda: body(constraints={"time": co.Holonomic(hold)}), r"name of a constraint must be a"),
+    "a plain function": (lambda: body(constraints={"pin": hold}), r"`pin` must be co\.Holonomic\(function\) or"),
+    "a number as function": (lambda: co.Holonomic(3.0), r"`function` must be a function, but is 3\.0"),
+    "rows that are no function": (lambda: co.Nonholonomic([[0, 0, 1]]), r"`rows` must be a function, but is \[\[0"),
+    "a right side that is no function": (lambda: co.Nonholonomic(hold, right=[0]), r"`right` must be a function"),
+    "no rows by size": (lambda: co.Holonomic(hold, size=0), r"`size` must be .*, but is 0"),
+    "a text as size": (lambda: co.Holonomic(hold, size="3"), r"`size` must be .*, but is '3'"),
+    "too few arguments": (
+        lambda: holonomic(lambda n: n),
+        r"`pin` of this system must take \(n, a, p\)",
+    ),
+    "velocities": (lambda: holonomic(lambda n, nu, a, p: n), r"must take \(n, a, p\)"),
+    "an order of its own": (lambda: holonomic(lambda a, n, p: n), r"must take \(n, a, p\) in this order"),
+    "an internal state": (lambda: holonomic(lambda n, a, p, *, internal: n), r"`pin` cannot take `internal`"),
+    "inputs without a size": (lambda: holonomic(lambda n, a, p, *, inputs: n), r"give its number of rows as `size`"),
+    "a matrix": (
+        lambda: holonomic(lambda n, a, p: np.eye(3)),
+        r"row of numbers, but returns the shape \(3, 3\)",
+    ),
+    "no numbers": (lambda: holonomic(lambda n, a, p: []), r"`pin` returns no numbers: leave it out"),
+    "None": (lambda: holonomic(lambda n, a, p: None), r"`pin` must return real numbers, but returns nothing"),
+    "a complex number": (lambda: holonomic(lambda n, a, p: n[0] + 1j), r"`pin` must return real numbers"),
+    "an error inside": (lambda: holonomic(lambda n, a, p: n + p.nail), r"The constraint `pin` raised .*nail"),
+    "a branch on values": (lambda: holonomic(lambda n, a, p: n if n[0] > 0 else a), r"`pin` cannot be .* by JAX"),
+    "float32": (lambda: run(holonomic(short)), r"The constraint `pin` holds float32 numbers"),
+    "a random number": (lambda: run(holonomic(impure)), r"The constraint `pin` must be pure"),
+    "rows of another width": (
+        lambda: nonholonomic(lambda n, a, p: [[0, 0, 1]]),
+        r"`pin` must return the rows A .* in the shape \(1, 6\), but returns the shape \(1, 3\)",
+    ),
+    "a right side of another size": (
+        lambda: nonholonomic(lambda n, a, p: np.eye(6)[:2], lambda n, a, p: n),
+        r"right side of the constraint `pin` must return its numbers \(m,\) in the shape \(2,\)",
+    ),
+    "another size than is given": (lambda: holonomic(hold, 2), r"in the shape \(2,\), but returns the shape \(3,\)"),
+    "the name of a force": (forced, r"A force and a constraint must have different names, but both are .*`pin`"),
+    "a discrete Lagrangian alone": (discrete, r"Constraints need velocities at nodes"),
+    "more rows than velocities": (
+        lambda: bare(constraints={"all": co.Nonholonomic(lambda: np.ones((4, 3)))}),
+        r"`all` has 4 rows, more than the 3 velocities",
+    ),
+    "nothing to hold": (
+        lambda: bare(constraints={"pin": co.Holonomic(lambda: 0.0)}).check(bare().state()),
+        r"row of the constraint `pin` must restrict the velocities",
+    ),
+    "a start off the place": (
+        lambda: run(pinned(), start(pinned(), q=[0, 0, 1])),
+        r"start must satisfy the constraint `pin`, but \|φ\| is 0\.5",
+    ),
+    "a start off in velocity": (
+        lambda: run(pinned(), start(pinned(), qdot=[0, 0, 0])),
+        r"velocities of the start must satisfy the constraint `pin`, but \|φ̇\| is 1\.6",
+    ),
+    "a start that slips": (
+        lambda: run(nonholonomic(lambda n, a, p: np.eye(6)[:1])),
+        r"velocities of the start .* `pin`, but \|A·\(ξ, ν\) − b\| is 1:",
+    ),
+    "a row of zeros": (
+        lambda: at_rest(lambda n, a, p: np.zeros((1, 6)), co.Nonholonomic),
+        r"Every row of the constraint `pin` must restrict the velocities",
+    ),
+    "no number at the start": (
+        lambda: at_rest(lambda n, a, p: jnp.sqrt(-1 - n @ n)),
+        r"derivatives of the constraint `pin` must be finite at the start",
+    ),
+    "an impossible place": (
+        lambda: holonomic(lambda n, a, p: n @ n + 1.0).project(start(pinned())),
+        r"No state on the constraints was found near this one",
+    ),
+    "a projection onto nothing": (lambda: body().project(start(body())), r"no constraints to project a state onto"),
+    "a quantity with a reaction's name": (with_quantity, r"quantity `reaction_pin` must have a name of its own"),
+    "a method without quadrature": (without_quadrature, r"no quadrature on which co\.Nonholonomic could hold"),
+    "one member off": (
+        lambda: run(pinned().replace(pin=co.each([PIN, 2 * PIN])), start(pinned())),
+        r"start must satisfy the constraint `pin`, but \|φ\| is 0\.5",
+    ),
+}
+
+
+@pytest.mark.parametrize("use", USES)
+def test_a_wrong_use_raises_one_clear_error(use):
+    wrong, sentence = USES[use]
+    with pytest.raises((co.errors.ArgumentError, co.errors.LagrangianError), match=sentence) as raised:
+        wrong()
+    assert "\n" not in str(raised.value)
