@@ -152,10 +152,6 @@ USES = {
     "a projection onto nothing": (lambda: body().project(start(body())), r"no constraints to project a state onto"),
     "a quantity with a reaction's name": (with_quantity, r"quantity `reaction_pin` must have a name of its own"),
     "a method without quadrature": (without_quadrature, r"no quadrature on which co\.Nonholonomic could hold"),
-    "one member off": (
-        lambda: run(pinned().replace(pin=co.each([PIN, 2 * PIN])), start(pinned())),
-        r"start must satisfy the constraint `pin`, but \|φ\| is 0\.5",
-    ),
 }
 
 

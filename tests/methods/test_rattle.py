@@ -30,10 +30,10 @@ def error(method, dt, exact):
     [
         (co.Midpoint(), 2),
         pytest.param(co.Midpoint(co.Exponential()), 2, marks=pytest.mark.long),
-        (co.Trapezoidal(), 2),
+        pytest.param(co.Trapezoidal(), 2, marks=pytest.mark.long),
         pytest.param(co.Simpson(), 2, marks=pytest.mark.long),
         pytest.param(co.methods.LeftRight(), 2, marks=pytest.mark.long),
-        (co.LeftRectangle(), 1),
+        pytest.param(co.LeftRectangle(), 1, marks=pytest.mark.long),
         pytest.param(co.RightRectangle(), 1, marks=pytest.mark.long),
     ],
     ids=lambda value: getattr(value, "title", None),

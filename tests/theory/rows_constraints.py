@@ -149,7 +149,7 @@ def _carried(system, c0, state):
         "mechanics.reactions.source",
         "methods.rattle.Rattle.sources",
     ),
-    (TRUTH + "test_the_reaction_of_a_turning_table_closes_the_energy_budget_and_others_do_no_work",),
+    (TRUTH + "test_reactions_without_a_right_side_do_no_work_and_enter_the_momentum_budget",),
 )
 def momentum_equation() -> Iterator[float]:
     for name in WORLDS:
