@@ -12,10 +12,10 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.theory import Tangents, two_form
+from coadjoint.theory import PhaseVariation, two_form
 
 
-def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: Tangents):
+def carry(system: co.System, step: Step, state: co.State, h, d1: PhaseVariation, d2: PhaseVariation):
     """A step with two tangents through it: record, state after, code, and the two-form before and after."""
     group, Q, V = system.places
     program = StepProgram(replace_parameters(system, None), step)  # type: ignore[arg-type]
@@ -28,12 +28,12 @@ def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: T
 
     at = (state.g, state.n, state.a, state.mu, state.pi)
 
-    def through(d: Tangents):
+    def through(d: PhaseVariation):
         dg = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(d.eta),))[1]
         dn, da = d.w - Q.infinitesimal(group, d.eta, state.n), -V.infinitesimal(group, d.eta, state.a)
         (g, n, _, _), (dg, dn, dmu, dpi), moved = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi), has_aux=True)
         eta = group.vee(jnp.linalg.solve(g, dg))
-        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi), moved
+        return PhaseVariation(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi), moved
 
     ends, moved = jax.vmap(through, out_axes=(0, None))(jax.tree.map(lambda x, y: jnp.stack([x, y]), d1, d2))
     first, last = (jax.tree.map(lambda x, i=i: x[i], ends) for i in (0, 1))
@@ -42,7 +42,7 @@ def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: T
     return moved.record, moved.after, moved.code, (before[0], after[0], before[1] + after[1])
 
 
-def tangents(system: co.System, state: co.State, random: np.random.Generator) -> Tangents:
+def tangents(system: co.System, state: co.State, random: np.random.Generator) -> PhaseVariation:
     """Random ones; on a curved Q, w is tangent to Q and δπ to T*Q: π = Pπ for the projection P at n."""
     Q, group = system.additional, system.group
     w, pi = random.normal(size=(2, Q.ambient(group)))
@@ -54,4 +54,4 @@ def tangents(system: co.System, state: co.State, random: np.random.Generator) ->
         return w, Q.project(group, n, pi) + jax.jvp(lambda x: Q.project(group, x, at), (n,), (dn,))[1]
 
     w, pi = evaluate(along, state.n, state.pi, eta, w, pi)
-    return Tangents(eta, w, mu, pi)
+    return PhaseVariation(eta, w, mu, pi)

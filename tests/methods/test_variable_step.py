@@ -17,7 +17,7 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue
 from coadjoint.simulation.driver import Driver
 from systems import generator, random_system
-from two_form import Tangents, tangents, two_form
+from two_form import PhaseVariation, tangents, two_form
 
 MODELS = {
     "heavy_top": (1e-4, 1e-13),
@@ -183,7 +183,7 @@ def start_of(method, system, start):
     return method.begin(system, start, 0.1)
 
 
-def carried(system, program, constants, state, h, d1: Tangents, d2: Tangents, dE):
+def carried(system, program, constants, state, h, d1: PhaseVariation, d2: PhaseVariation, dE):
     """The two-form before, after, after without its part of t and E, and the size of its terms."""
     group, Q, V = system.places
 
@@ -194,12 +194,12 @@ def carried(system, program, constants, state, h, d1: Tangents, d2: Tangents, dE
 
     at = (state.g, state.n, state.a, state.mu, state.pi, state.memory.energy)
 
-    def through(d: Tangents, dE):
+    def through(d: PhaseVariation, dE):
         dg = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(d.eta),))[1]
         dn, da = d.w - Q.infinitesimal(group, d.eta, state.n), -V.infinitesimal(group, d.eta, state.a)
         (g, n, *_), (dg, dn, dmu, dpi, dt), after = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi, dE), has_aux=True)
         eta = group.vee(jnp.linalg.solve(g, dg))
-        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi), dt, after
+        return PhaseVariation(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi), dt, after
 
     (e1, t1, after), (e2, t2, _) = through(d1, dE[0]), through(d2, dE[1])
     before, size = two_form(system, state, d1, d2)

@@ -81,6 +81,32 @@ def test_redundant_rows_share_the_least_reactions_and_are_reported(plain):
     assert "5 rows, of which 2 follow from the others" in str(made)
 
 
+def test_the_momentum_about_the_vertical_through_a_pin_is_found_and_kept():
+    c = np.array([0.7, -0.4, 1.1])
+
+    def lagrangian(xi, n, nu, a, p):
+        return 0.5 * xi @ p.inertia @ xi + 0.5 * p.mass * nu @ nu - 9.81 * p.mass * n @ a.down
+
+    system = co.System(
+        co.SO3(),
+        lagrangian,
+        additional=co.Defining(),
+        advected={"down": co.Defining(), "c": co.Defining()},
+        parameters={"inertia": INERTIA, "mass": MASS, "pin": PIN},
+        constraints={"pin": co.Holonomic(lambda n, a, p: n + p.pin - a.c)},
+    )
+    begun = start(system, q=c - PIN, a0={"down": [0, 0, 1], "c": c})
+    made = run(system, dt=0.05, steps=10_000, start=begun, save_every=1000)
+    about = made.plan.constants.monitors["symmetries"]
+    assert about == pytest.approx(np.array([[0, 0, 1, c[1], -c[0], 0]]), abs=1e-12)
+    g, q = made.records.g, made.dataset.q.values
+    spin = np.einsum("tij,tj->ti", g, made.records.mu) + np.cross(q - c, np.einsum("tij,tj->ti", g, made.records.pi))
+    kept = made.monitors["symmetry_momentum"][:, 0]
+    assert kept == pytest.approx(spin[:, 2], abs=1e-12)
+    assert np.ptp(kept) < 1e-12
+    assert "symmetry" in str(made)
+
+
 @pytest.mark.long
 def test_members_of_an_ensemble_are_bitwise_their_single_runs(plain):
     system = pinned().replace(mass=co.each([1.0, MASS]))

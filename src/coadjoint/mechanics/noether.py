@@ -150,7 +150,7 @@ def isotropy_algebras(system: System, states: State) -> list[np.ndarray]:
     _, singular, rows = np.linalg.svd(moved, full_matrices=True)
     largest = singular.max(axis=1, initial=0.0)
     ranks = np.sum(singular > 1e-10 * largest[:, None], axis=1)
-    return [_echelon(own[rank:]) @ directions for own, rank in zip(rows, ranks, strict=True)]
+    return [echelon(own[rank:]) @ directions for own, rank in zip(rows, ranks, strict=True)]
 
 
 def _directions(group: LieGroup) -> np.ndarray:
@@ -161,7 +161,7 @@ def _directions(group: LieGroup) -> np.ndarray:
     return np.tile(np.eye(group.factor.dim), group.count)
 
 
-def _echelon(rows: np.ndarray) -> np.ndarray:
+def echelon(rows: np.ndarray) -> np.ndarray:
     """The reduced echelon basis of the span of the rows, each row normalised."""
     rows = rows.copy()
     for i in range(len(rows)):

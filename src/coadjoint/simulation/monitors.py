@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array, Scalar
 from coadjoint.extensions import import_string
-from coadjoint.mechanics import continuous, inverse_legendre, reactions
+from coadjoint.mechanics import continuous, inverse_legendre, reactions, symmetries
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
 from coadjoint.mechanics.quantities import value
@@ -224,6 +224,20 @@ def constraint_rate(system: System, step: Step, record: State, h: Scalar, consta
     return {"constraint_rate": jnp.max(jnp.abs(reactions.node_rate(system, record)))}
 
 
+@monitor(
+    Watched(
+        "symmetry_momentum",
+        "momenta of motions of space that leave ℓ and the constraints unchanged, as the turn about a pin's vertical",
+        line="change",
+        title="symmetry",
+    ),
+    when=_always,
+)
+def symmetry_momentum(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+    """⟨Ad*_{g⁻¹}m, η⟩ + ⟨π, g⁻¹u⟩ for every row (η, u) of constants["symmetries"]."""
+    return {"symmetry_momentum": symmetries.symmetry_momentum(system, record, constants["symmetries"])}
+
+
 BEFORE = (legendre_energy, discrete_energy)
 """Monitors of a step that precede its Kelvin–Noether quantities in datasets, in their order there."""
 
@@ -254,13 +268,13 @@ SOLVED = (
 
 def watched() -> list[Watched]:
     """All variables that monitors give, except the system's own quantities."""
-    return [one for made in (*BEFORE, kelvin_noether, *AFTER) for one in made.watched]
+    return [one for made in (*BEFORE, kelvin_noether, symmetry_momentum, *AFTER) for one in made.watched]
 
 
-def watching(system: System, method: Method, state: State, noether: Monitor | None) -> tuple[Monitor, ...]:
-    """The monitors of a run, with that of its Kelvin–Noether quantities, if it has any."""
+def watching(system: System, method: Method, state: State, noether: Sequence[Monitor]) -> tuple[Monitor, ...]:
+    """The monitors of a run, with those of its momenta, if it has any."""
     before, after = ([one for one in made if one.when(system, method, state)] for made in (BEFORE, AFTER))
-    return (*before, *([] if noether is None else [noether]), *after)
+    return (*before, *noether, *after)
 
 
 def changing(system: System) -> list[tuple[str, str]]:

@@ -21,6 +21,7 @@ from coadjoint.mechanics.internal_state import driven_warnings, internal_warning
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.symmetries import symmetries
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import functions_known, require_scalar
 from coadjoint.mechanics.traced_once import Traced, tracing_once
@@ -186,12 +187,12 @@ class SimulationProblem:
         """The results of the checks of a state that was begun, kept for other runs."""
         require_chart(system, self.method, state, self.h)
         require_events(self.method, state, self.watched)
-        found = {"warnings": warnings, "watching": self._watching(system, state)}
+        found = {"warnings": warnings, "watching": self._watching(system, state, purpose == "run")}
         setup_cache.remember_verdict(reading, purpose, found)
         return found
 
-    def _watching(self, system: System, state: State) -> dict[str, Any]:
-        """The constants of monitors; raises if they cannot observe a quantity."""
+    def _watching(self, system: System, state: State, single: bool) -> dict[str, Any]:
+        """The constants of monitors; raises if they cannot observe a quantity. single: not of an ensemble."""
         found: dict[str, Any] = {}
         if not self.monitors:
             return found
@@ -201,6 +202,8 @@ class SimulationProblem:
             quantity.require_equivariant(system, state)
         if not self.noether:
             found["c0"] = _directions(system, state)
+            if single and system.constraints and state.g is not None:
+                found["symmetries"] = symmetries(system, state)
         if system.quantities:
             require_quantities(system, state)
         return found
@@ -210,8 +213,9 @@ class SimulationProblem:
     ) -> StepProgram:
         observed = ()
         if self.monitors:
-            own = observe.kelvin_noether if len(watching.get("c0", ())) else None
-            own = observe.chosen(self.noether) if self.noether else own
+            own = [observe.kelvin_noether] if len(watching.get("c0", ())) else []
+            own = [observe.chosen(self.noether)] if self.noether else own
+            own += [observe.symmetry_momentum] if len(watching.get("symmetries", ())) else []
             observed = observe.watching(system, self.method, state, own)
         digest = version(system, state, *self._functions(system)) if reading is None else reading.version
         crossing = tuple(event.function for _, event in self.watched)

@@ -2,7 +2,7 @@
 
 from coadjoint.theory.constraints import (
     MomentumEquation,
-    Tangents,
+    PhaseVariation,
     discrete_momentum_equation,
     off_constraints,
     tangent_to_constraints,
@@ -77,12 +77,12 @@ __all__ = [
     "Momenta",
     "MomentumEquation",
     "MomentumMaps",
+    "PhaseVariation",
     "PoissonLagrangian",
     "PoissonLink",
     "Residual",
     "SemidirectLagrangian",
     "SemidirectLink",
-    "Tangents",
     "Transforms",
     "UnreducedLagrangian",
     "Variation",

@@ -18,7 +18,7 @@ from coadjoint.methods.rattle import constrained
 from coadjoint.methods.step import Step
 
 
-class Tangents(NamedTuple):
+class PhaseVariation(NamedTuple):
     """Variations of a state at fixed a₀: η = g⁻¹δg, w = g⁻¹δq = δn + η·n, δμ, δπ.
 
     eta, mu: (dim G,). w, pi: (ambient,).
@@ -70,7 +70,7 @@ def generator(system: System, state: State, direction: Array) -> tuple[Array, Ar
     return direction, system.additional.infinitesimal(system.group, direction, state.n)
 
 
-def two_form(system: System, state: State, d1: Tangents, d2: Tangents) -> tuple[Array, Array]:
+def two_form(system: System, state: State, d1: PhaseVariation, d2: PhaseVariation) -> tuple[Array, Array]:
     """ω(δ₁, δ₂) = ⟨δ₂μ, η₁⟩ − ⟨δ₁μ, η₂⟩ + ⟨μ, [η₁, η₂]⟩ + ⟨δ₂π, w₁⟩ − ⟨δ₁π, w₂⟩ + ⟨π, η₁·w₂ − η₂·w₁⟩ and its size."""
     group, Q = system.group, system.additional
     turned = Q.lifted(group, d1.eta, state.n, d2.w) - Q.lifted(group, d2.eta, state.n, d1.w)
@@ -79,7 +79,7 @@ def two_form(system: System, state: State, d1: Tangents, d2: Tangents) -> tuple[
     return jnp.sum(terms), jnp.sum(jnp.abs(terms))
 
 
-def off_constraints(system: System, state: State, d: Tangents) -> Array:
+def off_constraints(system: System, state: State, d: PhaseVariation) -> Array:
     """(Dφ·δ, Dφ̇·δ), (2m,), zero for tangents to T*N, N = {φ = 0}; on a flat Q, raises ArgumentError on a curved one."""
     group, Q, V = system.places
     if not Q.flat or not all(one.holonomic for one in system.constraints):
@@ -95,13 +95,13 @@ def off_constraints(system: System, state: State, d: Tangents) -> Array:
     return jax.jvp(rows, (state.n, state.a, state.mu, state.pi), along)[1]
 
 
-def tangent_to_constraints(system: System, state: State, d: Tangents) -> Tangents:
+def tangent_to_constraints(system: System, state: State, d: PhaseVariation) -> PhaseVariation:
     """The nearest variation tangent to T*N, in the Euclidean norm of (η, w, δμ, δπ); raises as `off_constraints`."""
     sizes = [len(part) for part in d]
     ends = [sum(sizes[: i + 1]) for i in range(3)]
 
-    def unpack(x: Array) -> Tangents:
-        return Tangents(*jnp.split(x, ends))
+    def unpack(x: Array) -> PhaseVariation:
+        return PhaseVariation(*jnp.split(x, ends))
 
     x = jnp.concatenate(d)
     L = jax.jacfwd(lambda x: off_constraints(system, state, unpack(x)))(x)

@@ -1,0 +1,77 @@
+"""Motions of space that change neither ℓ nor the constraints, and the momenta that they conserve."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.arrays import Array
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.constraints import Site
+from coadjoint.mechanics.noether import echelon, spatial_momentum
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+
+SMALL = 1e-10
+"""The singular value, relative to the largest, that counts as zero."""
+
+
+def symmetries(system: System, state: State) -> np.ndarray:
+    """Motions δg = ηg, δq = η·q + u of space that leave ℓ and all φ unchanged, rows (η, u), (k, dim G + ambient).
+
+    Those with u = 0 are left out: c₀·a₀ = 0 makes them Kelvin–Noether quantities. A pin at c leaves the turn about the
+    vertical through it, η = e_z, u = −e_z × c. Found at random places; none with forces, rows on velocities or a curved
+    space of additional dynamics.
+    """
+    group, Q, _ = system.places
+    dim, wide = group.dim, Q.ambient(group)
+    nothing = np.zeros((0, dim + wide))
+    if system.forces or not wide or not Q.flat or not all(one.holonomic for one in system.constraints):
+        return nothing
+    random = np.random.default_rng(1918)
+    count = dim + wide + 2
+    places = random.normal(scale=0.7, size=(count, dim)), random.normal(size=(count, dim + 2 * wide + 1))
+    slopes = evaluate(lambda s, eta, y: jax.vmap(lambda e, y: _slopes(system, s, e, y))(eta, y), state, *places)
+    rows = slopes.reshape(-1, dim + wide)
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = rows / np.where(sizes > 0, sizes, 1.0)
+    _, singular, basis = np.linalg.svd(rows, full_matrices=True)
+    rank = int(np.sum(singular > SMALL * singular.max(initial=0.0)))
+    found = echelon(np.roll(basis[rank:], wide, axis=1))  # u first: rows without it come last
+    moving = np.abs(found[:, :wide]).max(axis=1, initial=0.0) > SMALL
+    found = np.roll(found[moving], -wide, axis=1)
+    largest = np.take_along_axis(found, np.argmax(np.abs(found), axis=1)[:, None], axis=1)
+    return found / (largest if len(found) else 1.0)
+
+
+def _slopes(system: System, state: State, eta: Array, y: Array) -> Array:
+    """The derivatives of ℓ and of all φ along every (η, u) at a place and velocity, (1 + m, dim G + ambient)."""
+    group, Q, V = system.places
+    dim, wide = group.dim, Q.ambient(group)
+    g = group.exp(eta)
+    back, a0 = group.inverse(g), V.act(group, state.g, state.a)
+    xi, n, nu, t = y[:dim], y[dim : dim + wide], y[dim + wide : -1], state.t + y[-1]
+    a = V.act(group, back, a0)
+
+    def values(n, a):
+        at = Site(n, a, t, state.inputs)
+        held = [one.value(system, at) for one in system.constraints]
+        value = system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, state.internal)
+        return jnp.concatenate([value[None], *held])
+
+    def along(motion):
+        turned = V.infinitesimal(group, motion[:dim], a0)
+        moved = Q.push(group, back, Q.act(group, g, n), motion[dim:])
+        return jax.jvp(values, (n, a), (moved, -V.push(group, back, a0, turned)))[1]
+
+    return jax.vmap(along, out_axes=1)(jnp.eye(dim + wide))
+
+
+def symmetry_momentum(system: System, state: State, motions: Array) -> Array:
+    """⟨Ad*_{g⁻¹}m, η⟩ + ⟨π, g⁻¹u⟩ of each row (η, u) of `symmetries`, (k,)."""
+    group, Q, _ = system.places
+    carried = jax.vmap(lambda u: Q.push(group, group.inverse(state.g), Q.act(group, state.g, state.n), u))(
+        motions[:, group.dim :]
+    )
+    return motions[:, : group.dim] @ spatial_momentum(system, state) + carried @ state.pi
