@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -117,24 +117,7 @@ def plan(
     parts = [(stage, substep * stage.fraction) for substep in written for stage in program.stages]
     changing = [*flat(opening), full[()]] if looped else flat(s)
     collect = Collector(graph, [*flat(p), h[()], full[()]])
-    current = opening
-    stages: list[StagePlan] = []
-    certificates: dict[str, Expr] = {}
-    first = None
-    for number, (stage, fraction) in enumerate(parts):
-        step = full if fraction == 1.0 else np.asarray(graph.mul(full[()], graph.constant(fraction)))
-        traced, solution, sound = _stage(tracer, stage, number, p, current, step, changing, collect)
-        after = _collected(collect, tracer.trace(stage.advance, p, current, step, solution, sound))
-        _check_same("advance", after, state)
-        stages.append(StagePlan(**traced, after=flat(after)))
-        if first is None and not stage.tolerant:
-            first = tracer.trace(stage.record, p, current, step, solution)
-        if observed:
-            found = tracer.trace(stage.certificate, p, current, step, solution, after)
-            for name, value in found.items():
-                (node,) = flat(value)
-                certificates[name] = graph.apply("max", certificates[name], node) if name in certificates else node
-        current = after
+    stages, first, certificates, current = _stages(tracer, parts, p, opening, full, changing, collect, observed)
     inner = None
     if looped:
         current = tracer.symbols("e", state)
@@ -154,6 +137,30 @@ def plan(
         certificates=certificates,
         stop=flat(tracer.trace(program.stop, p, s, current))[0] if program.stops else None,
     )
+
+
+def _stages(
+    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: Any, state: Any, h: Any, changing: list[Expr],
+    collect: Collector, observed: bool,
+) -> tuple[list[StagePlan], Any, dict[str, Expr], Any]:  # fmt: skip
+    """The stages one after the other, each over its part of h: their plans, the record of the first that is not
+    tolerant, the largest certificates, and the state at their end."""
+    graph, stages, certificates, first = tracer.graph, list[StagePlan](), dict[str, Expr](), None
+    for number, (stage, fraction) in enumerate(parts):
+        step = h if fraction == 1.0 else np.asarray(graph.mul(h[()], graph.constant(fraction)))
+        traced, solution, sound = _stage(tracer, stage, number, p, state, step, changing, collect)
+        after = _collected(collect, tracer.trace(stage.advance, p, state, step, solution, sound))
+        _check_same("advance", after, state)
+        stages.append(StagePlan(**traced, after=flat(after)))
+        if first is None and not stage.tolerant:
+            first = tracer.trace(stage.record, p, state, step, solution)
+        if observed:
+            found = tracer.trace(stage.certificate, p, state, step, solution, after)
+            for name, value in found.items():
+                (node,) = flat(value)
+                certificates[name] = graph.apply("max", certificates[name], node) if name in certificates else node
+        state = after
+    return stages, first, certificates, state
 
 
 def _stage(

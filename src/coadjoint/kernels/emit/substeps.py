@@ -48,14 +48,9 @@ def substeps(
         for symbol, value in zip(inner.state, state, strict=True):
             emit.bind(symbol, value)
         done = stages(idle if emit.width == 1 else b.or_(idle, b.xor(well, emit.bit(True))))
-        first, on = b.append_basic_block("first"), b.append_basic_block("later")
-        b.cbranch(b.icmp_signed("==", number, INT64(0)), first, on)
-        b.position_at_end(first)
-        with emit.scope():
+        with b.if_then(b.icmp_signed("==", number, INT64(0))), emit.scope():
             for value, place in zip([*done.record(), *done.monitors()], kept, strict=True):
                 b.store(value, place)
-        b.branch(on)
-        b.position_at_end(on)
         course.store(number, done.course())
         largest = [emit.intrinsic("maximum", x, y) for x, y in zip(certificates, done.certificates, strict=True)]
     code_now, well_now = b.select(well, done.code, code), b.and_(well, done.well)
