@@ -32,7 +32,7 @@ def model(method, **more):
 
 def moving(found):
     """The numbers of a state that determine all others after it."""
-    at = found.unpack(np.arange(found.size))
+    at = found.layout.places
     return np.concatenate([np.ravel(leaf).astype(int) for leaf in jax.tree.leaves((at.g, at.mu))])
 
 

@@ -113,7 +113,7 @@ class ModelProcess(InvariantErrors):
             self._program, self._constants, self._begun, course=True, free=self._drifts.places.tolist()
         )
         self.substeps = self._program.substeps
-        self._t = int(self._model.unpack(np.arange(self._model.size)).t)
+        self._t = int(self._model.layout.places.t)
 
     @property
     def example(self) -> np.ndarray:
@@ -316,7 +316,7 @@ class ModelProcess(InvariantErrors):
         if len(self.substeps) == 1:
             return np.zeros(0, int)
         used = used_by_each(over_step, np.zeros(self.width))
-        places = parts(self._model.unpack(np.arange(self._model.size)))
+        places = parts(self._model.layout.places)
         moving = [np.ravel(place) for place, (by_error,) in zip(places, used, strict=True) if by_error]
         return np.concatenate([np.zeros(0), *moving]).astype(int)
 

@@ -109,8 +109,7 @@ class Shooting:
     @cached_property
     def places(self) -> np.ndarray:
         """The places of the inputs among the numbers of a state."""
-        shape, numbers = pack(self.template)
-        inputs = jax.tree.leaves(shape.unpack(np.arange(len(numbers))).inputs)
+        inputs = jax.tree.leaves(layout(self.template).places.inputs)
         return np.concatenate([np.zeros(0, int), *(np.ravel(leaf).astype(int) for leaf in inputs)])
 
     @cached_property

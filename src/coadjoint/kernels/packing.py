@@ -23,6 +23,11 @@ class Layout(NamedTuple):
         """How many numbers the PyTree holds."""
         return sum(map(math.prod, self.shapes))
 
+    @property
+    def places(self) -> Any:
+        """The PyTree whose leaves are the places of their numbers in a row."""
+        return self.unpack(np.arange(self.size))
+
     def unpack(self, numbers: np.ndarray) -> Any:
         """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
         return jax.tree.map(lambda leaf: leaf.copy(), self.views(numbers))

@@ -95,7 +95,7 @@ class _Step:
         program = StepProgram(replace_parameters(system, None), method, version=version(system, motion.state))
         begun = method.begin(system, motion.state, h)
         self.model = StepModel(program, Constants(system.parameters, None), begun, course=True)
-        places = self.model.unpack(np.arange(self.model.size))
+        places = self.model.layout.places
         self.phase = np.concatenate([places.mu, places.n, places.pi, places.a]).astype(int)
         self.y = self.model.pack(jax.tree.map(lambda leaf: np.asarray(leaf)[None], motion.state))[0, self.phase]
 

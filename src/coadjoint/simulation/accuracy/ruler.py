@@ -27,16 +27,11 @@ from coadjoint.simulation.accuracy.local_error import (
 from coadjoint.simulation.plan import Plan
 
 
-def numbered(layout: Layout) -> Any:
-    """A state whose leaves are the places of their numbers in a row."""
-    return layout.unpack(np.arange(layout.size))
-
-
 @lru_cache(maxsize=64)
 def ruler_of(layout: Layout, places: Places) -> Ruler:
     """The ruler for states of a layout."""
     group, Q, _ = places
-    at = numbered(layout)
+    at = layout.places
     names = () if at.g is None else group.leaf_names
     leaves = zip(names, jax.tree.leaves(at.g), strict=True)
     points, momenta = (Q.components(group, name) if Q.dim(group) else {} for name in ("q", "pi"))
@@ -88,7 +83,7 @@ def _acting(places: Places, rows: int) -> Any:
 
 def course_of(layout: Layout, rule: Any) -> InternalPlaces:
     """The places of the internal state that the rule of a system advances; rule: None if the system has none."""
-    at = numbered(layout)
+    at = layout.places
     if rule is None or at.internal_due is None:
         return InternalPlaces()
     of = at.internal, at.internal_mean, at.internal_end
@@ -115,7 +110,7 @@ MOST = 4096
 def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
     """g·n by its values at all pairs of basis vectors, compared with that of a random element."""
     group, Q, _ = places
-    at, leaves = numbered(layout), jax.tree.leaves(jax.eval_shape(group.identity))
+    at, leaves = layout.places, jax.tree.leaves(jax.eval_shape(group.identity))
     g, n = (_flat(np.concatenate([np.ravel(x) for x in jax.tree.leaves(part)])) for part in (at.g, at.n))
     if (len(g) + 1) * (len(n) + 1) > MOST:
         return None
@@ -211,7 +206,7 @@ class Doubling(PartsOfSteps):
             constants = Constants(constants.system, constants.monitors, INPUTS_HELD)
         probe = steps_of(plan, state, constants)
         method, system = plan.program.method, plan.program.skeleton
-        self.places = numbered(probe.layout)
+        self.places = probe.layout.places
         memory = jax.tree.leaves(self.places.memory) if method.variable else []
         numbers = [int(i) for leaf in memory for i in np.ravel(leaf)]
         course = course_of(probe.layout, system.internal)

@@ -211,7 +211,7 @@ def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State,
     if plan.save_every == 1 or plan.backend != "native" or min(left, len(largest)) < 1:
         return kept
     model = steps_of(plan, state)
-    places: Any = model.layout.unpack(np.arange(model.size))
+    places = model.layout.places
     found = dict(zip(kept.steps.tolist(), kept.rows, strict=True))
     for step in largest:
         length = min(plan.save_every, plan.steps - step, left)

@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels import packing
 from coadjoint.kernels.packing import Layout, layout
+from coadjoint.kernels.run.ensemble import members_of
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
@@ -33,12 +34,7 @@ def shapes_of(tree: Any) -> Shapes:
 
 def rows_where(tree: Any, axes: Any) -> np.ndarray:
     """Numbers (members, size) of a tree whose leaves have an axis of members where `axes` is 0; (1, size) of none."""
-    flags = [] if tree is None else [axis == 0 for axis in jax.tree.leaves(axes, is_leaf=lambda x: x is None)]
-    pairs = list(zip(jax.tree.leaves(tree), flags, strict=True))
-    count = next((len(leaf) for leaf, flag in pairs if flag), 1)
-    return packing.rows(
-        [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs], count
-    )
+    return members_of(tree, jax.tree.map(lambda axis: axis == 0, axes, is_leaf=lambda axis: axis is None))[1]
 
 
 def spread(tree: Any, lead: tuple[int, ...]) -> Any:
