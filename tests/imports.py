@@ -66,6 +66,11 @@ def _extension_api(tree: ast.Module | None) -> dict[str, str]:
     return {f"coadjoint.extending.{a.asname}": f"{node.module}.{a.name}" for node, a in pairs if a.asname}
 
 
+_NAMING = {ast.ImportFrom, ast.Import, ast.Constant, ast.Attribute, ast.Expr}
+_ENDS = {ast.ImportFrom, ast.Import, ast.Constant, ast.Name, ast.Load, ast.Store, str, int, type(None)}
+"""Nodes, and fields that are no nodes, below which nothing names a module."""
+
+
 @cache
 def _nodes(tree: ast.Module) -> list[ast.AST]:
     """The imports, texts and attributes of a module, by which it can name another one."""
@@ -73,13 +78,17 @@ def _nodes(tree: ast.Module) -> list[ast.AST]:
     left: list[ast.AST] = [tree]
     while left:
         node = left.pop()
-        if isinstance(node, ast.ImportFrom | ast.Import | ast.Constant | ast.Attribute | ast.Expr):
+        kind = type(node)
+        if kind in _NAMING:
             found.append(node)
-        for value in vars(node).values():
-            if isinstance(value, ast.AST):
+        if kind in _ENDS:
+            continue
+        for field in kind._fields:
+            value = getattr(node, field)
+            if isinstance(value, list):
+                left.extend(value)
+            elif value is not None:
                 left.append(value)
-            elif isinstance(value, list):
-                left.extend(item for item in value if isinstance(item, ast.AST))
     return found
 
 
