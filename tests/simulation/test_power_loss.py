@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint import disk
 from coadjoint.report.verification import verify
 from coadjoint.simulation import store as streaming
 from power_loss import LOST, losses, put, recorded
@@ -27,14 +28,40 @@ def simulate(members, place):
     return co.simulate(body, body.state(xi=[0.3]), **RUN, store=place / "run")
 
 
+@pytest.fixture
+def told(monkeypatch):
+    """What is synced to disk, and what takes which name, in turn."""
+    found: list[tuple[str, str]] = []
+
+    def synced(handle):
+        found.append(("sync", os.path.basename(os.readlink(f"/proc/self/fd/{handle}"))))
+
+    def replaced(source, target, move=os.replace):
+        found.append(("move", os.path.basename(target)))
+        move(source, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(os, "replace", replaced)
+    return found
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="no names of open files")
+def test_a_file_is_on_the_disk_before_it_takes_its_name_and_its_name_after(tmp_path, told):
+    place = tmp_path / "folder" / "file"
+    disk.make(place.parent)
+    assert told == [("sync", tmp_path.name)]
+    disk.write(place, [b"one", b"two"])
+    assert told[1:] == [("sync", ".file.partial"), ("move", "file"), ("sync", "folder")]
+    disk.write(place, [b"more"], forced=False, named=False)
+    assert told[4:] == [("move", "file")] and place.read_bytes() == b"more"
+    disk.remove(place.parent)
+    assert told[5:] == [("move", ".folder.partial"), ("sync", tmp_path.name)] and not list(tmp_path.iterdir())
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("members", "seeds", "share"),
-    [
-        (1, 0, 7),
-        pytest.param(1, 3, 1, marks=pytest.mark.long),
-        pytest.param(3, 2, 2, marks=pytest.mark.long),
-    ],
+    [(1, 3, 1), (3, 2, 2)],
 )
 def test_a_run_goes_on_after_a_loss_of_power_at_any_moment(tmp_path, monkeypatch, members, seeds, share):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)

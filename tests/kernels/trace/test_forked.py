@@ -6,7 +6,13 @@ import os
 import subprocess
 import sys
 
+import jax
+import numpy as np
 import pytest
+
+import coadjoint as co
+from coadjoint.kernels.trace import fork_safety
+from coadjoint.kernels.trace.evaluate import evaluate
 
 PROGRAM = """
 import os
@@ -42,6 +48,26 @@ if child == 0:
         os._exit(0)
 os.waitpid(child, 0)
 """
+
+
+def test_what_needs_xla_is_refused_in_a_fork_of_a_process_in_which_it_had_begun(monkeypatch):
+    monkeypatch.setattr(fork_safety, "_forked", False)
+    for begun in (False, True):
+        fork_safety.require_own_xla()
+        monkeypatch.setattr(fork_safety, "_begun", not begun)
+        monkeypatch.setattr(fork_safety, "xla_has_begun", lambda begun=begun: begun)
+        fork_safety._before()
+        fork_safety._in_child()
+    body = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi)
+    needs = [
+        lambda: evaluate(jax.numpy.linalg.eigh, np.eye(2)),
+        lambda: co.trajectory(body, body.state(xi=[1.0]), dt=0.1, steps=1, backend="xla"),
+        lambda: co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=1, backend="xla", accuracy=False),
+        lambda: co.Stepper(body, body.state(xi=[1.0]), dt=0.1, backend="xla", accuracy=False).step(),
+    ]
+    for use in needs:
+        with pytest.raises(co.errors.ArgumentError, match="forked after XLA had begun"):
+            use()
 
 
 @pytest.mark.long

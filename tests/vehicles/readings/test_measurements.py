@@ -123,6 +123,17 @@ def _first(model, P):
     return e[None]
 
 
+def test_a_bias_is_that_of_a_channel_and_what_a_measurement_reads_is_that_of_its_sensor():
+    with pytest.raises(co.errors.ArgumentError, match="no channel `gyro`"):
+        measurement(IMU, biased=("gyro",))
+    assert measurement(SENSORS[2]).covariance == pytest.approx(np.array([[0.02**2]]))
+    sheared = co.Parameters(water=co.Parameters(surface=np.zeros(3)), fluid_density=1000.0)
+    for sensor, what in ((SENSORS[1], "the velocity of the water"), (SENSORS[2], "the pressure of the water")):
+        read: Any = measurement(sensor).function
+        with pytest.raises(co.errors.ArgumentError, match=f"reads {what}.*kinematics"):
+            read(None, sheared)
+
+
 @pytest.mark.long
 def test_what_the_parameters_do_not_say_is_refused():
     water = co.vehicles.water.Sheared(
@@ -138,8 +149,6 @@ def test_what_the_parameters_do_not_say_is_refused():
         Filter(
             model, start, measurements={name: measurement(sensor, kinematics=kinematics(one))}, deviations={"q": 1.0}
         )
-    with pytest.raises(co.errors.ArgumentError, match="no channel `gyro`"):
-        measurement(IMU, biased=("gyro",))
     with pytest.raises(co.errors.ArgumentError, match="no bias `imu_gyroscope` of 3 numbers"):
         known = measurement(IMU, kinematics=kinematics(one), biased=("gyroscope",))
         Filter(model, start, measurements={"imu": known}, deviations={"q": 1.0})
