@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import coadjoint as co
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint_vehicles.remus import remus_100, remus_start
 
 OPEN = remus_100(automatic=False)
@@ -25,6 +26,21 @@ def cruise(revolutions: float, duration: float, vehicle: co.System = OPEN, **ini
 
 def without_fins(**changes: Any) -> co.System:
     return OPEN.replace(stern_planes={"area": 0.0}, rudder={"area": 0.0}, **changes)
+
+
+def test_fins_of_a_start_pitch_the_nose_down_and_turn_it_to_starboard_and_the_propeller_pushes_ahead():
+    still = remus_start(OPEN, speed=1.5)
+    internal = {"stern_planes": 0.05, "rudder": 0.1, "propeller": 20.0}
+    state = remus_start(OPEN, speed=1.5, stern_planes=0.05, rudder=0.1, revolutions=20.0)
+    assert {name: float(np.ravel(getattr(state.internal, name))[0]) for name in internal} == internal
+
+    def push(s):
+        return OPEN.body_force(OPEN.motion(s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal))
+
+    pushes = tabulate(push, still)
+    torque, force = (one - other for one, other in zip(pushes(state), pushes(still), strict=True))
+    assert torque[1] < -0.1 and torque[2] > 0.1 and force[0] > 3.0
+    assert torque[2] == pytest.approx(-2 * torque[1], rel=0.01), "rudder and stern planes are alike"
 
 
 @pytest.mark.long

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.files.registry import vehicle_text
 from coadjoint_vehicles.trim import SteadyFlight, trim
+from coadjoint_vehicles.trim.turning import turns
 
 PRESTERO = vehicles.load("remus_100_prestero")
 FILE: dict[str, Any] = tomllib.loads(vehicle_text("remus_100_prestero"))
@@ -69,6 +72,39 @@ def _solved(start: list[float], rudder: float) -> Any:
     found = root(equations, start, tol=1e-13)
     assert found.success and np.max(np.abs(found.fun)) < 1e-9
     return found.x
+
+
+@dataclass(frozen=True)
+class Place:
+    """A motion as far as a search for turns reads it: down in the body, ν and ω."""
+
+    a: tuple[float, ...] = (0.0, 0.0, 1.0)
+    nu: Any = (2.0, 0.0, 0.0)
+    xi: Any = None
+
+    def replace(self, **changes: Any) -> Place:
+        return replace(self, **changes)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_turns_are_sought_first_to_the_side_to_which_the_held_rudder_turns_and_stay_upright(side):
+    asked: list[tuple[float, float, float]] = []
+
+    def find(start: Place, speed: float) -> Any:
+        asked.append((start.xi[2], start.nu[0], speed))
+        if len(asked) == 1:
+            raise ArgumentError("No steady motion was found.")
+        return SimpleNamespace(state=start.replace(a=(0.0, 0.9, 0.4)) if len(asked) > 5 else start)
+
+    reduced = SimpleNamespace(slopes=lambda _: SimpleNamespace(rate=[0.0, 0.0, side]))
+    search: Any = SimpleNamespace(reduced=reduced, find=find)
+    place: Any = Place()
+    found = list(turns(place, search, 2.0, SimpleNamespace(length=4.0)))
+    expected = [
+        (s * rate, u, v) for s in (side, -side) for rate, u, v in ((0.05, 2, 2), (0.105, 1.4, 1.4), (0.105, 1.4, 2))
+    ]
+    np.testing.assert_allclose(asked, expected, rtol=1e-12)
+    assert len(found) == 2
 
 
 @pytest.mark.long
