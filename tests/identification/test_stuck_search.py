@@ -9,7 +9,8 @@ import pytest
 
 import coadjoint as co
 import coadjoint_vehicles as vehicles
-from coadjoint.identification import identify, synthetic_log
+from coadjoint.errors import CoadjointError
+from coadjoint.identification import Log, fitting, identify, synthetic_log
 from coadjoint_vehicles import Craft
 
 NOISE = {"north": 0.1, "east": 0.1, "depth": 0.02, "roll": 0.005, "pitch": 0.005, "heading": 0.01}
@@ -22,6 +23,34 @@ def steps(t, size, seed):
         period, phase = random.uniform(3, 15), random.uniform(0, 6.28)
         found += size / 3 * np.sign(np.sin(2 * np.pi * t / period + phase))
     return found
+
+
+@pytest.mark.parametrize("stuck", [1, fitting.ATTEMPTS])
+def test_a_search_begins_again_from_the_parameters_at_which_it_got_stuck_a_few_times(monkeypatch, stuck):
+    slider = co.System(
+        co.Translation(1),
+        lambda xi, p: 0.5 * xi @ xi,
+        parameters={"drag": 0.5},
+        forces=lambda motion, p: co.Force(torque=-p.drag * motion.xi),
+    )
+    begun, t = slider.state(xi=[1.0]), np.arange(0.0, 3.05, 0.1)
+    log = Log(t, {"speed": np.exp(-0.5 * t) + 1e-3 * np.random.default_rng(3).normal(size=t.size)})
+    rounds, asked = fitting._rounds, []
+
+    def counted(fit, place, open_, trips, final):
+        asked.append((float(place.shared[0]), final))
+        found = rounds(fit, place, open_, trips, final)
+        return found._replace(solution=found.solution._replace(converged=len(asked) > stuck))
+
+    monkeypatch.setattr(fitting, "_rounds", counted)
+    given: Any = {"start": begun, "parameters": ["drag"], "measured": {"speed": lambda s: s.xi[0]}, "dt": 0.1}
+    if stuck == fitting.ATTEMPTS:
+        with pytest.raises(CoadjointError, match="Least squares did not converge"):
+            identify(slider.replace(drag=0.8), log, **given)
+    else:
+        assert identify(slider.replace(drag=0.8), log, **given)["drag"].covers(0.5)
+    assert [final for _, final in asked] == [n + 1 == fitting.ATTEMPTS for n in range(len(asked))]
+    assert len(asked) == min(stuck + 1, fitting.ATTEMPTS) and abs(asked[1][0]) > 0.1, "not from where it began"
 
 
 @pytest.mark.long
