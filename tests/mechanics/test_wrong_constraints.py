@@ -122,7 +122,7 @@ USES = {
         r"`all` has 4 rows, more than the 3 velocities",
     ),
     "nothing to hold": (
-        lambda: bare(constraints={"pin": co.Holonomic(lambda: 0.0)}).check(bare().state()),
+        lambda: run(bare(constraints={"pin": co.Holonomic(lambda: 0.0)}), bare().state()),
         r"row of the constraint `pin` must restrict the velocities",
     ),
     "a start off the place": (

@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import member_of
-from coadjoint.mechanics.reactions import count, kicked, node_rate, parts, rate, site
+from coadjoint.mechanics.reactions import kicked, node_rates, parts, rate, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -33,12 +33,19 @@ TRIPS = 40
 """Newton's iterations of a projection."""
 
 
-def require_on_constraints(system: ReducedFunctions, state: State) -> None:
-    """Raise ArgumentError unless a state satisfies all constraints, and LagrangianError where one is not pure."""
+def checked_start(system: ReducedFunctions, state: State) -> np.ndarray | None:
+    """The projection (m, m) onto the rows that are independent at a start, None where all are.
+
+    Raises ArgumentError unless the state satisfies all constraints, and where a row does not depend on the velocities;
+    LagrangianError where a constraint is not pure.
+    """
     for one in system.constraints:
         read = one.value if one.holonomic else one.rows
         require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
-    _require_on(system, evaluate(lambda s, p: _off(replace_parameters(system, p), s), state, system.parameters))
+    found = evaluate(lambda s, p: _surveyed(replace_parameters(system, p), s), state, system.parameters)
+    projector = _projector(system, found["mobility"])
+    _require_on(system, found)
+    return projector
 
 
 def require_members_on_constraints(system: ReducedFunctions, parameters: Any, axes: Any, states: State) -> None:
@@ -47,13 +54,10 @@ def require_members_on_constraints(system: ReducedFunctions, parameters: Any, ax
     parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
     """
 
-    def of(function: Callable[[ReducedFunctions, State], Any]) -> Any:
-        return evaluate(
-            jax.vmap(lambda p, s: function(replace_parameters(system, p), s), in_axes=(axes, 0)), parameters, states
-        )
-
-    _require_on(system, of(_off))
-    if any(_rank(matrix) < len(matrix) for matrix in of(mobility)):
+    survey = jax.vmap(lambda p, s: _surveyed(replace_parameters(system, p), s), in_axes=(axes, 0))
+    found = evaluate(survey, parameters, states)
+    _require_on(system, found)
+    if any(_rank(matrix) < len(matrix) for matrix in found["mobility"]):
         raise ArgumentError(
             "The members of an ensemble need independent constraints, but some rows follow from others at the start: "
             "leave these out."
@@ -77,8 +81,8 @@ def _require_on(system: ReducedFunctions, found: dict[str, Any]) -> None:
             )
 
 
-def _off(system: ReducedFunctions, state: State) -> dict[str, Any]:
-    """|φ| of each constraint, and |A·(ξ, ν) − b|, with the size of the terms in them."""
+def _surveyed(system: ReducedFunctions, state: State) -> dict[str, Any]:
+    """|φ| of each constraint and |A·(ξ, ν) − b|, with the size of the terms in them, and A M⁻¹Aᵀ."""
     at = site(state)
     places = []
     for one in system.constraints:
@@ -88,25 +92,18 @@ def _off(system: ReducedFunctions, state: State) -> dict[str, Any]:
         slopes = jax.jacfwd(lambda n, a, one=one: one.value(system, at._replace(n=n, a=a)), (0, 1))(at.n, at.a)
         size = sum(jnp.abs(slope) @ (jnp.abs(x) + 1e-3) for slope, x in zip(slopes, (at.n, at.a), strict=True))
         places.append((jnp.abs(one.value(system, at)), size))
-    xi, nu, _ = inverse_legendre.velocities(system, state)
-    rows = jax.jacfwd(lambda v: rate(system, at, v[: system.group.dim], v[system.group.dim :]))
-    v = jnp.concatenate([xi, nu])
-    still = rate(system, at, jnp.zeros_like(xi), jnp.zeros_like(nu))
-    size = jnp.abs(rows(v)) @ (jnp.abs(v) + 1e-3) + jnp.abs(still)
-    return {"places": places, "rate": (jnp.abs(rate(system, at, xi, nu)), size)}
+    node = node_rates(system, state)
+    v = jnp.concatenate([node.velocities.xi, node.velocities.nu])
+
+    def rates(v: Array) -> Array:
+        return rate(system, at, v[: system.group.dim], v[system.group.dim :])
+
+    size = jnp.abs(jax.jacfwd(rates)(v)) @ (jnp.abs(v) + 1e-3) + jnp.abs(rates(jnp.zeros_like(v)))
+    return {"places": places, "rate": (jnp.abs(node.rate), size), "mobility": node.mobility}
 
 
-def mobility(system: ReducedFunctions, state: State) -> Array:
-    """A M⁻¹Aᵀ, (m, m): by which an impulse of the multipliers changes the rates."""
-    return jax.jacfwd(lambda impulse: node_rate(system, kicked(system, state, impulse)))(jnp.zeros(count(system)))
-
-
-def projector_of(system: ReducedFunctions, state: State) -> np.ndarray | None:
-    """The projection (m, m) onto the rows that are independent at a state; None where all are.
-
-    Raises ArgumentError where a row does not depend on the velocities.
-    """
-    matrix = np.asarray(evaluate(lambda s, p: mobility(replace_parameters(system, p), s), state, system.parameters))
+def _projector(system: ReducedFunctions, matrix: np.ndarray) -> np.ndarray | None:
+    """The projection of `checked_start` of A M⁻¹Aᵀ (m, m); raises ArgumentError for rows without derivatives."""
     diagonal = np.abs(np.diag(matrix))
     for one, part in parts(system):
         if not np.all(np.isfinite(matrix[part])):
@@ -135,16 +132,10 @@ def _rank(matrix: np.ndarray) -> int:
 
 
 def warnings(system: ReducedFunctions, state: State) -> list[str]:
-    """Sentences about the constraints at a start: redundant rows, and rows on velocities that are integrable."""
+    """A sentence about rows on velocities that are integrable, if there are any."""
     if not system.constraints:
         return []
-    found, projector = [], projector_of(system, state)
-    if projector is not None:
-        rank, rows = round(float(np.trace(projector))), len(projector)
-        found.append(
-            f"The constraints have {rows} rows, of which {rows - rank} follow from the others at the start: the "
-            "reactions are the least of those that do the same."
-        )
+    found = []
     held = [one for one in system.constraints if not one.holonomic]
     if held and not any(one.moving for one in held) and _integrable(system, state):
         names = " and ".join(f"`{one.name}`" for one in held)
@@ -231,7 +222,7 @@ def projected(system: ReducedFunctions, state: State) -> State:
             break
     found = of(_with_velocities)(state)
     try:
-        require_on_constraints(system, found)
+        checked_start(system, found)
     except ArgumentError as error:
         raise ArgumentError(f"No state on the constraints was found near this one: {error}") from None
     return found
@@ -251,7 +242,8 @@ def _with_velocities(system: ReducedFunctions, state: State) -> State:
     mu, pi = legendre(system, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
     state = state.replace(mu=mu, pi=pi)
     for _ in range(3):  # damping leaves 1e-10 of the rates, and more where rows are nearly dependent
-        state = kicked(system, state, _least(mobility(system, state), -node_rate(system, state)))
+        node = node_rates(system, state)
+        state = kicked(system, state, _least(node.mobility, -node.rate))
     return _at_node(system, state)
 
 
@@ -269,7 +261,7 @@ def _nearer(system: ReducedFunctions, state: State) -> State:
     held = [jnp.full(one.size, float(one.holonomic)) for one in system.constraints]
     values = [one.value(system, at) if one.holonomic else jnp.zeros(one.size) for one in system.constraints]
     kept = jnp.diag(jnp.concatenate(held))
-    impulse = _least(kept @ mobility(system, state) @ kept, -jnp.concatenate(values))
+    impulse = _least(kept @ node_rates(system, state).mobility @ kept, -jnp.concatenate(values))
     eta, w = jax.jvp(moved, (jnp.zeros_like(impulse),), (impulse,))[1]
     F = group.exp(eta)
     back = group.inverse(F)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -65,10 +66,36 @@ def kicked(system: ReducedFunctions, state: State, impulse: Array) -> State:
     return state.replace(mu=state.mu + torque, pi=state.pi + force)
 
 
+class NodeRates(NamedTuple):
+    """The velocities of a node and the rates of its constraints.
+
+    rate: `rate` at (ξ, ν), (m,). mobility: A M⁻¹Aᵀ, (m, m), by which an impulse of the multipliers changes it.
+    velocities: those that belong to (μ, π).
+    """
+
+    rate: Array
+    mobility: Array
+    velocities: inverse_legendre.Velocities
+
+
 def node_rate(system: ReducedFunctions, state: State) -> Array:
     """`rate` at the velocities that belong to (μ, π), (m,)."""
-    xi, nu, _ = inverse_legendre.velocities(system, state)
-    return rate(system, site(state), xi, nu)
+    found = inverse_legendre.velocities(system, state)
+    return rate(system, site(state), found.xi, found.nu)
+
+
+def node_rates(system: ReducedFunctions, state: State, impulse: Array | None = None) -> NodeRates:
+    """The rates of a node after the multipliers `impulse` (m,), by default none, and how they change with it."""
+
+    def left(impulse: Array) -> tuple[Array, Any]:
+        after = kicked(system, state, impulse)
+        found = inverse_legendre.velocities(system, after)
+        now = rate(system, site(after), found.xi, found.nu)
+        return now, (now, found)
+
+    at = jnp.zeros(count(system)) if impulse is None else impulse
+    matrix, (now, found) = jax.jacfwd(left, has_aux=True)(at)
+    return NodeRates(now, matrix, found)
 
 
 def closing(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
@@ -77,15 +104,21 @@ def closing(system: ReducedFunctions, state: State, projector: Array | None) -> 
     One linear solve where these are affine in the momenta, else Newton's iteration. projector: of redundant rows, the
     projection (m, m) onto those that are kept.
     """
-
-    def left(impulse: Array) -> Array:
-        return node_rate(system, kicked(system, state, impulse))
-
-    impulse = jnp.zeros(count(system))
-    trips = TRIPS if any(depends(jax.jacfwd(left), impulse)) else 1
-    for _ in range(trips):
-        impulse = impulse - solved(jax.jacfwd(left)(impulse), left(impulse), projector)
+    found = node_rates(system, state)
+    impulse = -solved(found.mobility, found.rate, projector)
+    if found.velocities.residual is None and not _curved(system, state):
+        return impulse
+    for _ in range(TRIPS - 1):
+        found = node_rates(system, state, impulse)
+        impulse = impulse - solved(found.mobility, found.rate, projector)
     return impulse
+
+
+def _curved(system: ReducedFunctions, state: State) -> bool:
+    """Whether ℋ is given and its velocities are not affine in the momenta."""
+    if system.hamiltonian is None:
+        return False
+    return any(depends(lambda impulse: node_rates(system, state, impulse).mobility, jnp.zeros(count(system))))
 
 
 def solved(matrix: Array, right: Array, projector: Array | None) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import DifferenceMap
@@ -17,17 +18,13 @@ from coadjoint.groups.group import Element
 from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import Structure
-from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.constrained_start import (
-    projector_of,
+    checked_start,
     require_members_on_constraints,
-    require_on_constraints,
 )
 from coadjoint.mechanics.constraints import Bound
-from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Node, Point
-from coadjoint.mechanics.inverse_legendre import velocities
-from coadjoint.mechanics.multipliers import multipliers
 from coadjoint.mechanics.reactions import closing, count, kicked, powers, site, source
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -40,7 +37,7 @@ class Reactions:
     """The memory of RATTLE.
 
     step: λ of the step that starts at a record, (m,). end: λ′ of the step before, (m,), the guess of λ; at the start
-    that of φ̈ = 0. projector: of redundant rows the projection (m, m) onto those that are kept, None without. base: the
+    zero. projector: of redundant rows the projection (m, m) onto those that are kept, None without. base: the
     memory of the method.
     """
 
@@ -103,19 +100,9 @@ class Rattle(Step):
         bare = state.replace(memory=None)
         base = self.base.remember(system, bare)
         memory = None if isinstance(base.memory, Factors) else base.memory
-        if traced(state, system.parameters):
-            first = multipliers(system, _at_node(system, bare), None)
-            return state.replace(memory=Reactions(first, first, None, memory))
-        require_on_constraints(system, bare)
-        projector = projector_of(system, bare)
-        if isinstance(state.memory, Reactions):
-            return state.replace(memory=Reactions(state.memory.end, state.memory.end, projector, memory))
-        first = evaluate(
-            lambda s, p: multipliers(here := replace_parameters(system, p), _at_node(here, s), projector),
-            bare,
-            system.parameters,
-        )
-        return state.replace(memory=Reactions(first, first, projector, memory))
+        kept = state.memory.end if isinstance(state.memory, Reactions) else np.zeros(count(system))
+        projector = None if traced(state, system.parameters) else checked_start(system, bare)
+        return state.replace(memory=Reactions(kept, kept, projector, memory))
 
     def remember_by_xla(self, system: System, state: State) -> State:
         return state
@@ -221,11 +208,6 @@ class Rattle(Step):
         return self.base.newton_residual(system, self.inner(system, record, h), h, after)
 
 
-def _at_node(system: System, state: State) -> State:
-    xi, nu, _ = velocities(system, state)
-    return state.replace(xi=xi, nu=nu)
-
-
 def _site_of(state: State, point: Point) -> Any:
     return site(state)._replace(n=point.n, a=point.a, t=jnp.asarray(point.t, dtype=float))
 
@@ -233,6 +215,18 @@ def _site_of(state: State, point: Point) -> Any:
 def kept(state: State) -> Reactions | None:
     """The memory that a record gives to a run that continues from it: the guess of the multipliers."""
     return state.memory if isinstance(state.memory, Reactions) else None
+
+
+def redundancy(state: State) -> list[str]:
+    """A sentence about redundant rows of the constraints of a state that was begun, if there are any."""
+    memory = kept(state)
+    if memory is None or memory.projector is None:
+        return []
+    rank, rows = round(float(np.trace(memory.projector))), len(memory.projector)
+    return [
+        f"The constraints have {rows} rows, of which {rows - rank} follow from the others at the start: the reactions "
+        "are the least of those that do the same."
+    ]
 
 
 def constrained(system: System, step: Step) -> Step:

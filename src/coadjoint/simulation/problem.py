@@ -28,6 +28,7 @@ from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
+from coadjoint.methods.rattle import redundancy
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation import setup_cache
 from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_forward, require_kinds, with_inputs
@@ -177,7 +178,7 @@ class SimulationProblem:
             warnings = system.check(start, self.method.regular) + require_forward(system, self.method, start, self.h)
         state = with_ledger(system, self.method.begin(system, start, self.h), self.monitors)
         if before is None:
-            before = self._verdict(system, state, reading, "run", warnings)
+            before = self._verdict(system, state, reading, "run", warnings + redundancy(state))
         program = self._program(system, state, before["watching"], reading)
         return setup_cache.Known(state, before["warnings"], program, before["watching"])
 

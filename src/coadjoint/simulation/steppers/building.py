@@ -25,6 +25,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.rattle import redundancy
 from coadjoint.simulation import setup_cache
 from coadjoint.simulation.arguments import inputs_held, require_forward, with_inputs
 from coadjoint.simulation.dense import part_of_step, sound
@@ -183,7 +184,7 @@ def checked(
     if before is None:
         require_chart(one, method, begun, h)
         require_events(method, begun, watched)
-        before = {"warnings": warnings}
+        before = {"warnings": warnings + redundancy(begun)}
         setup_cache.remember_verdict(reading, "stepper", before)
     return begun, version(one, first, *functions) if reading is None else reading.version, before["warnings"]
 
