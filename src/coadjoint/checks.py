@@ -235,20 +235,20 @@ def _fits(found: tuple[int, ...], pattern: str) -> bool:
     )
 
 
-def array(value: Any, name: str, *shapes: str | tuple[int, ...], error: Error = ArgumentError) -> Any:
+def array(value: object, name: str, *shapes: str | tuple[int, ...], error: Error = ArgumentError) -> Any:
     """A finite float64 array of one of these shapes, as `shape` has them; a float64 tracer passes."""
     found = float64(value, subject(name))
     shape(found, name, *shapes, error=error)
     return found
 
 
-def increasing(values: Any, name: str, error: Error = ArgumentError) -> None:
+def increasing(values: object, name: str, error: Error = ArgumentError) -> None:
     """Raise unless numbers (k,) are strictly increasing; those of tracers are not known."""
     if isinstance(values, np.ndarray) and np.any(np.diff(values) <= 0):
         raise error(f"{subject(name)} must be strictly increasing, but is not: sort it, and give each once.")
 
 
-def float64(value: Any, name: str) -> Any:
+def float64(value: object, name: str) -> Any:
     """A finite float64 array from numbers, arrays and lists of these.
 
     Floats of fewer digits, those of more where digits would be lost, complex numbers, text and booleans are refused.
@@ -285,7 +285,7 @@ def float64(value: Any, name: str) -> Any:
     return found
 
 
-def numeric(value: Any) -> bool:
+def numeric(value: object) -> bool:
     """Whether this is made of numbers, of whatever kind, and not of text, truth values, times or other objects."""
     from coadjoint.kernels.trace.jaxprs import Tracer
 

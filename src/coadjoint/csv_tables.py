@@ -6,7 +6,7 @@ import csv
 import os
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def _require_small(path: str | os.PathLike[str], text: str) -> None:
             raise FileError(f"The file {path} has {found:,} {what}, more than {most:,}: thin it out.")
 
 
-def csv_text(columns: Mapping[str, Any], shown: Callable[[float], str] = "{:.12g}".format) -> str:
+def csv_text(columns: Mapping[str, object], shown: Callable[[float], str] = "{:.12g}".format) -> str:
     """Columns of one length as text, a row a line; NaN is an empty cell, and there are no minus zeros."""
     arrays = [np.asarray(values) for values in columns.values()]
     lists = [(values if values.dtype.kind in "iu" else values + 0.0).tolist() for values in arrays]

@@ -29,7 +29,7 @@ LONGEST = 80
 """The largest length of a value in a message."""
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value in one short line, for a sentence; its kind if it has no short form."""
     try:
         words = " ".join(repr(value).split())

@@ -16,13 +16,15 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+from coadjoint.arrays import PyTree
+
 _came: list[int] = []
 
 
 class _Hook:
     """The hook that Python calls with an exception that it ignores."""
 
-    def __init__(self, before: Any) -> None:
+    def __init__(self, before: PyTree) -> None:
         self.before = before
 
     def __call__(self, unraisable: Any) -> None:

@@ -152,7 +152,7 @@ def as_written(folder: Path) -> Iterator[None]:
         raise FileError(f"The folder {folder} {what}: {DAMAGED}.") from error
 
 
-def _is_entry(found: Any) -> bool:
+def _is_entry(found: object) -> bool:
     """Whether this is an entry as `entry` makes it."""
     return (
         isinstance(found, list)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from coadjoint.arrays import PyTree
 
-def paths(tree: Any, prefix: str = "") -> dict[str, Any]:
+
+def paths(tree: PyTree, prefix: str = "") -> dict[str, Any]:
     """The values of a nested dictionary, or namespace with `asdict`, by their paths, in their order."""
     found: dict[str, Any] = {}
     for name, value in (tree if isinstance(tree, Mapping) else tree.asdict()).items():

@@ -9,6 +9,7 @@ from functools import partial
 from types import FunctionType
 from typing import Any, ClassVar, Self
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 
 BY_VALUE = ("cloudpickle", "dill", "copy")
@@ -38,7 +39,7 @@ class Remade:
 
     STANDING: ClassVar[tuple[str, ...]] = ()
 
-    def __new__(cls, *given: Any, **named: Any) -> Self:
+    def __new__(cls, *given: object, **named: object) -> Self:
         made = super().__new__(cls)
         made.__dict__["_made_from"] = given, named
         return made
@@ -49,17 +50,17 @@ class Remade:
         return _made, (type(self), *given), {name: self.__dict__[name] for name in self.STANDING}
 
 
-def _made(kind: type[Remade], given: tuple[Any, ...], named: Mapping[str, Any]) -> Remade:
+def _made(kind: type[Remade], given: tuple[object, ...], named: Mapping[str, object]) -> Remade:
     return kind(*given, **named)
 
 
-def require_portable(held: Any, what: str) -> None:
+def require_portable(held: PyTree, what: str) -> None:
     """Raise ArgumentError where a function among values has no name in its module, unless it is taken by value."""
     if not _by_value():
         _require_named(held, what)
 
 
-def _require_named(value: Any, what: str) -> None:
+def _require_named(value: object, what: str) -> None:
     if isinstance(value, Mapping):
         for one in value.values():
             _require_named(one, what)

@@ -20,6 +20,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from coadjoint.arrays import PyTree
+
 MARK = b"\ncoadjoint sealed"
 SIZE = len(MARK) + hashlib.sha256().digest_size
 
@@ -199,7 +201,7 @@ def _places(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     return iter(np.ndindex(*shape))
 
 
-def _texts(held: Any, limit: int) -> tuple[str, int]:
+def _texts(held: PyTree, limit: int) -> tuple[str, int]:
     """The special features of the attributes of a group or dataset, and their bytes."""
     size = 0
     for name in held.attrs:

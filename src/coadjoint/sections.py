@@ -57,7 +57,7 @@ def key(
     others: tuple[str, ...] = (),
     rest: bool = False,
     needs_unit: bool = False,
-    default: Any = MISSING,
+    default: object = MISSING,
     factory: Callable[[], Any] | None = None,
 ) -> Any:
     """A field of a dataclass that declares its `Key`; `default` and `factory` are those of `dataclasses.field`."""
@@ -72,14 +72,14 @@ def keys(of: Any) -> dict[str, Key]:
     return {f.name: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
 
 
-def checked(declared: Key, value: Any, name: str) -> Any:
+def checked(declared: Key, value: object, name: str) -> Any:
     """A value after the check of its key; raises ArgumentError with `name`."""
     if declared.words:
         return choice(value, name, declared.words)
     return value if declared.check is None else declared.check(value, name)
 
 
-def read(kind: type[T], title: str, given: Any, **more: Any) -> T:
+def read(kind: type[T], title: str, given: object, **more: object) -> T:
     """The section `kind` of a table of a file; `title` as in [title]. more: fields that are not keys.
 
     Raises ArgumentError for a value that is not a table, for an unknown key, naming the nearest known one, for a unit
@@ -110,7 +110,7 @@ def read(kind: type[T], title: str, given: Any, **more: Any) -> T:
     return kind(**values, **more)
 
 
-def written(of: Any) -> dict[str, Any]:
+def written(of: object) -> dict[str, Any]:
     """The table that reads as a section, in SI units."""
     found = {name: getattr(of, name) for name in keys(of)}
     return {name: value for name, value in found.items() if value is not None}
@@ -151,14 +151,14 @@ def _said(declared: Key) -> str:
     return f", {declared.meaning}{unit}" if declared.meaning else unit
 
 
-def _apart(given: Mapping[str, Any], known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _apart(given: Mapping[str, object], known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The keys that a section declares, and all others."""
     own = {name: value for name, value in given.items() if split_name(name, known)[0] in known}
     return own, {name: value for name, value in given.items() if name not in own}
 
 
 def _converted(
-    title: str, in_file: str, value: Any, unit: str, name: str, measured: Mapping[str, Dimension | None]
+    title: str, in_file: str, value: object, unit: str, name: str, measured: Mapping[str, Dimension | None]
 ) -> Any:
     wanted = measured.get(name, dimension_of(unit))
     _require_numbers(f"[{title}] {in_file}", value)
@@ -173,7 +173,7 @@ def _converted(
     )
 
 
-def _require_numbers(what: str, value: Any) -> None:
+def _require_numbers(what: str, value: object) -> None:
     if isinstance(value, list):
         for inner in value:
             _require_numbers(what, inner)
@@ -191,7 +191,7 @@ _WORDS = {
 }
 
 
-def _typed(what: str, value: Any, expected: Any) -> Any:
+def _typed(what: str, value: object, expected: object) -> Any:
     """`value` as one of the expected types; an integer counts as a number, true and false do not.
 
     The check of the key handles types that TOML does not have.

@@ -73,9 +73,9 @@ def read_table(text: str, name: object) -> dict[str, Any]:
     return table
 
 
-def _require_shallow(table: dict[str, Any], name: object) -> None:
+def _require_shallow(table: dict[str, object], name: object) -> None:
     """Raise FileError for tables nested too deeply."""
-    level: list[Any] = [table]
+    level: list[object] = [table]
     for _ in range(DEEPEST):
         inner: list[Any] = []
         for value in level:

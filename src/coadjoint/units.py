@@ -150,7 +150,7 @@ def ending(unit: str) -> str:
     return next((f"_{end}" for end, word in ENDINGS.items() if unit_of(word) == wanted), "")
 
 
-def in_si(value: Any, unit: str, dimension: Dimension, what: str) -> Any:
+def in_si(value: object, unit: str, dimension: Dimension, what: str) -> Any:
     """Numbers in SI units; raises ArgumentError as `factor_to`. value: numbers, as lists of any depth."""
     return times(value, factor_to(dimension, unit, what))
 

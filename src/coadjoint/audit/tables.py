@@ -95,7 +95,7 @@ def summary(audit: Audit) -> dict[str, Any]:
     }
 
 
-def _cell(cell: Cell) -> dict[str, Any]:
+def _cell(cell: Cell) -> dict[str, object]:
     found: dict[str, Any] = {
         "method": cell.method,
         "map": cell.map,

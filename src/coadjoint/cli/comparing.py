@@ -81,7 +81,7 @@ def show(found: Comparison) -> None:
     terminal.table((f"apart, {found.common:,} times", f"at {found.last:g} s", "at most", "unit"), rows)
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if value is None:
         return "–"
     return f"{value:.3g}" if isinstance(value, float) else str(value)

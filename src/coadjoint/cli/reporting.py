@@ -71,7 +71,7 @@ def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Content
     )
 
 
-def _title(folder: Path, runs: dict[str, Any], summary: dict[str, Any]) -> str:
+def _title(folder: Path, runs: dict[str, Any], summary: dict[str, object]) -> str:
     names = dict.fromkeys(str(run.dataset.attrs.get("system", "")) for run in runs.values())
     return f"{', '.join(filter(None, names)) or 'A run'}: {folder.resolve().name}"
 

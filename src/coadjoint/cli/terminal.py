@@ -72,7 +72,7 @@ def text(content: str) -> None:
     print(printable(content), end="")
 
 
-def json(found: Any, indent: int | None = 2) -> None:
+def json(found: object, indent: int | None = 2) -> None:
     """JSON, in which control characters are escapes."""
     print(printable(json_text.dumps(found, indent=indent, ensure_ascii=False)))
 

@@ -50,7 +50,7 @@ def start_values(problem: ProblemData) -> dict[str, Any]:
     return place_of(problem.system, problem.start)
 
 
-def place_of(system: System, start: State) -> dict[str, Any]:
+def place_of(system: System, start: State) -> dict[str, object]:
     """The configuration of a state, as arguments of `system.state`, without velocities."""
     group, Q, V = system.places
     found: dict[str, Any] = {"g": start.g, "t": start.t}
@@ -170,7 +170,7 @@ def start_deviations(problem: ProblemData) -> np.ndarray:
     return np.concatenate(found) if found else np.zeros(0)
 
 
-def start_parts(problem: ProblemData, eta: Any) -> dict[str, Any]:
+def start_parts(problem: ProblemData, eta: Array) -> dict[str, Any]:
     """η by the names of the parts of the start, zero for those that are fixed."""
     group, Q, _ = problem.system.places
     found: dict[str, Any] = {name: jnp.zeros(group.dim if name in ("g", "xi", "mu") else Q.ambient(group))

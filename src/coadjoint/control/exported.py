@@ -37,7 +37,7 @@ def step_function(
     start: State,
     dt: float,
     method: Method | None = None,
-    inputs: Mapping[str, Any] | None = None,
+    inputs: Mapping[str, object] | None = None,
     parameters: tuple[str, ...] = (),
 ) -> ExportedStep:
     """One step of `co.simulate` as a function of CasADi.

@@ -19,7 +19,7 @@ LONGEST_TABLE = 4096
 """The longest table that is written as selections, of which there are as many as entries."""
 
 
-def casadi_expressions(roots: Iterable[Expr], known: Mapping[Expr, Any]) -> list[Any]:
+def casadi_expressions(roots: Iterable[Expr], known: Mapping[Expr, Any]) -> list[object]:
     """The roots as `casadi.SX`, with `known` in place of the symbols. Shared expressions stay shared.
 
     Truth values are 0 and 1. Raises LagrangianError for an operation that CasADi does not have.

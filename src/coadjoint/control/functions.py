@@ -18,7 +18,7 @@ from coadjoint.mechanics.trace_checks import in_words
 
 
 def casadi_function(
-    function: Callable[..., Any], arguments: Mapping[str, Any], name: str = "function", result: str = "value"
+    function: Callable[..., object], arguments: Mapping[str, object], name: str = "function", result: str = "value"
 ) -> Any:
     """`function` as a `casadi.Function` of arguments with these names: y = f(x₁, x₂, …).
 
@@ -50,7 +50,7 @@ def casadi_function(
     return ca.Function(name, columns, [outputs], list(arguments), [result])
 
 
-def traced(tracer: Tracer, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
+def traced(tracer: Tracer, what: str, function: Callable[..., object], *arguments: object) -> Any:
     """function(*arguments) as expressions; raises LagrangianError if it has no such form."""
     try:
         with in_words(what):
@@ -75,7 +75,7 @@ def entries(column: Any, shape: tuple[int, ...]) -> list[Any]:
     return [column[i, j] for i in range(rows) for j in range(width)]
 
 
-def matrix(ca: Any, scalars: list[Any], shape: tuple[int, ...]) -> Any:
+def matrix(ca: Any, scalars: list[object], shape: tuple[int, ...]) -> Any:
     """CasADi's matrix of scalars in NumPy's order."""
     if len(shape) > 2:
         raise LagrangianError(f"The function must return at most two axes for CasADi, but returns {len(shape)}.")

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.control.numbers import number, require_between, spread
 from coadjoint.errors import ArgumentError, LagrangianError, shown
@@ -117,7 +118,7 @@ def at_end(inputs: list[tuple[str, Any]]) -> list[int]:
     return found
 
 
-def line(t: Any, over_step: Any) -> Any:
+def line(t: Scalar, over_step: PyTree) -> Any:
     """u(t) of a step: from `begin` at `t` on with `slope`."""
     return over_step["begin"] + (t - over_step["t"]) * over_step["slope"]
 
@@ -139,7 +140,7 @@ class Symbolic(NamedTuple):
     of_all: list[Expr]
 
 
-def symbolic(tracer: Tracer, name: str, source: Any, example: Any, t: Any, h: Expr) -> Symbolic:
+def symbolic(tracer: Tracer, name: str, source: object, example: Any, t: Scalar, h: Expr) -> Symbolic:
     """The symbols of one input over a step of h that begins at t; example: its held value in numbers."""
     if not isinstance(source, Between):
         held = tracer.symbols(f"inputs {name} ", example)
@@ -161,7 +162,7 @@ def first(given: Any, t: float) -> Any:
     return {"begin": given.guess, "t": np.float64(t), "slope": np.zeros(given.shape)}
 
 
-def guesses(inputs: Mapping[str, Any]) -> dict[str, Any] | None:
+def guesses(inputs: Mapping[str, object]) -> dict[str, Any] | None:
     """Inputs as `co.simulate` takes them, with their guesses; None if there are none."""
     found = {}
     for name, given in inputs.items():

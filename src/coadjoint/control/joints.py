@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.control.boundary_conditions import place_of
 from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
@@ -135,7 +136,7 @@ def phased_program(
     )
 
 
-def _sides(transcription: Transcription, w: Any) -> tuple[Sides, Sides]:
+def _sides(transcription: Transcription, w: Array) -> tuple[Sides, Sides]:
     """The first and the last node of a phase in its variables."""
     nx, nu, nz, count = transcription.sizes
     problem, block = transcription.problem, nx + nu + nz

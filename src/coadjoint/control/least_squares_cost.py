@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from coadjoint import checks
 
 
-def squares(function: Callable[..., Any]) -> Callable[..., Any]:
+def squares(function: Callable[..., object]) -> Callable[..., Any]:
     """The cost L = |e|² of e = function(motion [, p]), a vector of any length.
 
         cost=co.control.squares(lambda motion, p: jnp.concatenate([3 * (motion.q - goal), motion.nu]))
@@ -24,7 +24,7 @@ def squares(function: Callable[..., Any]) -> Callable[..., Any]:
     checks.function(function, "function", "a function of the motion")
 
     @functools.wraps(function)
-    def cost(*arguments: Any) -> Any:
+    def cost(*arguments: object) -> Any:
         return jnp.sum(jnp.square(jnp.ravel(jnp.asarray(function(*arguments)))))
 
     cost.residual = function  # pyright: ignore[reportAttributeAccessIssue]

@@ -131,7 +131,7 @@ class Simulated:
         return None
 
 
-def with_hessian(function: Any, name: str, columns: Any) -> Any:
+def with_hessian(function: Any, name: str, columns: object) -> Any:
     """A number f(x, u, p, h) as a function to f, its gradient by w and Wᵀ f'' W, W = ∂(x, u)/∂w."""
     ca, (x, u, p, h), W = casadi(), *_of_node(function, columns)
     f = ca.densify(function(x, u, p, h))
@@ -140,7 +140,7 @@ def with_hessian(function: Any, name: str, columns: Any) -> Any:
     return ca.Function(name, [x, u, p, h], results, list("xuph"), ["f", "gradient", "hessian"])
 
 
-def expanded(transcription: Transcription, name: str, columns: Any = None) -> Any:
+def expanded(transcription: Transcription, name: str, columns: object = None) -> Any:
     """`cost` or `final_cost` to second order by w (`with_hessian`); of squares |e|² with 2 JᵀJ of the Jacobian J of e.
 
     columns: W(x, u, p, h); by default w = (x, u).
@@ -158,7 +158,7 @@ def expanded(transcription: Transcription, name: str, columns: Any = None) -> An
     return ca.Function(name, [x, u, p, h], results, list("xuph"), ["f", "gradient", "hessian"])
 
 
-def with_jacobian(function: Any, name: str, columns: Any) -> Any:
+def with_jacobian(function: Any, name: str, columns: object) -> Any:
     """Numbers c(x, u, p, h) as a function to c and its Jacobian by w."""
     ca, (x, u, p, h), W = casadi(), *_of_node(function, columns)
     c = ca.densify(function(x, u, p, h))

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.functions import traced
 from coadjoint.control.library import casadi
@@ -32,7 +33,7 @@ class MeasuredState:
     def __init__(self, transcription: Transcription):
         self._transcription, self._beginning = transcription, transcription.beginning
         self._begin: Any = None
-        self._parameters: Any = None
+        self._parameters: object = None
         self._column = np.zeros(0)
         begun = transcription.beginning.state
         self._size = transcription.graph.numbers(begun).shape
@@ -55,7 +56,7 @@ class MeasuredState:
             raise ArgumentError("Argument `state` must have finite numbers.")
         return x
 
-    def _require(self, state: Any) -> None:
+    def _require(self, state: State) -> None:
         system = self._transcription.problem.system
         checks.instance(state, "state", State, "a co.State of the problem's system")
         if state.places != system.places:
@@ -68,7 +69,7 @@ class MeasuredState:
                 "water differ."
             )
 
-    def _with_momenta(self, state: State, parameters: Any) -> np.ndarray:
+    def _with_momenta(self, state: State, parameters: PyTree) -> np.ndarray:
         """The numbers of the state as the method starts it from ξ and ν, with the model's momenta for them."""
         if self._begin is None:
             begun = self._beginning.state
@@ -81,7 +82,7 @@ class MeasuredState:
             raise ArgumentError(SHAPES)
         return self._begin(self._column, column)[0].ravel()
 
-    def _begun(self, parameters: Any, given: dict[str, Any]) -> Any:
+    def _begun(self, parameters: PyTree, given: dict[str, object]) -> Any:
         """(numbers of the parameters, given numbers of a state) → numbers of the state that begins a step.
 
         A function of CasADi, which takes a few µs.
@@ -90,7 +91,7 @@ class MeasuredState:
         plain = dict.fromkeys(("internal_mean", "internal_end", "internal_due"), None)
         template = begun.replace(memory=None, ledger=None, from_velocities=True, **plain)
 
-        def begin(parameters: Any, given: dict[str, Any]) -> list[Any]:
+        def begin(parameters: PyTree, given: dict[str, object]) -> list[Any]:
             there = method.begin(replace_parameters(system, parameters), template.replace(**given), h)
             return [jnp.ravel(jnp.asarray(leaf)) for leaf in self._transcription.graph.leaves(there)]
 

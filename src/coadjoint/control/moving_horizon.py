@@ -180,7 +180,7 @@ class Estimator(Remade):
             values[name], weights[name] = np.where(known, found, 0.0).ravel(), weight.ravel()
         return Seen(values, weights)
 
-    def _row(self, inputs: Mapping[str, Any]) -> np.ndarray:
+    def _row(self, inputs: Mapping[str, object]) -> np.ndarray:
         """The inputs of the step that ended: those that are known, and the guesses of the others."""
         if not isinstance(inputs, Mapping):
             raise ArgumentError(f"An estimator takes a dictionary of known inputs, but got {shown(inputs)}.")

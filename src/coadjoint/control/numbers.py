@@ -22,7 +22,7 @@ def number(value: Any, name: str, nan: bool = False) -> np.ndarray:
     return found
 
 
-def spread(value: Any, shape: tuple[int, ...], name: str, what: str = "an input") -> np.ndarray:
+def spread(value: object, shape: tuple[int, ...], name: str, what: str = "an input") -> np.ndarray:
     """A number as an array of this shape; raises ArgumentError for other shapes."""
     found = number(value, name)
     if name == "guess":

@@ -76,7 +76,7 @@ class Phases:
         tolerance: float = 1e-9,
         max_iterations: int = 500,
         verbose: bool = False,
-        options: Mapping[str, Any] | None = None,
+        options: Mapping[str, object] | None = None,
     ) -> PhasedOptimum:
         """The optimum, each phase simulated by `co.simulate` from the end of the previous run.
 
@@ -164,7 +164,7 @@ class Phases:
                 "together."
             )
 
-    def _guesses(self, guess: Any) -> dict[str, Any]:
+    def _guesses(self, guess: object) -> dict[str, object]:
         if guess is None or isinstance(guess, str):
             return dict.fromkeys(self.phases, guess)
         if not isinstance(guess, Mapping) or not set(guess) <= set(self.phases):

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
@@ -96,7 +97,7 @@ class Controller(Remade):
         self._clock: Timeline | None = None
         self._prepared: tuple[int, MotionPlan, Expansion] | None = None
 
-    def change(self, **values: Any) -> None:
+    def change(self, **values: object) -> None:
         """Set parameters that `changing` names, as `system.replace` does, for all calls from now on.
 
         values: name → value, or name → {name: value} of a part. Raises ArgumentError for another name.
@@ -282,7 +283,7 @@ class Controller(Remade):
             return "guess", self._guess
         return "fallback", self._row(self._fallback(state))
 
-    def _row(self, command: Any) -> np.ndarray:
+    def _row(self, command: PyTree) -> np.ndarray:
         """Commands of a fallback as a row, within the inputs' bounds."""
         known = self._transcription.inputs
         if not isinstance(command, dict) or set(command) != {name for name, _ in known}:
@@ -309,7 +310,7 @@ class Controller(Remade):
 
 
 def controller(
-    problem: ProblemData, period: Any, delay: Any, iterations: Any, fallback: Any, changing: Any
+    problem: ProblemData, period: object, delay: object, iterations: Any, fallback: Any, changing: object
 ) -> Controller:
     """The controller of a problem; the arguments are those of `Problem.controller`."""
     require_controllable(problem)

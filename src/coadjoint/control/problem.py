@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from coadjoint import checks
 from coadjoint.checks import whole
@@ -71,7 +70,7 @@ class Problem(ProblemData):
         tolerance: float = 1e-9,
         max_iterations: int = 500,
         verbose: bool = False,
-        options: Mapping[str, Any] | None = None,
+        options: Mapping[str, object] | None = None,
     ) -> Optimum:
         """The optimum, simulated again by `co.simulate`.
 
@@ -119,7 +118,7 @@ class Problem(ProblemData):
         *,
         delay: float = 0.0,
         iterations: int = 1,
-        fallback: Callable[[State], Any] | None = None,
+        fallback: Callable[[State], object] | None = None,
         changing: Sequence[str] = (),
     ) -> Controller:
         """Model predictive control of this problem: `controller(state)` is the command for a state, by one iteration.

@@ -112,7 +112,7 @@ class ProblemData:
     method: Method = field(default_factory=Midpoint)
     inputs: Mapping[str, Any] = field(default_factory=dict)
     cost: Callable[..., Any] | None = None
-    final_cost: Callable[..., Any] | None = None
+    final_cost: Callable[..., object] | None = None
     path: Mapping[str, Bounds] = field(default_factory=dict)
     end: End | Callable[..., Any] | None = None
     free_duration: tuple[float, float] | None = None

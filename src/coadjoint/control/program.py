@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
@@ -105,7 +106,7 @@ def _inside(transcription: Transcription) -> Rows:
     return Rows(f"the path ({names}) inside the step", lower, upper)
 
 
-def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any:
+def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scalar) -> Any:
     """½ Σ |(h(x_k) − y_k)/σ|² of all measurements, and ½ |η/σ|² of the start."""
     ca, found = casadi(), 0.0
     for name, (nodes, values, weights) in transcription.data.items():
@@ -121,7 +122,7 @@ def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any
     return found
 
 
-def _of_inputs(transcription: Transcription, u: Any, h: Any) -> list[tuple[Rows, Any, int]]:
+def _of_inputs(transcription: Transcription, u: Array, h: Scalar) -> list[tuple[Rows, Any, int]]:
     """Continuity of linear inputs, and the largest rates: rows, their values, and the number of nodes."""
     found, steps = [], transcription.problem.count
     for name, given, begin, end in transcription.columns:

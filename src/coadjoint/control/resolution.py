@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import warn
@@ -49,7 +50,7 @@ class JudgedMotions:
                 self._sample = None
 
     def _step(
-        self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None
+        self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: PyTree = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         after, code = rows.copy(), np.zeros(len(rows), int)
         for i, row in enumerate(rows):

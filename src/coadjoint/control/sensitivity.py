@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.control.conditions import SolvedProgram, conditions
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
@@ -59,7 +60,7 @@ def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start
     return _named(transcription, data, values, moved, slope)
 
 
-def _require(problem: ProblemData, names: tuple[str, ...], start: Any) -> None:
+def _require(problem: ProblemData, names: tuple[str, ...], start: PyTree) -> None:
     checks.instance(start, "start", (tuple, list), 'names of parts of a state, such as ("g", "mu")')
     for name in names:
         if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):

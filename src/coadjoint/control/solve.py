@@ -49,7 +49,7 @@ def solve(
     tolerance: float,
     max_iterations: int,
     verbose: bool,
-    options: Mapping[str, Any] | None,
+    options: Mapping[str, object] | None,
 ) -> Optimum:
     """The optimum of a problem; the arguments are those of `Problem.solve`."""
     settings = settings_of(solver, tolerance, max_iterations, verbose, options)
@@ -120,7 +120,7 @@ def found_by(function: Any, program: NonlinearProgram, first: np.ndarray, settin
 
 
 def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, Any]:
-    quiet: dict[str, Any] = {
+    quiet: dict[str, object] = {
         "print_time": verbose,
         "record_time": True,
         "error_on_fail": False,

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.control.functions import traced
 from coadjoint.control.inputs_between import symbolic
 from coadjoint.errors import ArgumentError
@@ -74,14 +75,14 @@ class StepGraph:
     after: State
     residual: list[Expr]
 
-    def at_node(self, function: Callable[..., Any], what: str, *more: Any) -> list[Expr]:
+    def at_node(self, function: Callable[..., object], what: str, *more: object) -> list[Expr]:
         """function(system, state, *more) at the node where the step starts, with ξ and ν of the momenta."""
         return flat(self._at_node(function, what, *more))
 
-    def _at_node(self, function: Callable[..., Any], what: str, *more: Any) -> Any:
+    def _at_node(self, function: Callable[..., object], what: str, *more: object) -> Any:
         skeleton = replace_parameters(self.beginning.system, None)
 
-        def of_node(constants: Constants, state: State, *more: Any) -> Any:
+        def of_node(constants: Constants, state: State, *more: object) -> Any:
             system = replace_parameters(skeleton, constants.system)
             return jnp.asarray(function(system, at_node(system, state), *more))
 
@@ -91,7 +92,7 @@ class StepGraph:
         """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""
         return flat(self.array_of_motion(function, what))
 
-    def array_of_motion(self, function: Callable[..., Any], what: str) -> Any:
+    def array_of_motion(self, function: Callable[..., object], what: str) -> Any:
         """`of_motion` as an array of expressions."""
 
         def given(system: System, state: State) -> Any:
@@ -147,7 +148,7 @@ class StepGraph:
         return jax.tree_util.tree_leaves(self._symbolic(state))
 
     @staticmethod
-    def _symbolic(state: State) -> tuple[Any, ...]:
+    def _symbolic(state: State) -> tuple[object, ...]:
         return tuple(getattr(state, part) for part in VARIED if part != "inputs")
 
 
@@ -191,7 +192,7 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
     return StepGraph(tracer, beginning, named, constants, begun, node, residual)
 
 
-def _commands(tracer: Tracer, system: System, state: State, t: Any, h: Expr) -> tuple[Any, list[Expr], list[Expr]]:
+def _commands(tracer: Tracer, system: System, state: State, t: Scalar, h: Expr) -> tuple[Any, list[Expr], list[Expr]]:
     """The inputs held over the step, with symbols for chosen ones, and these symbols, of the step and of all steps;
     functions are evaluated there."""
     inputs = system.inputs
@@ -221,7 +222,7 @@ def _parameters(tracer: Tracer, system: System, free: tuple[str, ...]) -> tuple[
     return symbols, parameters
 
 
-def _with(parameters: Any, name: str, tree: Any) -> Any:
+def _with(parameters: PyTree, name: str, tree: PyTree) -> Any:
     leaves, structure = jax.tree_util.tree_flatten(parameters)
     places = jax.tree_util.tree_leaves(jax.tree_util.tree_unflatten(structure, range(len(leaves))))
     owners = jax.tree_util.tree_leaves(getattr(jax.tree_util.tree_unflatten(structure, places), name))
@@ -230,6 +231,6 @@ def _with(parameters: Any, name: str, tree: Any) -> Any:
     return jax.tree_util.tree_unflatten(structure, leaves)
 
 
-def numbers_of(tree: Any) -> np.ndarray:
+def numbers_of(tree: PyTree) -> np.ndarray:
     """The numbers of a tree in the order of its leaves."""
     return pack(tree)[1]

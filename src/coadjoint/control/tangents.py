@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import Tables
 from coadjoint.control.transcription import Transcription, functions_of
@@ -107,7 +108,7 @@ class Tangents:
         return found
 
 
-def _numbers(system: System, state: State, xi: Any) -> Any:
+def _numbers(system: System, state: State, xi: Array) -> Any:
     """The numbers of g exp(ξ) and exp(−ξ)·a."""
     group, _, V = system.places
     parts = [group.compose(state.g, group.exp(xi))]

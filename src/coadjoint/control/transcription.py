@@ -209,7 +209,7 @@ def _data(problem: ProblemData, name: str, shape: tuple[int, ...]) -> tuple[np.n
     return nodes, *measured.weights(shape, name)
 
 
-def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, Any]) -> Begun:
+def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, object]) -> Begun:
     """The system with its commands, and the state that its method starts from; raises the errors of `co.simulate`."""
     named, t = {name: source(value) for name, value in inputs.items()}, float(start.t)
     for name, value in inputs.items():
@@ -282,7 +282,7 @@ def functions_of(
     known = {node: column[i] for column, row in zip(columns, nodes, strict=True) for i, node in enumerate(row)}
     after = graph.next()
 
-    def as_function(name: str, arguments: list[Any], names: list[str], results: dict[str, list[Expr]]) -> Any:
+    def as_function(name: str, arguments: list[object], names: list[str], results: dict[str, list[Expr]]) -> Any:
         outputs = [ca.vertcat(*casadi_expressions(nodes, known)) for nodes in results.values()]
         return ca.Function(name, arguments, outputs, names, list(results))
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
 from coadjoint.kernels.packing import pack
@@ -55,7 +55,7 @@ class Drifting:
         ends = np.cumsum([0, *self.sizes.values()]).tolist()
         return {name: slice(*pair) for name, *pair in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
 
-    def moved(self, theta: Any, h: Scalar) -> Any:
+    def moved(self, theta: Array, h: Scalar) -> Any:
         """θ (…, k) after a step of h without noise."""
         return self.means + (theta - self.means) * self._each(h, lambda drift: drift.factor(h))
 
@@ -63,7 +63,7 @@ class Drifting:
         """q(h) of every number, (k,)."""
         return self._each(h, lambda drift: drift.variance(h))
 
-    def named(self, theta: Any) -> Named:
+    def named(self, theta: Array) -> Named:
         """θ by names."""
         return Named(**{name: theta[here] for name, here in self.slices.items()})
 
@@ -100,7 +100,7 @@ class DriftingParameters(Drifting):
         self.first = np.concatenate([self._values[self.places], np.zeros(self._biases.count)])
         self.require_near(self.first)
 
-    def true(self, constants: Constants, known: Mapping[str, Any], count: int) -> np.ndarray:
+    def true(self, constants: Constants, known: Mapping[str, object], count: int) -> np.ndarray:
         """θ at `count` nodes, (count, k), of a system with these constants; `known` values, name → numbers or (count,
         numbers), take their place. Raises ArgumentError unless both determine all of θ."""
         places, values = _places(constants), pack(constants)[1]
@@ -122,18 +122,18 @@ class DriftingParameters(Drifting):
             found.append(np.broadcast_to(value, (count, size)))
         return np.concatenate([np.zeros((count, 0)), *found], axis=1)
 
-    def biases(self, theta: Any) -> Named:
+    def biases(self, theta: Array) -> Named:
         """The biases of θ by names, each (size,)."""
         return self._biases.named(theta[len(self.places) :])
 
-    def replaced(self, theta: Any) -> Constants:
+    def replaced(self, theta: Array) -> Constants:
         """The constants with θ in their places."""
         if not len(self.places):
             return self._layout.unpack(self._values)
         numbers = list(self._values)
         for i, place in enumerate(self.places):
             numbers[place] = theta[i]
-        joined: Any = jnp.stack([jnp.asarray(one, dtype=float) for one in numbers])
+        joined: object = jnp.stack([jnp.asarray(one, dtype=float) for one in numbers])
         return self._layout.views(joined)
 
 

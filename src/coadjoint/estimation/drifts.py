@@ -83,7 +83,7 @@ def _of(h: Scalar) -> Any:
     return jnp if traced(h) else np
 
 
-def not_negative(value: Any, name: str, whose: str) -> np.ndarray:
+def not_negative(value: object, name: str, whose: str) -> np.ndarray:
     """A standard deviation or a density as float64; raises ArgumentError unless it is finite and not negative."""
     found = numbers(value)
     if not np.all(np.isfinite(found) & (found >= 0)):
@@ -93,7 +93,7 @@ def not_negative(value: Any, name: str, whose: str) -> np.ndarray:
     return found
 
 
-def finite(value: Any, name: str, whose: str) -> np.ndarray:
+def finite(value: object, name: str, whose: str) -> np.ndarray:
     """Numbers as float64; raises ArgumentError unless they are finite."""
     found = numbers(value)
     if not np.all(np.isfinite(found)):

@@ -80,7 +80,7 @@ class Filtered:
         """The states, with a leading axis of nodes in every leaf."""
         return self._process.state(self.rows)
 
-    def nees(self, truth: Any, known: Mapping[str, Any] | None = None) -> tuple[np.ndarray, int]:
+    def nees(self, truth: object, known: Mapping[str, object] | None = None) -> tuple[np.ndarray, int]:
         """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members).
 
         truth: rows of the same shape; of a `ModelProcess` a run of co.simulate, read at the nodes, or states (K,); of a
@@ -140,7 +140,7 @@ def filtered(
     )  # fmt: skip
 
 
-def states_at(truth: Any, times: np.ndarray, system: System) -> State | None:
+def states_at(truth: object, times: np.ndarray, system: System) -> State | None:
     """The states of `truth`, a run of `co.simulate` or states with an axis of nodes, at `times`, (K,) s; None for
     others.
 

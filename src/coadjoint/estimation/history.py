@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.timetable import SAME
 
@@ -28,10 +29,10 @@ class PastStep:
 class Past:
     """The steps of the last `memory` seconds."""
 
-    def __init__(self, memory: Any):
+    def __init__(self, memory: PyTree):
         self._memory, self._steps = checks.not_negative(memory, "memory"), deque[PastStep]()
 
-    def predicted(self, t: float, rows: np.ndarray, P: np.ndarray, dt: float, inputs: dict[str, Any]) -> None:
+    def predicted(self, t: float, rows: np.ndarray, P: np.ndarray, dt: float, inputs: dict[str, object]) -> None:
         """Note a prediction from t."""
         if not self._memory:
             return
@@ -39,7 +40,7 @@ class Past:
         while self._steps[0].t + self._steps[0].dt <= t + dt - self._memory + SAME:
             self._steps.popleft()
 
-    def took(self, name: str, value: Any) -> None:
+    def took(self, name: str, value: object) -> None:
         """Note a measurement at the end of the last step."""
         if self._steps:
             self._steps[-1].taken.append((name, value))
@@ -54,7 +55,7 @@ class Past:
         found._steps = deque(replace(step, taken=list(step.taken)) for step in self._steps)
         return found
 
-    def back(self, t: Any, now: float) -> list[PastStep]:
+    def back(self, t: Scalar, now: float) -> list[PastStep]:
         """Remove and return the steps from that around t on; raises ArgumentError if none is kept."""
         first = self._steps[0].t if self._steps else now
         if not (checks.is_number(t) and first - SAME <= t <= now + SAME):

@@ -56,7 +56,7 @@ def one_by_one(states: InertialState) -> tuple[list[InertialState], tuple[int, .
     return [InertialState(*one) for one in zip(*rows, strict=True)], nodes
 
 
-def vector(value: Any, name: str, shape: tuple[int, ...], whose: str) -> np.ndarray:
+def vector(value: object, name: str, shape: tuple[int, ...], whose: str) -> np.ndarray:
     """Finite numbers of a shape; raises ArgumentError with their name and owner for others."""
     found = finite(value, name, whose)
     checks.shape(found, f"`{name}` of {whose}", shape)

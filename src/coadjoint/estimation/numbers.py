@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from coadjoint.checks import is_number
 
 
-def float64(value: Any) -> np.ndarray:
+def float64(value: object) -> np.ndarray:
     """Numbers as an array, None among them as NaN; raises TypeError or ValueError for anything else."""
     found = np.asarray(value)
     if found.dtype == object and all(one is None or is_number(one) for one in found.flat):
@@ -19,7 +17,7 @@ def float64(value: Any) -> np.ndarray:
     return found.astype(float)
 
 
-def numbers(value: Any) -> np.ndarray:
+def numbers(value: object) -> np.ndarray:
     """Numbers as an array; NaN for anything else."""
     try:
         return float64(value)

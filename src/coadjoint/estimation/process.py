@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.numbers import float64, numbers
@@ -22,7 +23,7 @@ from coadjoint.portable import Remade
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps
 
 
-def arguments_of(function: Callable[..., Any]) -> int | None:
+def arguments_of(function: Callable[..., object]) -> int | None:
     """The number of positional arguments without defaults; None for any number."""
     try:
         known = inspect.signature(function).parameters.values()
@@ -34,7 +35,7 @@ def arguments_of(function: Callable[..., Any]) -> int | None:
     return sum(one.kind in kinds and one.default is one.empty for one in known)
 
 
-def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
+def spread(deviations: Mapping[str, object], sizes: Mapping[str, int]) -> np.ndarray:
     """Standard deviations by names as numbers (n,), 0 for the others; raises ArgumentError."""
     found = []
     checks.instance(deviations, "`deviations`", Mapping, "name → number")
@@ -85,17 +86,17 @@ class Process(Remade, ABC):
         """A row, (size,)."""
 
     @abstractmethod
-    def retract(self, row: Any, e: Any) -> Any:
+    def retract(self, row: object, e: object) -> Any:
         """The row (size,) of the state that differs from another by e (n,)."""
 
     @abstractmethod
-    def differ(self, row: Any, other: Any) -> Any:
+    def differ(self, row: object, other: object) -> Any:
         """e (n,) with other = retract(row, e), to first order, or exactly."""
 
     truths: str = ""
     """The other arguments of `rows_of`, as words of a list, with a final comma."""
 
-    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
+    def rows_of(self, states: PyTree, times: np.ndarray, known: Mapping[str, object] | None = None) -> np.ndarray:
         """Rows unchanged; a process may also take states with an axis of nodes. Raises ArgumentError.
 
         times: of the nodes, (K,) s, for objects with their own times. known: the numbers that rows hold in addition to
@@ -111,12 +112,12 @@ class Process(Remade, ABC):
                 f"found with the true numbers in it, but is {shown(states)}."
             ) from None
 
-    def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:
+    def doubt(self, row: np.ndarray, inputs: Mapping[str, object]) -> str:
         """A sentence on inputs, name → `Series`, that are implausible for a filter at a row, or ""."""
         return ""
 
     @abstractmethod
-    def row(self, state: Any) -> np.ndarray:
+    def row(self, state: PyTree) -> np.ndarray:
         """The row (size,) of a state; raises ArgumentError unless it is one of this process."""
 
     @abstractmethod
@@ -124,10 +125,10 @@ class Process(Remade, ABC):
         """The state of a row (size,)."""
 
     @abstractmethod
-    def motion(self, row: Any) -> tuple[Any, ...]:
+    def motion(self, row: object) -> tuple[Any, ...]:
         """The arguments of functions of measurements at a row, traced: the motion, the parameters, the biases."""
 
-    def observed(self, row: Any) -> tuple[Any, ...]:
+    def observed(self, row: object) -> tuple[Any, ...]:
         """The arguments of functions of the state at a row, traced: the state, the parameters, the biases.
 
         Raises ArgumentError where the process has no state of a system.
@@ -153,7 +154,7 @@ class Process(Remade, ABC):
     commanded: np.ndarray
     """The places of the inputs in a row."""
 
-    def with_inputs(self, rows: np.ndarray, inputs: Mapping[str, Any]) -> np.ndarray:
+    def with_inputs(self, rows: np.ndarray, inputs: Mapping[str, object]) -> np.ndarray:
         """A copy of the rows (members, size) with these inputs, name → value, held over the next step.
 
         Raises ArgumentError for values of other shapes, and for values that are not finite.
@@ -279,7 +280,7 @@ class Process(Remade, ABC):
         given = np.concatenate([self.example, self.example])
         return RowFunction(lambda x, y: self.differ(y[:size], y[size:]), np.zeros(0), given)
 
-    def measurement(self, function: Callable[..., Any], of_state: bool = False) -> RowFunction:
+    def measurement(self, function: Callable[..., object], of_state: bool = False) -> RowFunction:
         """(e, x) ↦ function of the motion, or of the state, at retract(x, e), flat, with its Jacobian by e.
 
         Raises ArgumentError for a function that needs more than the motion or the state, the parameters and the biases.
@@ -291,13 +292,13 @@ class Process(Remade, ABC):
                 f"needs {taken} arguments."
             )
 
-        def read(e: Any, row: Any) -> Any:
+        def read(e: object, row: object) -> Any:
             return jnp.ravel(jnp.asarray(function(*see(self.retract(row, e))[:taken]), dtype=float))
 
         return RowFunction(read, np.zeros(self.width), self.example)
 
 
-def _input(value: Any, name: str, shape: tuple[int, int]) -> np.ndarray:
+def _input(value: object, name: str, shape: tuple[int, int]) -> np.ndarray:
     """(members, size), or (size,) for all; raises ArgumentError."""
     found = numbers(value)
     members, size = shape

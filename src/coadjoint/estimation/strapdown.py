@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.augmented_state import Drifting
 from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative
@@ -88,10 +88,10 @@ class StrapdownProcess(Process):
         *,
         gravity: float = 9.81,
         error: str = "left",
-        noise: Mapping[str, Any] | None = None,
+        noise: Mapping[str, object] | None = None,
         drifting: Mapping[str, Drift] | None = None,
-        position: Any = (0.0, 0.0, 0.0),
-        euler_zyx: Any = (0.0, 0.0, 0.0),
+        position: PyTree = (0.0, 0.0, 0.0),
+        euler_zyx: object = (0.0, 0.0, 0.0),
     ):
         checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
         self.error, self.gravity = (
@@ -116,7 +116,7 @@ class StrapdownProcess(Process):
 
     # Rows, t, R, v, q, y, θ, and states.
 
-    def row(self, state: Any) -> np.ndarray:
+    def row(self, state: PyTree) -> np.ndarray:
         size = 22 + self._drifts.count
         if isinstance(state, np.ndarray) and state.shape == (size,):
             return state
@@ -132,7 +132,7 @@ class StrapdownProcess(Process):
 
     truths = "an InertialState with an axis of nodes, or "
 
-    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
+    def rows_of(self, states: PyTree, times: np.ndarray, known: Mapping[str, object] | None = None) -> np.ndarray:
         if known or not isinstance(states, InertialState):
             return super().rows_of(states, times, known)
         each, nodes = one_by_one(states)
@@ -181,7 +181,7 @@ class StrapdownProcess(Process):
         x = product(x, turn) if self.error == "left" else product(turn, x)
         return jnp.concatenate([row[:1], _flat(x), row[16:22], row[22:] + e[9:]])
 
-    def _between(self, row: Any, other: Any) -> ExtendedPose:
+    def _between(self, row: object, other: object) -> ExtendedPose:
         x, y = _pose(row), _pose(other)
         return product(inverse(x), y) if self.error == "left" else product(y, inverse(x))
 
@@ -203,7 +203,7 @@ class StrapdownProcess(Process):
         """(), (x, y, η) ↦ e, where η is known."""
         size = len(self._first)
 
-        def differing(_: Any, y: Any) -> Any:
+        def differing(_: object, y: Array) -> Any:
             row, other = y[:size], y[size : 2 * size]
             return jnp.concatenate([logarithm(self._between(row, other), y[2 * size :]), other[22:] - row[22:]])
 
@@ -242,7 +242,7 @@ class StrapdownProcess(Process):
     def _tangent(self) -> RowFunction:
         n, size = self.width, len(self._first)
 
-        def error_after(x: Any, y: Any) -> Any:
+        def error_after(x: Array, y: Array) -> Any:
             row, after, h = y[:size], y[size : 2 * size], y[2 * size]
             there = self._after(self.retract(row, x[:n]), h, x[n:])
             return jnp.concatenate([self.differ(after, there), there[22:], self._drifts.variances(h)])
@@ -297,12 +297,12 @@ def _drifts(given: Mapping[str, Drift] | None) -> dict[str, Drift]:
     return {name: found[name] for name in DRIFTING if name in found}
 
 
-def _require_names(given: Any, argument: str, of: str) -> None:
+def _require_names(given: object, argument: str, of: str) -> None:
     if given is not None:
         checks.instance(given, f"`{argument}` of {WHOSE}", Mapping, f"name → {of}")
 
 
-def _noise(given: Mapping[str, Any] | None) -> np.ndarray:
+def _noise(given: Mapping[str, object] | None) -> np.ndarray:
     _require_names(given, "noise", "number")
     given, found = dict(given or {}), []
     for name in ("gyroscope", "accelerometer"):

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Element, LieGroup, require_solution
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
@@ -18,7 +19,7 @@ _SOLVED = 1e-13
 """The size of a step, in units of the basis and of the largest deviation, at which an iteration has converged."""
 
 
-def mean(group: LieGroup, elements: Any, weights: ArrayLike | None = None) -> Element:
+def mean(group: LieGroup, elements: PyTree, weights: ArrayLike | None = None) -> Element:
     """The mean m of elements g_i with Σ w_i log(m⁻¹g_i) = 0, by m ↦ m exp(Σ w_i log(m⁻¹g_i)/Σ w_i).
 
     It is carried by translations from either side and by inversion, mean(hg_ik) = h mean(g_i) k. On groups with a
@@ -57,7 +58,7 @@ def mean(group: LieGroup, elements: Any, weights: ArrayLike | None = None) -> El
     )
 
 
-def logarithms(group: LieGroup, elements: Any) -> np.ndarray:
+def logarithms(group: LieGroup, elements: PyTree) -> np.ndarray:
     """log g_i of every element, (count, dim G).
 
     elements: an element whose leaves have a leading axis, or a list of elements. Raises GroupError as `group.log`, and
@@ -69,7 +70,7 @@ def logarithms(group: LieGroup, elements: Any) -> np.ndarray:
     return xi
 
 
-def stacked(group: LieGroup, elements: Any) -> Element:
+def stacked(group: LieGroup, elements: PyTree) -> Element:
     """Elements as one PyTree of NumPy's arrays with a leading axis; raises ArgumentError for what holds none."""
     e = evaluate(group.identity)
     leaves, structure = jax.tree.flatten(e)
@@ -101,7 +102,7 @@ def _between(group: LieGroup, m: Element, g: Element) -> Any:
 def _require_near(group: LieGroup, m: Element, g: Element, xi: np.ndarray) -> None:
     """Raise GroupError that names the first element without exp(ξ_i) = m⁻¹g_i, ξ (count, dim G)."""
 
-    def misfit(m: Element, g: Element, xi: Any) -> Any:
+    def misfit(m: Element, g: Element, xi: Array) -> Any:
         off = group.matrix(group.compose(m, group.exp(xi))) - group.matrix(g)
         return jnp.max(jnp.abs(off)) / jnp.max(jnp.abs(group.matrix(g)), initial=1.0)
 

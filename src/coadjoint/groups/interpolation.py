@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.element_statistics import logarithms, stacked
 from coadjoint.groups.group import Element, LieGroup
@@ -58,7 +58,7 @@ class Spline:
     Raises ArgumentError for other times, numbers or velocities, GroupError where g_k⁻¹g_{k+1} has no logarithm.
     """
 
-    def __init__(self, group: LieGroup, times: ArrayLike, elements: Any, velocities: ArrayLike | None = None):
+    def __init__(self, group: LieGroup, times: ArrayLike, elements: PyTree, velocities: ArrayLike | None = None):
         self.group = group
         self.elements = stacked(group, elements)
         count = len(jax.tree.leaves(self.elements)[0])

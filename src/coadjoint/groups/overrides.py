@@ -86,7 +86,7 @@ def parts(thing: object, kind: type) -> Iterator[Any]:
                 yield inner
 
 
-def stamp(thing: object, *bases: type) -> tuple[Any, ...]:
+def stamp(thing: object, *bases: type) -> tuple[object, ...]:
     """The classes of an object and the definitions of its own, on which a verdict depends in addition to the object."""
     base = next(base for base in bases if isinstance(thing, base))
     inner = [part for kind in bases for part in parts(thing, kind)]
@@ -128,7 +128,7 @@ def require_agreement(
     """Raise GroupError unless all identities hold at these points: |found − expected| ≤ 1e-9 |expected|."""
     stated: list[Identity] = []
 
-    def both(*point: Any) -> list[Any]:
+    def both(*point: object) -> list[Any]:
         stated[:] = identities(*point)
         return [_pair(thing, where, identity) for identity in stated]
 

@@ -87,7 +87,7 @@ class Power(LieGroup):
         """ξ or μ (N·dim G,) as the user's functions see it, (N, dim G)."""
         return jnp.reshape(xi, (self.count, -1))
 
-    def each(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    def each(self, function: Callable[..., object], *arguments: object) -> Any:
         """`function` of every link's part of these arguments, with a leading axis of links.
 
         Arguments are elements, or vectors and covectors of any number of numbers a link, end to end.
@@ -98,7 +98,7 @@ class Power(LieGroup):
         vector = hasattr(argument, "ndim") and argument.ndim == 1
         return jnp.reshape(argument, (self.count, -1)) if vector else argument
 
-    def _vectors(self, function: Callable[..., Any], *arguments: Any) -> Array:
+    def _vectors(self, function: Callable[..., object], *arguments: object) -> Array:
         return jnp.reshape(self.each(function, *arguments), -1)
 
     def identity(self) -> Element:

@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree
 from coadjoint.identification.sampling import StepsBetween
 from coadjoint.kernels.packing import flattened, layout, rows
 from coadjoint.kernels.run.function import NativeRecursion
@@ -109,7 +110,7 @@ class Actuators:
 
         return _kept(_recursions, (self.key, self.moving, self.leaves), made)
 
-    def _step(self, carried: Any, row: Any, numbers: Any) -> Any:
+    def _step(self, carried: PyTree, row: Any, numbers: Any) -> Any:
         """(x, ∂x/∂p), one parameter after the other, a step later; row: t, h, and the inputs."""
         n, m = len(self.places), len(self.moving)
         x, by = carried[:n], carried[n:].reshape(m, n)
@@ -117,7 +118,7 @@ class Actuators:
         shape = layout(self.template.internal)
         begun = flattened(self.template.internal)
 
-        def after(x: Any, moving: Any) -> Any:
+        def after(x: Array, moving: Any) -> Any:
             p = numbers
             internal = begun
             for k, place in enumerate(self.moving):
@@ -160,13 +161,13 @@ class Actuators:
         return ActuatorsAtStarts(found[:, :n], slopes)
 
 
-def _places(tree: Any, leaves: Iterable[int]) -> np.ndarray:
+def _places(tree: PyTree, leaves: Iterable[int]) -> np.ndarray:
     """The places of the numbers of some leaves among those of all."""
     ends = np.cumsum([0, *(np.size(leaf) for leaf in jax.tree.leaves(tree))]).tolist()
     return np.array([place for i in leaves for place in range(ends[i], ends[i + 1])], int)
 
 
-def _kept(known: dict[Any, T], key: Any, make: Callable[[], T]) -> T:
+def _kept(known: dict[Any, T], key: object, make: Callable[[], T]) -> T:
     """The cached value of a key, made if missing; beyond KEPT entries the oldest is dropped."""
     if key not in known:
         known[key] = make()

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.log import Log
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.arguments import require_kinds
 
 
-def require_arguments(system: Any, log: Any, start: Any, method: Any) -> None:
+def require_arguments(system: System, log: object, start: PyTree, method: object) -> None:
     """Raise ArgumentError unless these are a system, a log, a start of the system and a method."""
     if isinstance(inner := getattr(system, "system", None), System):
         raise ArgumentError(

@@ -25,7 +25,7 @@ class NamedEntry(NamedTuple):
 
 
 def groups(
-    parameters: Sequence[Any], known: Mapping[str, Any], expanded: Callable[..., list[str]]
+    parameters: Sequence[object], known: Mapping[str, object], expanded: Callable[..., list[str]]
 ) -> Iterator[tuple[str, ...]]:
     """The names that each unknown stands for: one, or those of `"a = b"`; parts stand for all their parameters."""
     for text in parameters:

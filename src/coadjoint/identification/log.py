@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -145,7 +144,7 @@ class Log:
         return f"<Log of {len(self)} samples over {self.duration:g} s: {', '.join(self.columns)}{driven}>"
 
 
-def _numbers(values: Any, name: str) -> np.ndarray:
+def _numbers(values: object, name: str) -> np.ndarray:
     try:
         if np.asarray(values).dtype.kind in "biufO":
             return np.array(values, float)
@@ -154,7 +153,7 @@ def _numbers(values: Any, name: str) -> np.ndarray:
     raise ArgumentError(f"`{name}` of a log must hold numbers, but is {values!r:.60}.")
 
 
-def _place(value: Any, name: str) -> tuple[float, float, float]:
+def _place(value: object, name: str) -> tuple[float, float, float]:
     found = _numbers(value, f"positions[{name!r}]")
     if found.shape != (3,) or not np.all(np.isfinite(found)):
         raise ArgumentError(f"`positions` of `{name}` must be three finite numbers, m, but is {value!r:.60}.")

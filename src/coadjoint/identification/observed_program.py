@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.identification.channels import Channels
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import StepProgram, StepStage
@@ -32,7 +33,7 @@ class ObservedStage:
     stage: StepStage
     channels: Channels
 
-    def record(self, parameters: Any, state: Any, h: Any, z: Any) -> Any:
+    def record(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> Any:
         return self.channels.of(replace_parameters(self.stage.skeleton, parameters.system), state)
 
     def __getattr__(self, name: str) -> Any:

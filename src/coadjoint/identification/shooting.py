@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.actuators import Actuators, ActuatorsAtStarts
 from coadjoint.identification.channels import Channels
@@ -125,7 +125,7 @@ class Shooting:
             jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), begun)
         )
 
-    def _after_gaps(self, internal: Any) -> Any:
+    def _after_gaps(self, internal: PyTree) -> Any:
         """Internal states with actuators as logged, in the segments after a gap."""
         after = self.samples.after_gap
         if not isinstance(internal, Named) or not after.any():
@@ -186,7 +186,7 @@ class Shooting:
                 _starts.pop(next(iter(_starts)))
         return _starts[key]
 
-    def _known(self, internal: Any) -> tuple[Any, ...]:
+    def _known(self, internal: PyTree) -> tuple[object, ...]:
         """Of every segment: reference, time, internal state, parameters and a₀ where they start."""
         return (self.reference, self.samples.starts, internal, *self._same)
 
@@ -226,7 +226,7 @@ class Shooting:
         return start
 
     def predict(
-        self, coordinates: np.ndarray, own: np.ndarray, internal: Any = None, delays: np.ndarray | None = None
+        self, coordinates: np.ndarray, own: np.ndarray, internal: PyTree = None, delays: np.ndarray | None = None
     ) -> Prediction | None:
         """The simulated measurements, each number of the record `delays` s late; None if a step fails.
 
@@ -252,7 +252,7 @@ class Shooting:
         values = self.samples.read(records, interpolation.nodes, interpolation.weights)
         return Prediction(values, path, slopes, interpolation, wandering, standing)
 
-    def _standing(self, numbers: np.ndarray, internal: Any) -> tuple[ActuatorsAtStarts | None, Any]:
+    def _standing(self, numbers: np.ndarray, internal: PyTree) -> tuple[ActuatorsAtStarts | None, Any]:
         """The states of actuators at the starts, and the internal states there."""
         if self.actuators is None:
             return None, internal

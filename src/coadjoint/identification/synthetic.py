@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import UNITS, VEHICLE, is_vehicle, seen
 from coadjoint.identification.log import Log
@@ -50,7 +50,7 @@ def synthetic_log(
     )
 
 
-def _actual(internal: Any, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _actual(internal: PyTree, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What actuators did whose commands are inputs."""
     found = internal.asdict() if isinstance(internal, Named) else {}
     return {name: value for name, value in found.items() if name in inputs and isinstance(value, np.ndarray)}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import numpy as np
@@ -193,7 +192,7 @@ def _expanded(parameters: Sequence[str], known: dict[str, tuple[int, np.ndarray]
     return found
 
 
-def _parsed(text: Any, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, tuple[int, ...] | None]:
+def _parsed(text: object, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, tuple[int, ...] | None]:
     match = _ENTRY.match(text) if isinstance(text, str) else None
     name = match["name"] if match else str(text)
     if name not in known:

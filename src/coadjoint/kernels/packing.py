@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.untraceable import Untraceable
 
 
@@ -42,13 +43,13 @@ class Layout(NamedTuple):
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
 
-def layout(tree: Any) -> Layout:
+def layout(tree: PyTree) -> Layout:
     """The layout of a PyTree of arrays or shapes."""
     leaves, structure = jax.tree_util.tree_flatten(tree)
     return Layout(structure, tuple(tuple(np.shape(leaf)) for leaf in leaves))
 
 
-def pack(tree: Any) -> tuple[Layout, np.ndarray]:
+def pack(tree: PyTree) -> tuple[Layout, np.ndarray]:
     """The layout of a PyTree and its numbers (size,). Untraceable for leaves other than real numbers."""
     leaves, structure = jax.tree_util.tree_flatten(tree)
     arrays = [np.asarray(leaf) for leaf in leaves]
@@ -60,12 +61,12 @@ def pack(tree: Any) -> tuple[Layout, np.ndarray]:
     return Layout(structure, shapes), np.concatenate(numbers) if numbers else np.zeros(0)
 
 
-def flattened(tree: Any) -> jax.Array:
+def flattened(tree: PyTree) -> jax.Array:
     """The numbers of a PyTree end to end, (size,), for tracing."""
     return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(tree)])
 
 
-def rows(tree: Any, count: int | None = None) -> np.ndarray:
+def rows(tree: PyTree, count: int | None = None) -> np.ndarray:
     """The numbers of a PyTree whose leaves have a common first axis: (count, numbers).
 
     count: needed where the PyTree may have no leaves.

@@ -12,6 +12,8 @@ import enum
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from coadjoint.arrays import PyTree
+
 State = Any
 Parameters = Any
 Unknowns = Any
@@ -132,7 +134,7 @@ class Stage(Protocol):
         over."""
         ...
 
-    def carry(self, after: State, carried: Any) -> State:
+    def carry(self, after: State, carried: PyTree) -> State:
         """The state after a step with the data that its solution leaves for the next one; with None, the form in
         records."""
         ...

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups import LieGroup
@@ -60,7 +60,7 @@ def reconstructed(connection: DiscreteConnection, g0: Element, x: ArrayLike, sig
 
 
 def horizontal_lift(
-    connection: Connection | DiscreteConnection, shapes: Any, g0: Element = None, *, times: ArrayLike | None = None
+    connection: Connection | DiscreteConnection, shapes: PyTree, g0: Element = None, *, times: ArrayLike | None = None
 ) -> Element:
     """The motion in G along a path of shapes with 𝒜 = e at each step, or 𝒜 = 0: momentum zero for a mechanical 𝒜.
 
@@ -115,7 +115,7 @@ def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
     return jax.tree.map(lambda leaf: leaf[-1], lift)
 
 
-def shapes_of(connection: DiscreteConnection, shapes: Any) -> np.ndarray:
+def shapes_of(connection: DiscreteConnection, shapes: PyTree) -> np.ndarray:
     """A path of at least two shapes, (N+1, m); raises ArgumentError."""
     checks.instance(connection, "connection", DiscreteConnection, "a co.mechanics.DiscreteConnection")
     if callable(shapes):
@@ -141,7 +141,7 @@ def _elements_of(group: LieGroup, g: Element, count: int) -> Element:
     return jax.tree.map(lambda leaf: float64(leaf, "The elements"), g)
 
 
-def _ends(records: Any) -> tuple[Any, Any]:
+def _ends(records: PyTree) -> tuple[Any, Any]:
     """All but the last, and all but the first."""
     return jax.tree.map(lambda leaf: leaf[:-1], records), jax.tree.map(lambda leaf: leaf[1:], records)
 

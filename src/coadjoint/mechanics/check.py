@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.newton.coupled import Coupled
@@ -127,12 +127,12 @@ def _check_forces(system: ReducedFunctions, start: State) -> None:
             )
 
 
-def _finite(tree: Any) -> bool:
+def _finite(tree: PyTree) -> bool:
     return all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(tree))
 
 
 def _require_derivative(
-    system: ReducedFunctions, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
+    system: ReducedFunctions, function: Callable[..., object], what: str, arguments: tuple[Any, ...], read: Any
 ) -> None:
     """Raise unless ℓ or ℋ and its gradient are finite at the start, and its gradient is that of its value.
 
@@ -154,7 +154,7 @@ def _require_derivative(
 
 
 def _require_derivative_of_discrete(
-    system: ReducedFunctions, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
+    system: ReducedFunctions, function: Callable[..., object], what: str, arguments: tuple[Any, ...], read: Any
 ) -> None:
     """Raise unless the gradient of Λ is that of its value; read as above."""
     if read is not None and not traced(system.parameters, arguments):
@@ -230,7 +230,7 @@ def _require_regular(system: ReducedFunctions, lagrangian: Callable[..., Any], a
     return []
 
 
-def _require_regular_links(how: Coupled, at: Callable[..., Any], velocities: np.ndarray) -> list[str]:
+def _require_regular_links(how: Coupled, at: Callable[..., object], velocities: np.ndarray) -> list[str]:
     """`_require_regular` by block elimination: of D_i − L_i S_{i−1}⁻¹U_{i−1}, what links before it leave of a mass."""
     blocks = evaluate(lambda z: how.blocks(jax.linearize(jax.grad(at), z)[1]), velocities)
     lower, diagonal, upper = map(np.asarray, blocks)

@@ -85,7 +85,7 @@ def random_shapes(size: int, count: int) -> np.ndarray:
     return np.random.default_rng(1935).normal(scale=0.5, size=(count, size))
 
 
-def finite(value: Any, what: str) -> Any:
+def finite(value: object, what: str) -> Any:
     """The value itself; raises ArgumentError where a number in it is not finite."""
     if not all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(value)):
         raise ArgumentError(f"{what} is not finite at these shapes.")

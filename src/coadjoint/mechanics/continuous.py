@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -175,7 +175,7 @@ def _in_order(times: ArrayLike, first: float) -> np.ndarray:
     return found
 
 
-def _flatten(tree: Any, numpy: Any = np) -> tuple[Any, Any]:
+def _flatten(tree: PyTree, numpy: Any = np) -> tuple[Any, Any]:
     leaves, structure = jax.tree.flatten(tree)
     shapes = [np.shape(leaf) for leaf in leaves]
     ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])

@@ -63,7 +63,7 @@ class Line(NamedTuple):
         return f"along ({names}) = ({shown})"
 
 
-def require_own_derivative(places: Places, slopes: Slopes, what: str, start: Point, jaxpr: Any) -> None:
+def require_own_derivative(places: Places, slopes: Slopes, what: str, start: Point, jaxpr: object) -> None:
     """Raise LagrangianError where a difference of values is not the derivative, at the start and at points near it.
 
     start: ξ, n, ν, a of ℓ, μ, n, π, a of ℋ, or what Λ takes. jaxpr: that of the function, as JAX reads it.
@@ -145,7 +145,7 @@ def _values(slopes: Slopes, line: Line, s: float) -> tuple[float, float]:
     return float(value), float(sum(np.vdot(part, d) for part, d in zip(gradient, line.direction, strict=True)))
 
 
-def rounding(jaxpr: Any, depends: Sequence[bool] | None = None) -> str | None:
+def rounding(jaxpr: object, depends: Sequence[bool] | None = None) -> str | None:
     """The first primitive of a jaxpr after which it may jump where its inputs change; None of none.
 
     depends: which inputs change, by default all.

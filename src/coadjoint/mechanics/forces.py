@@ -33,7 +33,7 @@ class Forces(Portable):
     def __iter__(self):
         return iter(zip(self.names, self.functions, strict=True))
 
-    def each(self, places: Places, *arguments: Any) -> list[tuple[Array, Array]]:
+    def each(self, places: Places, *arguments: object) -> list[tuple[Array, Array]]:
         """(T, f) of every function, (dim G,) and (ambient,); raises LagrangianError unless it returns a force."""
         return [_checked(places, name, _called(name, function, arguments)) for name, function in self]
 
@@ -74,7 +74,7 @@ def _called(name: str, function: Callable[..., Force], arguments: tuple[Any, ...
         raise
 
 
-def _checked(places: Places, name: str, returned: Any) -> tuple[Array, Array]:
+def _checked(places: Places, name: str, returned: object) -> tuple[Array, Array]:
     whose = _whose(name)
     if not isinstance(returned, Force):
         raise LagrangianError(
@@ -86,7 +86,7 @@ def _checked(places: Places, name: str, returned: Any) -> tuple[Array, Array]:
     return torque, _covector(group, "force", returned.force, Q.ambient(group), Q, of)
 
 
-def _covector(group: LieGroup, name: str, value: Any, size: int, space: Space | None, of: str) -> Array:
+def _covector(group: LieGroup, name: str, value: object, size: int, space: Space | None, of: str) -> Array:
     """A torque, or a force on a space, as a flat array; on several spaces from the parts by their names."""
     if value is None:
         return jnp.zeros(size)
@@ -109,7 +109,7 @@ def _covector(group: LieGroup, name: str, value: Any, size: int, space: Space | 
     return array
 
 
-def _array(what: str, value: Any) -> Array:
+def _array(what: str, value: object) -> Array:
     """A covector as an array of real numbers."""
     try:
         if isinstance(value, (list, tuple)):
@@ -124,5 +124,5 @@ def _array(what: str, value: Any) -> Array:
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     return repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"

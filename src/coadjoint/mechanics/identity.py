@@ -116,10 +116,10 @@ def parts(system: System) -> dict[str, Any]:
     return found
 
 
-def _sources(inputs: Inputs) -> tuple[Any, ...]:
+def _sources(inputs: Inputs) -> tuple[object, ...]:
     """Signals by their functions, and functions of the motion, under their names."""
 
-    def part(source: Any) -> Any:
+    def part(source: object) -> Any:
         if type(source) is Signal:
             return "signal", Traced(source.function)
         return source if isinstance(source, Signal) or not callable(source) else Traced(source)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signals import Held, Signal
@@ -60,7 +60,7 @@ class Inputs:
         held = {name: source for name, source in pairs if not isinstance(source, Signal)}
         return Named(**{n: getattr(before, n) if isinstance(s, Command) else named(s(motion)) for n, s in held.items()})
 
-    def at(self, t: Scalar, held: Any) -> Any:
+    def at(self, t: Scalar, held: PyTree) -> Any:
         """The inputs that ℓ and forces read at time t, one number in s, of a step over which `held` is held."""
         if self.names is None:
             return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
@@ -69,14 +69,14 @@ class Inputs:
         return Named(**{name: _now(source, t, given.get(name)) for name, source in pairs})
 
 
-def _now(source: Any, t: Scalar, held: Any) -> Any:
+def _now(source: object, t: Scalar, held: PyTree) -> Any:
     """One input at time t of a step over which `held` is held; None where that is not known yet."""
     if isinstance(source, Signal):
         return source(t)
     return source.function(t, held) if isinstance(source, Between) and held is not None else held
 
 
-def inputs_from(given: Any) -> Inputs | None:
+def inputs_from(given: object) -> Inputs | None:
     """The argument `inputs` of a run; raises ArgumentError unless each input is a signal, a number or a function."""
     if given is None or isinstance(given, Inputs):
         return given
@@ -89,7 +89,7 @@ def inputs_from(given: Any) -> Inputs | None:
     return Inputs(tuple(sources) if isinstance(given, Mapping) else None, found)
 
 
-def _source(name: str, given: Any) -> Signal | Command | Callable[[NodeMotion], Any]:
+def _source(name: str, given: object) -> Signal | Command | Callable[[NodeMotion], Any]:
     """A signal or a function of the motion; a number or an array stands for itself at all times."""
     if callable(given) or isinstance(given, Command):
         return given

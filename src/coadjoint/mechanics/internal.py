@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import traced
@@ -17,7 +17,7 @@ from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 
 
-def starting_values(given: Any) -> Any:
+def starting_values(given: object) -> Any:
     """The argument `internal` of a start: a dictionary of numbers, possibly nested, of float64 or `Each`."""
     if given is None:
         return None
@@ -29,7 +29,7 @@ def starting_values(given: Any) -> Any:
     return _values(given, "internal")
 
 
-def _values(value: Any, name: str) -> Any:
+def _values(value: object, name: str) -> Any:
     if isinstance(value, (Mapping, Named)):
         parts = value.asdict() if isinstance(value, Named) else value
         return Named(**{str(key): _values(part, f"{name}.{key}") for key, part in parts.items()})
@@ -38,7 +38,7 @@ def _values(value: Any, name: str) -> Any:
     return float64(value, f"The start `{name}`")
 
 
-def sampling(values: Mapping[str, Any], t: Scalar = 0.0) -> dict[str, Any]:
+def sampling(values: Mapping[str, object], t: Scalar = 0.0) -> dict[str, Any]:
     """The start of a state that `co.mechanics.sampled` advances: `values`, in force from t on; the first sample is at t
     itself.
 
@@ -91,18 +91,18 @@ def sampled(
     }
 
 
-def ordered(tree: Any, like: Any) -> Any:
+def ordered(tree: PyTree, like: object) -> Any:
     """The values as float64, under names in the order of the start's."""
     if isinstance(like, Named):
         return Named(**{name: ordered(getattr(tree, name), getattr(like, name)) for name in like})
     return jnp.asarray(tree, dtype=float)
 
 
-def _where(condition: Array, new: Any, old: Any) -> Any:
+def _where(condition: Array, new: object, old: object) -> Any:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
-def _like(values: Any, pending: Named) -> Any:
+def _like(values: object, pending: Named) -> Any:
     values = named(values)
     if not isinstance(values, Named) or set(values) != set(pending):
         raise LagrangianError(

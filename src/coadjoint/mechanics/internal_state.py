@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics import inverse_legendre
@@ -40,7 +40,7 @@ class Course(NamedTuple):
     begin: Any = None
 
 
-def jumped(value: Any) -> Course:
+def jumped(value: object) -> Course:
     """The course of a value that jumps at the node where the step starts and is held to its end, such as a command.
 
     value: a number, an array or a dictionary, in the structure of that part of the internal state.
@@ -63,7 +63,7 @@ def at_node(system: System, state: State) -> State:
     return state.replace(xi=jnp.where(found, xi, state.xi), nu=jnp.where(found, nu, state.nu))
 
 
-def advanced(system: System, state: State, h: Scalar, renewed: Any = None) -> State:
+def advanced(system: System, state: State, h: Scalar, renewed: object = None) -> State:
     """The state at a node with the course of its internal state over the step of h from there.
 
     The rule is applied once where it is due: at the start of a run and after every step. A record, to which it has been
@@ -106,7 +106,7 @@ def _along(record: State, first: float, length: float) -> State:
         return record
     change = jax.tree.map(lambda begin, end: end - begin, record.internal, record.internal_end)
 
-    def moved(tree: Any, part: float) -> Any:
+    def moved(tree: PyTree, part: float) -> Any:
         return jax.tree.map(lambda x, slope: x + part * slope, tree, change)
 
     return record.with_course(
@@ -135,17 +135,17 @@ HELD = frozenset({"value", "pending", "sample", "release"})
 """The parts of a state that `co.mechanics.sampled` advances, which jump at nodes."""
 
 
-def _jumps(tree: Any) -> bool:
+def _jumps(tree: PyTree) -> bool:
     return isinstance(tree, Named) and set(tree) >= HELD
 
 
-def _end(tree: Any) -> Any:
+def _end(tree: PyTree) -> Any:
     if isinstance(tree, Course):
         return named(tree.end)
     return Named(**{name: _end(getattr(tree, name)) for name in tree}) if isinstance(tree, Named) else tree
 
 
-def _begin(tree: Any, before: Any) -> Any:
+def _begin(tree: PyTree, before: PyTree) -> Any:
     if isinstance(tree, Course):
         return before if tree.begin is None else named(tree.begin)
     if isinstance(tree, Named) and not _jumps(tree):
@@ -153,7 +153,7 @@ def _begin(tree: Any, before: Any) -> Any:
     return tree if _jumps(tree) else before
 
 
-def _mean(tree: Any, begin: Any, end: Any) -> Any:
+def _mean(tree: PyTree, begin: object, end: PyTree) -> Any:
     if isinstance(tree, Course) and tree.mean is not None:
         return named(tree.mean)
     if isinstance(tree, Named) and not _jumps(tree):
@@ -161,7 +161,7 @@ def _mean(tree: Any, begin: Any, end: Any) -> Any:
     return end if _jumps(tree) else jax.tree.map(lambda x, y: 0.5 * (x + y), begin, end)
 
 
-def _fitting(tree: Any, like: Any) -> Any:
+def _fitting(tree: PyTree, like: object) -> Any:
     """The values in the structure of the start's; raises LagrangianError for another one."""
     given, found = (
         [(jax.tree_util.keystr(path).lstrip("."), jnp.shape(leaf)) for path, leaf in leaves]

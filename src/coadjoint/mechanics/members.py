@@ -7,6 +7,7 @@ from typing import Any
 import jax
 from numpy.typing import ArrayLike
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
@@ -15,7 +16,7 @@ from coadjoint.kernels.trace.evaluate import traced
 class Each:
     """Values with a leading axis of members; made by `co.each`, a leaf wherever one value may stand."""
 
-    def __init__(self, values: Any):
+    def __init__(self, values: PyTree):
         self.values = values
 
     def __len__(self) -> int:
@@ -39,7 +40,7 @@ Quantity = ArrayLike | Each
 """A number or an array, nested lists included, or one for each member."""
 
 
-def each(values: Any) -> Each:
+def each(values: object) -> Each:
     """One value for each member of an ensemble, in the place of a single value.
 
         fleet = vehicle.replace(mass=co.each(np.linspace(110.0, 140.0, 1000)))
@@ -65,7 +66,7 @@ def each(values: Any) -> Each:
     return Each(tuple(arrays) if isinstance(values, tuple) else arrays[0])
 
 
-def count_members(*trees: Any) -> int | None:
+def count_members(*trees: PyTree) -> int | None:
     """How many members the `Each` leaves stand for, None where there are none; raises ArgumentError if they differ."""
     lengths = {len(leaf) for leaf in jax.tree.leaves(trees) if isinstance(leaf, Each)}
     if len(lengths) > 1:
@@ -73,12 +74,12 @@ def count_members(*trees: Any) -> int | None:
     return lengths.pop() if lengths else None
 
 
-def member_of(tree: Any, index: int) -> Any:
+def member_of(tree: PyTree, index: int) -> Any:
     """The tree of one member."""
     return jax.tree.map(lambda leaf: leaf.member(index) if isinstance(leaf, Each) else leaf, tree)
 
 
-def stacked(tree: Any) -> tuple[Any, Any]:
+def stacked(tree: PyTree) -> tuple[Any, Any]:
     """The tree with `Each` leaves as arrays, and the tree of axes for jax.vmap: 0 where there is a member axis."""
     values = jax.tree.map(lambda leaf: leaf.values if isinstance(leaf, Each) else leaf, tree)
     axes = jax.tree.map(lambda leaf: 0 if isinstance(leaf, Each) else None, tree)

@@ -67,7 +67,7 @@ class KelvinNoether:
         if isinstance(self.c0, np.ndarray):
             self.c0.flags.writeable = False
 
-    def _key(self) -> tuple[Any, ...]:
+    def _key(self) -> tuple[object, ...]:
         return np.shape(self.c0), np.asarray(self.c0).tobytes(), self.K, self.space
 
     def __eq__(self, other: object) -> bool:

@@ -31,10 +31,10 @@ class Parameters(Named):
 
     __slots__ = ()
 
-    def __init__(self, **values: Any):
+    def __init__(self, **values: object):
         super().__init__(**_checked(values))
 
-    def replace(self, **values: Any) -> Parameters:
+    def replace(self, **values: object) -> Parameters:
         """A copy with some values replaced; a dictionary replaces the values that it names and keeps the others.
 
         Raises ArgumentError for a name that is not there, and for one number in the place of several.
@@ -42,7 +42,7 @@ class Parameters(Named):
         return Parameters(**_merged(self, values))
 
 
-def _checked(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _checked(values: Mapping[str, object], prefix: str = "") -> dict[str, Any]:
     """The values as float64, and dictionaries of them as parameters; raises ArgumentError, naming the path."""
     require_names(values)
     found: dict[str, Any] = {}

@@ -39,7 +39,7 @@ def value(system: ReducedFunctions, function: Callable[..., Any], state: State) 
     return function(state) if len(takes) < 2 else function(state, system.parameters)
 
 
-def meaning(function: Callable[..., Any]) -> str | None:
+def meaning(function: Callable[..., object]) -> str | None:
     """The description of a quantity in a dataset: its formula, or the first sentence of its docstring."""
     if not inspect.isfunction(function):
         return str(function)

@@ -161,7 +161,7 @@ class ReducedFunctions:
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    def keywords(self, function: Callable[..., Any], t: Scalar, held, internal: PyTree) -> dict[str, Any]:
+    def keywords(self, function: Callable[..., object], t: Scalar, held, internal: PyTree) -> dict[str, Any]:
         """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
         known = inspect.signature(function).parameters
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
@@ -180,7 +180,7 @@ class ReducedFunctions:
             self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
         )
 
-    def motion_at(self, state: State, inputs: Any = None, h: Array | float = 0.0) -> NodeMotion:
+    def motion_at(self, state: State, inputs: PyTree = None, h: Array | float = 0.0) -> NodeMotion:
         """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
 
         A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.

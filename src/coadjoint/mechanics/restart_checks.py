@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.continuous import velocities
@@ -79,7 +80,7 @@ def _changed(before: Parameters | None, after: Parameters | None) -> str:
     return f"{', '.join(f'`{name}`' for name in names)} changed" if names else ""
 
 
-def _leaves(tree: Any) -> Any:
+def _leaves(tree: PyTree) -> Any:
     return jax.tree_util.tree_leaves_with_path(tree)
 
 

@@ -96,10 +96,10 @@ class _Table(Signal):
             return _row_by_halving(t, *self._rows(jnp))
         return _row_by_bisection(t, *self._constants)
 
-    def _key(self) -> tuple[Any, ...]:
+    def _key(self) -> tuple[object, ...]:
         return type(self), np.asarray(self.times).tobytes(), np.shape(self.values), np.asarray(self.values).tobytes()
 
-    def __eq__(self, other: Any) -> bool:
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, _Table) and self._key() == other._key()
 
     def __hash__(self) -> int:

@@ -98,7 +98,7 @@ def starting_state(
     return state
 
 
-def _held(system: ReducedFunctions, inputs: Any, internal: Any) -> tuple[Any, Any]:
+def _held(system: ReducedFunctions, inputs: PyTree, internal: PyTree) -> tuple[Any, Any]:
     """The inputs and the internal state of a start, checked."""
     if isinstance(inputs, dict):
         require_names(inputs)
@@ -115,7 +115,7 @@ def _held(system: ReducedFunctions, inputs: Any, internal: Any) -> tuple[Any, An
 
 
 def _state_of(
-    system: ReducedFunctions, values: Checked, inputs: Any, internal: Any, many: bool, by_momenta: bool
+    system: ReducedFunctions, values: Checked, inputs: PyTree, internal: PyTree, many: bool, by_momenta: bool
 ) -> State:
     """n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17), and (μ, π) of (ξ, ν) or the other way round; `many` have a leading axis."""
     group, Q, V = system.places
@@ -221,7 +221,9 @@ def _require_one_momentum(system: ReducedFunctions, state: State) -> None:
             )
 
 
-def _require_lagrangian(system: ReducedFunctions, arguments: tuple[Any, ...], inputs: Any, internal: Any) -> None:
+def _require_lagrangian(
+    system: ReducedFunctions, arguments: tuple[object, ...], inputs: PyTree, internal: PyTree
+) -> None:
     """Raise unless ℓ, or ℋ, is a number at these arguments; say where it only lacks its inputs."""
     what, function = given(system)
     try:

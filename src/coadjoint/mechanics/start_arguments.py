@@ -64,7 +64,7 @@ def checked(
     return Checked(element, place, rate, turning, _advected(system, a0), time)
 
 
-def _of_links(group: LieGroup, xi: Any, name: str) -> Array:
+def _of_links(group: LieGroup, xi: object, name: str) -> Array:
     """ξ or μ, (dim G,); of links also (N, dim G) by rows. Raises ArgumentError for other shapes."""
     if not isinstance(group, Power) or not (traced(xi) or isinstance(xi, (list, np.ndarray))):
         return checked_vector(xi, group.dim, name)
@@ -83,7 +83,7 @@ def _of_links(group: LieGroup, xi: Any, name: str) -> Array:
 
 
 def checked_members(
-    system: ReducedFunctions, arguments: tuple[Any, ...], count: int, by_momenta: bool = False
+    system: ReducedFunctions, arguments: tuple[object, ...], count: int, by_momenta: bool = False
 ) -> Checked:
     """All members, stacked; the group elements are checked together, because that is what takes time."""
     group = system.group
@@ -109,7 +109,7 @@ def checked_members(
 
 
 def _as_given(
-    system: ReducedFunctions, others: list[Any], count: int, first: Checked, last: Checked
+    system: ReducedFunctions, others: list[object], count: int, first: Checked, last: Checked
 ) -> list[np.ndarray]:
     """All arguments but g, stacked as `co.each` has them; empty where one has to look at every member.
 

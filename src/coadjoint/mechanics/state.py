@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -79,8 +79,8 @@ class State:
     inputs: Any = None
     internal: Any = None
     memory: Any = None
-    internal_mean: Any = None
-    internal_end: Any = None
+    internal_mean: PyTree = None
+    internal_end: PyTree = None
     internal_due: Any = None
     ledger: Any = None
     t_rest: Scalar = 0.0
@@ -88,17 +88,17 @@ class State:
     from_velocities: bool = field(metadata={"static": True}, kw_only=True, default=False)
     origin: Origin = field(metadata={"static": True}, kw_only=True, default=Origin(), repr=False)
 
-    def replace(self, **changes: Any) -> State:
+    def replace(self, **changes: object) -> State:
         """A copy with some fields replaced; another internal state is held over the step of a record."""
         if "internal" in changes and self.internal_mean is not None:
             changes = {"internal_mean": changes["internal"], "internal_end": changes["internal"], **changes}
         return replace(self, **changes)
 
-    def with_course(self, internal: Any, mean: Any, end: Any, due: Any) -> State:
+    def with_course(self, internal: PyTree, mean: PyTree, end: PyTree, due: PyTree) -> State:
         """A copy with another internal state at t, over the step and at its end, and whether its rule is due."""
         return replace(self, internal=internal, internal_mean=mean, internal_end=end, internal_due=due)
 
-    def holding(self, internal: Any) -> State:
+    def holding(self, internal: PyTree) -> State:
         """A copy that has this internal state, unchanged, at t and over the step."""
         return self.with_course(internal, None, None, None)
 
@@ -120,13 +120,13 @@ class State:
         there = "t", "g", "q", "qdot", "n", "nu", "xi", "a", "mu", "pi", "inputs", "internal", "named"
         raise _lacking("A state", name, there)
 
-    def later(self, h: Scalar, **changes: Any) -> State:
+    def later(self, h: Scalar, **changes: object) -> State:
         """A copy at t + h with some fields replaced. h: one number, s."""
         step = h + self.t_rest
         t = self.t + step
         return replace(self, t=t, t_rest=step - (t - self.t), **changes)
 
-    def each(self, function: Callable[[State], Any]) -> Any:
+    def each(self, function: Callable[[State], object]) -> Any:
         """function of a single state, mapped over the leading axes of records; NumPy unless traced."""
         for _ in range(np.ndim(self.t)):
             function = jax.vmap(function)

@@ -168,7 +168,7 @@ class System(ReducedFunctions, Portable):
         """ "left", or "right" of a right-invariant system, whose `group` is the opposite of the group it was given."""
         return "right" if is_right(self.places) else "left"
 
-    def replace(self, **values: Any) -> System:
+    def replace(self, **values: object) -> System:
         """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`.
 
         Raises ArgumentError for unknown parameters, and, of models and vehicles, for values that they reject when they

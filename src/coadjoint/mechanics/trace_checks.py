@@ -45,7 +45,7 @@ def functions_known(known: bool) -> Iterator[None]:
 
 
 @contextmanager
-def in_words(what: str, arguments: tuple[Any, ...] = ()) -> Iterator[None]:
+def in_words(what: str, arguments: tuple[object, ...] = ()) -> Iterator[None]:
     """Turn every error inside a user's function, or by JAX about it, into a LagrangianError of one sentence."""
     try:
         yield
@@ -55,7 +55,7 @@ def in_words(what: str, arguments: tuple[Any, ...] = ()) -> Iterator[None]:
         raise LagrangianError(_sentence(what, error, arguments)) from error
 
 
-def _sentence(what: str, error: Exception, arguments: tuple[Any, ...]) -> str:
+def _sentence(what: str, error: Exception, arguments: tuple[object, ...]) -> str:
     kind, said = type(error).__name__, error_line(error)
     if isinstance(error, jax.errors.UnexpectedTracerError):
         return _KEPT.format(what)
@@ -75,18 +75,18 @@ def _sentence(what: str, error: Exception, arguments: tuple[Any, ...]) -> str:
     return f"{what} raised {said}."
 
 
-def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
+def trace(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> Any:
     """The jaxpr of a user's function; raises LagrangianError."""
     return _read(function, what, arguments)[0]
 
 
-def _read(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
+def _read(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> tuple[Any, Any]:
     """The jaxpr, and the result with shapes in the place of arrays, of a function that JAX has not traced before."""
     with in_words(what, arguments), jax.enable_x64(True):
         return jax.make_jaxpr(lambda *given: function(*given), return_shape=True)(*arguments)
 
 
-def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
+def require_scalar(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> Any:
     """Raise LagrangianError unless the function is pure, returns one float64 number and holds no float32.
 
     Returns its jaxpr; None of functions that are known, and not read.
@@ -112,14 +112,14 @@ def _shown(result: Any) -> str:
     return kinds.get(type(result), f"a {type(result).__name__}")
 
 
-def require_float64(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
+def require_float64(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> None:
     """Raise LagrangianError where the function is not pure, or holds or returns float32 numbers."""
     if _known.get():
         return
     _require_float64(function, what, arguments, trace(function, what, arguments))
 
 
-def _require_float64(function: Callable[..., Any], what: str, arguments: tuple[Any, ...], jaxpr: Any) -> None:
+def _require_float64(function: Callable[..., object], what: str, arguments: tuple[object, ...], jaxpr: object) -> None:
     shorts = any(is_short(output.dtype) for output in jaxprs.results(jaxpr))
     again = None if shorts or _holds_float32(jaxprs.lowered(jaxpr)) else _again(function, what, arguments)
     if again is None:
@@ -130,7 +130,7 @@ def _require_float64(function: Callable[..., Any], what: str, arguments: tuple[A
     _require_same(what, jaxpr, again)
 
 
-def _again(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
+def _again(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> Any:
     """A second reading; None where float32 constants are promoted before JAX writes them down.
 
     Then the jaxpr does not show them, and a reading under strict promotion fails.
@@ -145,7 +145,7 @@ def _again(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) 
     return trace(function, what, arguments)
 
 
-def _require_same(what: str, first: Any, second: Any) -> None:
+def _require_same(what: str, first: object, second: object) -> None:
     """Raise LagrangianError where two readings of one function differ, or the second holds a value of the first."""
     try:
         read = digest(jaxprs.lowered(first))
@@ -159,7 +159,7 @@ def _require_same(what: str, first: Any, second: Any) -> None:
         raise LagrangianError(IMPURE.format(what))
 
 
-def _holds_float32(jaxpr: Any) -> bool:
+def _holds_float32(jaxpr: object) -> bool:
     for equation in jaxprs.equations(jaxpr):
         types = [jaxprs.dtype(atom) for atom in (*equation.inputs, *equation.outputs)]
         if any(dtype is not None and is_short(dtype) for dtype in types):

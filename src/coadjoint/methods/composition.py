@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class _OverBase(Method):
 
     base: Method
 
-    def _set(self, base: Method, start: Start | None, **more: Any) -> None:
+    def _set(self, base: Method, start: Start | None, **more: object) -> None:
         values = {"difference_map": base.difference_map, "start": start or base.start, "base": base, **more}
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -159,7 +159,7 @@ def _require_method(base: object, name: str) -> None:
         raise ArgumentError(f"{name} needs a method such as co.Midpoint(co.Cayley()), but got {base!r}.")
 
 
-def _coefficients(given: Any) -> tuple[float, ...]:
+def _coefficients(given: object) -> tuple[float, ...]:
     """Coefficients that are consistent and symmetric."""
     numbers = np.atleast_1d(float64(given, "Argument `coefficients`"))
     if numbers.ndim != 1 or not len(numbers) or not np.all(numbers):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ REACHES = (1.0, 1e-3)
 """The reaches of the random points; the second is used if derivatives at the first are not finite."""
 
 
-def require_coupling(system: System, equations: Callable[..., Any], state: State, how: Coupled) -> None:
+def require_coupling(system: System, equations: Callable[..., object], state: State, how: Coupled) -> None:
     """Raise ArgumentError if an equation of a step has unknowns of a link that it is not paired with.
 
     equations: the residual of the step, a function of (system, state, h, z).

@@ -165,7 +165,7 @@ class Copies(Algebra):
     def _rows(self, x: Array) -> Array:
         return jnp.reshape(x, (self.copies, -1))
 
-    def _each(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    def _each(self, function: Callable[..., object], *arguments: object) -> Any:
         """The results of a function for each copy, coordinates or a pair of them, concatenated."""
         return jax.tree.map(lambda found: jnp.reshape(found, -1), jax.vmap(function)(*arguments))
 

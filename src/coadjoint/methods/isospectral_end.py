@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -51,7 +51,7 @@ class _Correction(NamedTuple):
 
 
 def correction(
-    system: System, slopes: tuple[Array, Array], off: Array, z: Array, epsilon: Scalar, precision: Any
+    system: System, slopes: tuple[Array, Array], off: Array, z: Array, epsilon: Scalar, precision: object
 ) -> tuple[Array, Array]:
     """Lδ and the part of it that is odd in ε, (unknowns,) each, of δ with δ − Lδ = −r, for fixed P̃.
 

@@ -62,7 +62,7 @@ class Moves(NamedTuple):
 
 
 def moves(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: object = jnp.float64
 ) -> Moves:
     """`moved` and `brackets`, from one conversion to a precision.
 
@@ -87,7 +87,7 @@ def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | 
 
 
 def brackets(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: object = jnp.float64
 ) -> Array:
     """The part of `moved` that is odd in ε, (unknowns,): ε[P, W] + Σ ε[B, Θ], and ε[P, Θ] of every Θ."""
     return moves(system, xi, along_a, z, epsilon, precision).odd

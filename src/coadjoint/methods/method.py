@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -67,7 +67,7 @@ class Method(ABC):
     difference_map: DifferenceMap = field(default_factory=Cayley)
     start: Start = "momentum"
 
-    def __init_subclass__(cls, adjoint_of: type[Method] | None = None, **more: Any):
+    def __init_subclass__(cls, adjoint_of: type[Method] | None = None, **more: object):
         """adjoint_of: the method whose adjoint Φ*_h = Φ₋ₕ⁻¹ this class is; each is then the adjoint of the other."""
         super().__init_subclass__(**more)
         if adjoint_of is not None:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.mechanics.copies import replace_parameters
@@ -213,7 +213,7 @@ class StepStage:
         """The values that the solution of the last step left in the state, () if none are carried over."""
         return self.step.carried(state)
 
-    def carry(self, after: State, carried: Any) -> State:
+    def carry(self, after: State, carried: PyTree) -> State:
         """The state with the values that the solution of its step leaves for the next one."""
         return self.step.carry(after, carried)
 

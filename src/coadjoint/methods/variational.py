@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
@@ -77,8 +77,8 @@ class Variational(Method, FullStep):
             _require_symmetric(evaluate(partial(self._sides, system), state)[None])
         return super().remember(system, state)
 
-    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
-        def sides(parameters: Any, state: State) -> Array:
+    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> None:
+        def sides(parameters: PyTree, state: State) -> Array:
             return self._sides(replace_parameters(system, parameters), state)
 
         if self.symmetric:

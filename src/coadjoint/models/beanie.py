@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.groups import SO2
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.members import Quantity
@@ -27,7 +27,7 @@ def lagrangian(xi, x, v, p):
     return 0.5 * p.body * body**2 + 0.5 * p.cap * cap**2 - 0.5 * p.stiffness * x[0] ** 2
 
 
-def make(*, body: Any, cap: Any, stiffness: Quantity) -> System:
+def make(*, body: PyTree, cap: object, stiffness: Quantity) -> System:
     """A body that turns in the plane with a cap on it, on SO(2) with the angle ψ of the cap against it as its shape.
 
     ℓ = ½ I₁ω² + ½ I₂(ω + ψ̇)² − ½kψ². The mechanical connection A = I₂/(I₁ + I₂) is flat: with momentum zero, a full

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.extensions import import_string
 
 if TYPE_CHECKING:
@@ -41,12 +42,12 @@ class CatalogueEntry:
         plain = {"parameters": dict(self.parameters), "initial": dict(self.initial)}
         return type(self), tuple(plain.get(one.name, getattr(self, one.name)) for one in fields(self))
 
-    def make(self, **parameters: Any) -> System:
+    def make(self, **parameters: PyTree) -> System:
         """The system with these parameters in place of the defaults."""
         self._require_known(parameters, self.parameters, "parameter")
         return import_string(self.maker)(**{**self.parameters, **parameters})
 
-    def start(self, system: System, **initial: Any) -> State:
+    def start(self, system: System, **initial: object) -> State:
         """The state to start from, with these values in place of the defaults.
 
         Naming one way to give the attitude, or the angular velocity, replaces the default one.
@@ -58,7 +59,7 @@ class CatalogueEntry:
                 values.update({way: initial.get(way) for way in ways if way in values})
         return import_string(self.starter)(system, **values)
 
-    def _require_known(self, given: Mapping[str, Any], known: Mapping[str, Any], what: str) -> None:
+    def _require_known(self, given: Mapping[str, object], known: Mapping[str, object], what: str) -> None:
         from coadjoint import checks  # which imports NumPy, and a listing of models does not
 
         for name in given:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -76,8 +75,8 @@ def start(
     euler_zyx: Quantity | None = None,
     angular_velocity: Quantity | None = None,
     euler_rates: Quantity | None = None,
-    bend: Any = (0.0, 0.0),
-    bend_rate: Any = (0.0, 0.0),
+    bend: object = (0.0, 0.0),
+    bend_rate: object = (0.0, 0.0),
 ) -> State:
     """The state of a cat whose middle frame has an attitude and angular velocity, given as in `orientation`.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -112,7 +111,7 @@ def _top(
     gravity: Quantity,
     lever: Sequence[Quantity],
     inertia: Sequence[Quantity],
-    quantities: Any,
+    quantities: object,
 ) -> System:
     given = {"mass": mass, "center_of_mass": list(lever), "inertia": list(inertia), "gravity": gravity}
     p = Parameters(**checked(CHECKS, given))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -87,7 +86,7 @@ def clebsch(*, inertia: Quantity, mass: Quantity) -> System:
     return _body("Kirchhoff body of Clebsch", J, mass, {"clebsch_integral": clebsch_integral})
 
 
-def _body(name: str, inertia: Quantity, mass: Quantity, quantities: dict[str, Any]) -> System:
+def _body(name: str, inertia: Quantity, mass: Quantity, quantities: dict[str, object]) -> System:
     p = Parameters(**checked(CHECKS, {"inertia": inertia, "mass": mass}))
     kept = {"units": UNITS, "checks": partial(checked, CHECKS)}
     watched = {"linear_casimir": linear_casimir, "angular_casimir": angular_casimir, **quantities}

@@ -147,7 +147,7 @@ def _matrix(mu: Array, moments: Array) -> Array:
     return below - xp.swapaxes(below, -1, -2)
 
 
-def _moments(value: Any, name: str, count: int | None = None) -> Any:
+def _moments(value: object, name: str, count: int | None = None) -> Any:
     """λ_i, (n,); of `count` where that is given."""
     found = float64(value, f"Argument `{name}`")
     if np.ndim(found) != 1 or len(found) < 2 or (count is not None and len(found) != count):
@@ -172,7 +172,7 @@ def _lambdas(manakov: System) -> np.ndarray:
     return np.asarray(manakov.parameters.moments)  # pyright: ignore[reportOptionalMemberAccess]
 
 
-def _momenta(manakov: System, mu: Any) -> np.ndarray:
+def _momenta(manakov: System, mu: Array) -> np.ndarray:
     """μ, (…, n(n − 1)/2), finite."""
     if traced(mu):
         raise ArgumentError(

@@ -145,14 +145,14 @@ def moment(state, p, *, axis: int):
     return p.circulations @ sphere_positions(state.mu, p.circulations, p.radius)[:, axis]
 
 
-def _system(group: Any, energy: Any, given: dict[str, Any], watched: Any, units: Any, name: str) -> System:
+def _system(group: Any, energy: Any, given: dict[str, Any], watched: object, units: object, name: str) -> System:
     count = len(given["circulations"])
     checks = partial(checked, {"circulations": partial(_circulations, count=count), "radius": positive})
     options = {"quantities": watched, "units": units, "checks": checks, "name": f"{count} {name}"}
     return System(group, hamiltonian=energy, parameters=Parameters(**given), invariance="right", **options)
 
 
-def _circulations(value: Any, name: str, count: int | None = None) -> Any:
+def _circulations(value: object, name: str, count: int | None = None) -> Any:
     """Γ_i, (N,); of `count` vortices where that is given."""
     found = float64(value, f"Argument `{name}`")
     if np.ndim(found) != 1 or len(found) < 2:
@@ -171,7 +171,7 @@ def _circulations(value: Any, name: str, count: int | None = None) -> Any:
     return found
 
 
-def _momenta(mu: Any, circulations: Quantity, each: int, more: int) -> tuple[Any, Any]:
+def _momenta(mu: Array, circulations: Quantity, each: int, more: int) -> tuple[Any, Any]:
     """μ, (…, each · N + more), and Γ, (N,), as arrays; raises ArgumentError for others."""
     xp = _arrays(mu, circulations)
     mu, gamma = xp.asarray(mu), xp.asarray(circulations)
@@ -184,12 +184,12 @@ def _momenta(mu: Any, circulations: Quantity, each: int, more: int) -> tuple[Any
     return mu, gamma
 
 
-def _arrays(*values: Any) -> Any:
+def _arrays(*values: object) -> Any:
     """NumPy, or where JAX traces jax.numpy."""
     return jnp if traced(*values) else np
 
 
-def _of(vortices: System, energy: Any, model: str) -> np.ndarray:
+def _of(vortices: System, energy: object, model: str) -> np.ndarray:
     """Γ_i, (N,), of vortices with this energy; raises ArgumentError for others."""
     if not isinstance(vortices, System) or vortices.hamiltonian is not energy:
         raise ArgumentError(
@@ -198,7 +198,7 @@ def _of(vortices: System, energy: Any, model: str) -> np.ndarray:
     return np.asarray(vortices.parameters.circulations)  # pyright: ignore[reportOptionalMemberAccess]
 
 
-def _positions(value: Any, count: int, size: int) -> np.ndarray:
+def _positions(value: object, count: int, size: int) -> np.ndarray:
     """(count, size), finite and apart from one another."""
     found = np.asarray(float64(value, "Argument `positions`"))
     if found.shape != (count, size):

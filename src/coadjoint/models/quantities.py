@@ -28,18 +28,18 @@ Check = Callable[[Any, str], Any]
 """(value, name) → the value in its final form, or ArgumentError."""
 
 
-def checked(checks: Mapping[str, Check], given: Mapping[str, Any]) -> dict[str, Any]:
+def checked(checks: Mapping[str, Check], given: Mapping[str, object]) -> dict[str, Any]:
     """Values after the checks of their names, a model's own and those that replace them; raises ArgumentError."""
     return {name: _checked(checks[name], value, name) if name in checks else value for name, value in given.items()}
 
 
-def _checked(check: Check, value: Any, name: str) -> Any:
+def _checked(check: Check, value: object, name: str) -> Any:
     if not isinstance(value, Each):
         return check(value, name)
     return each([check(member_of(value, member), f"{name}` of member `{member}") for member in range(len(value))])
 
 
-def number(value: Any, name: str, at_least: float | None = None) -> Array:
+def number(value: object, name: str, at_least: float | None = None) -> Array:
     """A finite number; raises ArgumentError, also for a number below `at_least`."""
     found = array(value, name, ())
     if at_least is not None and not traced(found) and found < at_least:
@@ -47,12 +47,12 @@ def number(value: Any, name: str, at_least: float | None = None) -> Array:
     return found
 
 
-def not_negative(value: Any, name: str) -> Any:
+def not_negative(value: object, name: str) -> Any:
     """A number of at least 0; raises ArgumentError."""
     return number(value, name, at_least=0.0)
 
 
-def positive(value: Any, name: str) -> Array:
+def positive(value: object, name: str) -> Array:
     """One number, positive and finite; raises ArgumentError."""
     found = number(value, name)
     if not traced(found) and found <= 0:
@@ -60,7 +60,7 @@ def positive(value: Any, name: str) -> Array:
     return found
 
 
-def positive_pair(value: Any, name: str) -> Any:
+def positive_pair(value: object, name: str) -> Any:
     """Two positive numbers, (2,); raises ArgumentError."""
     found = vector(value, name, 2)
     for one in () if traced(found) else found:
@@ -68,7 +68,7 @@ def positive_pair(value: Any, name: str) -> Any:
     return found
 
 
-def angles(value: Any, name: str) -> Any:
+def angles(value: object, name: str) -> Any:
     """Angles, rad, of at most `TURNS` turns; raises ArgumentError."""
     found = float64(value, f"Argument `{name}`")
     most = 0.0 if traced(found) else float(np.max(np.abs(found), initial=0.0))
@@ -80,12 +80,12 @@ def angles(value: Any, name: str) -> Any:
     return found
 
 
-def vector(value: Any, name: str, size: int = 3) -> Array:
+def vector(value: object, name: str, size: int = 3) -> Array:
     """A finite vector (size,); raises ArgumentError."""
     return array(value, name, (size,))
 
 
-def place(value: Any, name: str) -> Any:
+def place(value: object, name: str) -> Any:
     """A point of a vehicle, (3,) m, up to `LONGEST` from the origin; raises ArgumentError."""
     found = vector(value, name)
     distance = 0.0 if traced(found) else float(np.linalg.norm(found))
@@ -97,12 +97,12 @@ def place(value: Any, name: str) -> Any:
     return found
 
 
-def matrix(value: Any, name: str, size: int = 3) -> Array:
+def matrix(value: object, name: str, size: int = 3) -> Array:
     """A finite matrix (size, size); raises ArgumentError."""
     return array(value, name, (size, size))
 
 
-def direction(value: Any, name: str, size: int = 3) -> Array:
+def direction(value: object, name: str, size: int = 3) -> Array:
     """A unit vector (size,); raises ArgumentError."""
     found = vector(value, name, size)
     length = 1.0 if traced(found) else float(np.linalg.norm(found))

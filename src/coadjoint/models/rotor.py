@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from coadjoint.groups import SO3
 from coadjoint.mechanics.members import Quantity
@@ -32,7 +31,7 @@ def momentum_squared(state):
     return state.mu @ state.mu
 
 
-def make(*, inertia: Quantity, rotor_inertia: Any, axis: Any = (0.0, 0.0, 1.0)) -> System:
+def make(*, inertia: Quantity, rotor_inertia: object, axis: object = (0.0, 0.0, 1.0)) -> System:
     """A free rigid body with a rotor that turns freely about an axis of the body: μ̇ = μ×ω, π̇ = 0.
 
     μ = Jω + πe, so that a fast rotor holds the body: about a principal axis e = eₖ the body turns stably at rate ω
@@ -55,8 +54,8 @@ def start(
     euler_zyx: Quantity | None = None,
     angular_velocity: Quantity | None = None,
     euler_rates: Quantity | None = None,
-    rotor_angle: Any = 0.0,
-    rotor_rate: Any = 0.0,
+    rotor_angle: object = 0.0,
+    rotor_rate: object = 0.0,
 ) -> State:
     """The state of a body, its rotor at φ, rad, with the rate φ̇ relative to the body, rad/s; see `orientation`."""
     R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)

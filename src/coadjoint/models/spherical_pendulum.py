@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -52,8 +51,8 @@ def make(*, mass: Quantity, length: Quantity, gravity: Quantity = 9.81, inertia:
 def start(
     pendulum: System,
     *,
-    bob: Any = (0.0, 0.0, -1.0),
-    bob_velocity: Any = (0.0, 0.0, 0.0),
+    bob: object = (0.0, 0.0, -1.0),
+    bob_velocity: object = (0.0, 0.0, 0.0),
     rotation: Quantity | None = None,
     euler_zxz: Quantity | None = None,
     euler_zyx: Quantity | None = None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -93,8 +92,8 @@ def start(
     angle: Quantity = 0.0,
     position: Quantity = (0.0, 0.0),
     velocity: Quantity = (0.0, 0.0, 0.0),
-    bend: Any = (0.0, 0.0),
-    bend_rate: Any = (0.0, 0.0),
+    bend: object = (0.0, 0.0),
+    bend_rate: object = (0.0, 0.0),
 ) -> State:
     """The state of a swimmer whose middle link has an angle (rad), a position (2,), m, and body velocity (ω, u, w).
 

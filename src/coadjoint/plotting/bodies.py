@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.plotting.decimation import thin
@@ -40,17 +41,17 @@ class Solid:
     track: bool | None = None
 
 
-def box(size: Any, at: Any = (0.0, 0.0, 0.0)) -> Shape:
+def box(size: object, at: object = (0.0, 0.0, 0.0)) -> Shape:
     """A box with sides (3,) m, its middle at `at`, (3,) m, in the body; raises ArgumentError."""
     return {"kind": "box", "size": _sizes(size, "size"), "at": _three(at, "at")}
 
 
-def ellipsoid(semi_axes: Any, at: Any = (0.0, 0.0, 0.0)) -> Shape:
+def ellipsoid(semi_axes: object, at: object = (0.0, 0.0, 0.0)) -> Shape:
     """An ellipsoid with semi-axes (3,) m, its middle at `at`, (3,) m, in the body; raises ArgumentError."""
     return {"kind": "ellipsoid", "axes": _sizes(semi_axes, "semi_axes"), "at": _three(at, "at")}
 
 
-def rod(begin: Any, end: Any, radius: float) -> Shape:
+def rod(begin: object, end: PyTree, radius: float) -> Shape:
     """A round rod from one point to another, (3,) m, in the body; raises ArgumentError."""
     first, last = _three(begin, "begin"), _three(end, "end")
     if first == last:
@@ -58,7 +59,7 @@ def rod(begin: Any, end: Any, radius: float) -> Shape:
     return {"kind": "rod", "from": first, "to": last, "radius": _sizes([radius] * 3, "radius")[0]}
 
 
-def mesh(path: str | os.PathLike[str], unit: str = "m", at: Any = (0.0, 0.0, 0.0), axes: str = "FRD") -> Shape:
+def mesh(path: str | os.PathLike[str], unit: str = "m", at: object = (0.0, 0.0, 0.0), axes: str = "FRD") -> Shape:
     """A surface from a file of STL, OBJ or glTF; `unit` is that of its numbers: m, cm, mm or in.
 
     axes: those of the file, which are turned into the body's: "FRD", forward, starboard, down, or "FLU", forward, port,
@@ -192,7 +193,7 @@ def _readouts(run: Entry, described: Sequence[tuple[np.ndarray, np.ndarray]], ke
     return found
 
 
-def _three(value: Any, name: str) -> list[float]:
+def _three(value: object, name: str) -> list[float]:
     try:
         found = [float(number) for number in np.asarray(value, dtype=float)]
     except (TypeError, ValueError):
@@ -202,7 +203,7 @@ def _three(value: Any, name: str) -> list[float]:
     return found
 
 
-def _sizes(value: Any, name: str) -> list[float]:
+def _sizes(value: object, name: str) -> list[float]:
     found = _three(value, name)
     if min(found) <= 0:
         raise ArgumentError(f"Argument `{name}` of a shape must be positive, but is {value!r}.")

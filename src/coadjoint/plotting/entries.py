@@ -60,7 +60,7 @@ class Entry:
         return thin(*series, capacity=max(CAPACITY // self.crowd, CAPACITY // 10))
 
 
-def entries(runs: Sequence[Any], labels: Sequence[str] | None) -> list[Entry]:
+def entries(runs: Sequence[object], labels: Sequence[str] | None) -> list[Entry]:
     """Runs, saved runs or datasets with their labels: by default the properties that distinguish them. Ensembles give
     all members.
 

@@ -31,7 +31,7 @@ MOST, LARGEST = 40_000, 32_000_000
 """The most triangles, some 2 MB of a page, and the most bytes of a file."""
 
 
-def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") -> dict[str, Any]:
+def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") -> dict[str, object]:
     """The vertices, flat, m, and the faces, three vertices each, of a surface.
 
     Raises FileError for a file that cannot be read or is damaged, ArgumentError for another format, unit or axes and

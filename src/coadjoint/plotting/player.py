@@ -9,7 +9,6 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
@@ -66,7 +65,7 @@ def _text(name: str) -> str:
     return files("coadjoint.plotting").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def cell(card: str, run: Any) -> str:
+def cell(card: str, run: object) -> str:
     """The HTML of a cell; without a player where nothing of the run moves in space."""
     certificate = f'<pre style="white-space:pre-wrap">{escape(card)}</pre>'
     try:

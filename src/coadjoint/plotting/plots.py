@@ -31,7 +31,7 @@ class Plots:
 
     def energy(
         self,
-        *others: Any,
+        *others: object,
         definition: Literal["discrete", "legendre"] | None = None,
         labels: Sequence[str] | None = None,
         path: Path | None = None,
@@ -41,13 +41,13 @@ class Plots:
 
         return self._draw(lambda runs: conservation.energy(runs, definition), others, labels, path)
 
-    def kelvin_noether(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+    def kelvin_noether(self, *others: object, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
         """|I_k/I₀ − 1| over time, with the norm over the quantities where there are several (Theorem 7)."""
         from coadjoint.plotting import conservation
 
         return self._draw(conservation.kelvin_noether, others, labels, path)
 
-    def budget(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+    def budget(self, *others: object, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
         """The energy stored, and the energy from each force since the start; below, the gap between the two."""
         from coadjoint.plotting import budget
 
@@ -55,7 +55,7 @@ class Plots:
 
     def trajectory(
         self,
-        *others: Any,
+        *others: object,
         variable: str | None = None,
         z_down: bool | None = None,
         labels: Sequence[str] | None = None,
@@ -67,33 +67,33 @@ class Plots:
         return self._draw(lambda runs: trajectory.trajectory(runs, variable, z_down), others, labels, path)
 
     def attitude(
-        self, *others: Any, unwrap: bool = False, labels: Sequence[str] | None = None, path: Path | None = None
+        self, *others: object, unwrap: bool = False, labels: Sequence[str] | None = None, path: Path | None = None
     ) -> Figure:
         """Yaw, pitch and roll in degrees over time; with `unwrap` full turns are counted."""
         from coadjoint.plotting import attitude
 
         return self._draw(lambda runs: attitude.attitude(runs, unwrap), others, labels, path)
 
-    def velocities(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+    def velocities(self, *others: object, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
         """The body velocities ξ and ν over time."""
         from coadjoint.plotting import components
 
         return self._draw(components.velocities, others, labels, path)
 
-    def momenta(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+    def momenta(self, *others: object, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
         """The momenta μ and π over time."""
         from coadjoint.plotting import components
 
         return self._draw(components.momenta, others, labels, path)
 
-    def group_defect(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+    def group_defect(self, *others: object, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
         """How far g is from its group over time."""
         from coadjoint.plotting import conservation
 
         return self._draw(conservation.group_defect, others, labels, path)
 
     def variable(
-        self, name: str, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None
+        self, name: str, *others: object, labels: Sequence[str] | None = None, path: Path | None = None
     ) -> Figure:
         """One variable of the dataset over time, by its name."""
         from coadjoint.plotting import components
@@ -102,7 +102,7 @@ class Plots:
 
     def scene(
         self,
-        *others: Any,
+        *others: object,
         bodies: Sequence[Any] | None = None,
         hull: Any = None,
         z_down: bool = False,
@@ -132,7 +132,9 @@ class Plots:
 
         added = ADDED[name]
 
-        def figure(*others: Any, labels: Sequence[str] | None = None, path: Path | None = None, **options: Any) -> Any:
+        def figure(
+            *others: object, labels: Sequence[str] | None = None, path: Path | None = None, **options: object
+        ) -> Any:
             draw = import_string(added.draw)
             if not added.film:
                 return self._draw(lambda runs: draw(runs, **options), others, labels, path)
@@ -149,7 +151,7 @@ class Plots:
     def _draw(
         self,
         make: Callable[[list[Entry]], Figure],
-        others: Sequence[Any],
+        others: Sequence[object],
         labels: Sequence[str] | None,
         path: Path | None,
     ) -> Figure:
@@ -192,7 +194,7 @@ def available(dataset: Any, films: bool = False) -> list[str]:
 
 
 def save_figures(
-    datasets: Sequence[Any],
+    datasets: Sequence[object],
     folder: Path,
     wanted: Sequence[str] | None = None,
     ending: str = "png",

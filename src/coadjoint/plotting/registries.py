@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 from coadjoint.extensions import Registry, import_string
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,6 @@ SCENES: Registry[AddedScene] = Registry("SCENES")
 """Scenes by their subject."""
 
 
-def points_down(dataset: Any) -> bool:
+def points_down(dataset: xarray.Dataset) -> bool:
     """Whether the third axis of space is known to point down in a dataset, as in those of vehicles."""
     return any(staged.down and import_string(staged.fits)(dataset) for staged in SCENES.values())

@@ -111,7 +111,7 @@ def plain(scene: Scene) -> dict[str, Any]:
     return {**found, "wayPoints": [] if points is None else points}
 
 
-def _plain(name: str, value: Any) -> Any:
+def _plain(name: str, value: object) -> Any:
     if isinstance(value, np.ndarray):
         full = name in ("vertices", "faces", "current")
         digits = _DIGITS.get(name, _digits(value))

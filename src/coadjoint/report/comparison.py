@@ -140,5 +140,5 @@ def _gap(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     return value.item() if isinstance(value, np.generic) else value

@@ -40,7 +40,7 @@ def numbers(folder: Path) -> dict[str, list[Sourced]]:
     return {title: rows for title, rows in found.items() if rows}
 
 
-def _given(table: Mapping[str, Any], prefix: str = "") -> Iterator[Sourced]:
+def _given(table: Mapping[str, object], prefix: str = "") -> Iterator[Sourced]:
     """The numbers in a run file, under its keys; units are at the ends of keys."""
     for key, value in table.items():
         if isinstance(value, Mapping):

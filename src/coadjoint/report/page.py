@@ -72,7 +72,7 @@ def page(held: Contents) -> str:
 """
 
 
-def results(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+def results(summary: Mapping[str, object], prefix: str = "") -> list[tuple[str, str]]:
     """The numbers of a summary one by one, under joined names; texts that appear elsewhere are left out."""
     found: list[tuple[str, str]] = []
     for key, value in summary.items():

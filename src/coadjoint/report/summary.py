@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
 
 
-def run_summary(run: Run) -> dict[str, Any]:
+def run_summary(run: Run) -> dict[str, object]:
     """The certificate of a run, and its final state."""
     found = dict(run.summary())
     if run.count:
@@ -37,12 +37,12 @@ def versions() -> dict[str, str]:
     return found
 
 
-def to_json(value: Any) -> str:
+def to_json(value: object) -> str:
     """JSON text of plain and NumPy values; numbers that are not finite, which JSON lacks, become null."""
     return json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     if isinstance(value, dict):
         return {str(key): _plain(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):

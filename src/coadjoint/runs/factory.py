@@ -36,7 +36,7 @@ def maker(factory: str, source: Path) -> Callable[[dict[str, Any], dict[str, Any
     """
     function = _function(source, factory.split(":")[1])
 
-    def make(parameters: dict[str, Any], initial: dict[str, Any]) -> tuple[System, State]:
+    def make(parameters: dict[str, object], initial: dict[str, object]) -> tuple[System, State]:
         from coadjoint.mechanics.start import StartGiven
         from coadjoint.mechanics.state import State
         from coadjoint.mechanics.system import System
@@ -114,7 +114,7 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
     return found
 
 
-def _keywords(function: Callable[..., Any], parameters: dict[str, Any]) -> dict[str, Any]:
+def _keywords(function: Callable[..., object], parameters: dict[str, object]) -> dict[str, object]:
     """[parameters] as keywords of the factory, in SI units where its signature has the names."""
     taken = inspect.signature(function).parameters.values()
     if any(p.kind is p.VAR_KEYWORD for p in taken):
@@ -126,7 +126,7 @@ def _keywords(function: Callable[..., Any], parameters: dict[str, Any]) -> dict[
     return found
 
 
-def _called(function: Callable[..., Any], source: Path, keywords: dict[str, Any]) -> Any:
+def _called(function: Callable[..., object], source: Path, keywords: dict[str, object]) -> Any:
     try:
         with kept_that_is_read(source):
             return function(**keywords)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from coadjoint.errors import FileError
 from coadjoint.kernels.trace.library import digest_of_files
@@ -50,7 +50,7 @@ def identity(file: Runnable, made: Setup | None = None) -> dict[str, str]:
     return {**traced, "kernels": digest_of_files("kernels"), **versions()}
 
 
-def difference(before: Mapping[str, Any], now: Mapping[str, str]) -> str:
+def difference(before: Mapping[str, object], now: Mapping[str, str]) -> str:
     """The difference between two identities as text; empty if they are equal."""
     for name in _PARTS:
         if before.get(name) != now.get(name):
@@ -60,7 +60,7 @@ def difference(before: Mapping[str, Any], now: Mapping[str, str]) -> str:
     return f"it was computed by {', '.join(packages)}" if packages else ""
 
 
-def require_same(folder: Path, facts: Mapping[str, Any], now: Mapping[str, str]) -> bool:
+def require_same(folder: Path, facts: Mapping[str, object], now: Mapping[str, str]) -> bool:
     """Whether a folder with these facts keeps an identity; raises FileError if it differs from the present one."""
     before = facts.get(IDENTITY)
     if not isinstance(before, Mapping):

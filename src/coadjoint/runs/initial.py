@@ -29,7 +29,7 @@ KINDS = {
 _ANGLES = ("yaw", "pitch", "roll")
 
 
-def initial_values(given: Mapping[str, Any], known: Collection[str]) -> dict[str, Any]:
+def initial_values(given: Mapping[str, object], known: Collection[str]) -> dict[str, Any]:
     """A section [initial] under its known names, in SI units.
 
     Where `euler_zyx` is known, `yaw`, `pitch` and `roll` are too, 0 unless given. Raises ArgumentError.

@@ -127,7 +127,7 @@ def _rows(file: RunFile) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     return [jax.tree.unflatten(structure, row) for row in zip(*columns, strict=True)]
 
 
-def _arrays(value: Any) -> Any:
+def _arrays(value: object) -> Any:
     """An argument of a start with arrays for its numbers; lists are arrays, tuples are elements of several."""
     if value is None:
         return None
@@ -146,7 +146,7 @@ def _differ(leaves: Sequence[np.ndarray]) -> bool:
     return any(np.shape(one) != first.shape or np.asarray(one).tobytes() != first.tobytes() for one in leaves[1:])
 
 
-def _element(given: Any, count: int) -> Any:
+def _element(given: object, count: int) -> Any:
     """An element of a group; with `co.each` in one of its parts, `co.each` of elements."""
     if not isinstance(given, tuple) or not any(isinstance(one, Each) for one in given):
         return given

@@ -66,7 +66,7 @@ class RunFile(Runnable):
             return maker(self.system.factory, self.located(self.names[0]))
         return self._of_catalogue
 
-    def _of_catalogue(self, parameters: dict[str, Any], initial: dict[str, Any]) -> tuple[System, State]:
+    def _of_catalogue(self, parameters: dict[str, object], initial: dict[str, object]) -> tuple[System, State]:
         from coadjoint.models import catalogue
 
         entry = catalogue[self.system.model]
@@ -115,7 +115,7 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
     return replace(of_table(table, source, text), places=kept_inputs(source))
 
 
-def of_table(table: dict[str, Any], source: Path, text: str) -> Runnable:
+def of_table(table: dict[str, object], source: Path, text: str) -> Runnable:
     """The run in a table, of a system or of another kind; raises ArgumentError for unknown sections, keys and
     values."""
     if "vehicle" in table and "vehicle" not in KINDS:
@@ -124,7 +124,7 @@ def of_table(table: dict[str, Any], source: Path, text: str) -> Runnable:
     return import_string(readers[0])(table, source, text) if readers else from_table(table, source, text)
 
 
-def _require_run(table: dict[str, Any], source: Path) -> None:
+def _require_run(table: dict[str, object], source: Path) -> None:
     """Raise ArgumentError for a file that is empty, or of a vehicle, and say which command takes it."""
     if not table:
         raise ArgumentError(
@@ -155,7 +155,7 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
     return RunFile(path=path, text=text, **made)
 
 
-def _require_short(value: Any) -> None:
+def _require_short(value: object) -> None:
     """Raise OverflowError for an integer too large for a float."""
     if isinstance(value, (dict, list)):
         for inner in value.values() if isinstance(value, dict) else value:
@@ -204,7 +204,7 @@ MEASURES = {
 """The quantities of the parameters of the catalogue's models."""
 
 
-def _apply(table: dict[str, Any], change: str) -> None:
+def _apply(table: dict[str, object], change: str) -> None:
     """Make a change "section.key=value" to a table; the value is TOML, and a text if it is not valid TOML.
 
     It replaces the same key in another unit too; with nothing behind the = the key, or section, is left out.
@@ -223,7 +223,7 @@ def _apply(table: dict[str, Any], change: str) -> None:
     put(table, keys, parsed if value.strip() else None, "A change with --set", change)
 
 
-def put(table: dict[str, Any], keys: Sequence[str], value: Any, what: str, change: str) -> None:
+def put(table: dict[str, object], keys: Sequence[str], value: object, what: str, change: str) -> None:
     """Put a value in the place of the same key, in another unit too; None leaves the key out.
 
     Raises ArgumentError, which begins with `what` and shows the `change`, for a key of a value that is not a section.

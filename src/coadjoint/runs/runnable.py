@@ -86,7 +86,7 @@ class Runnable(ABC):
         """Files of Python outside of the folder of the file that it would run."""
         return []
 
-    def located(self, name: Any) -> Path:
+    def located(self, name: object) -> Path:
         """A file that it names, in its folder or in the folder of results; raises FileError."""
         if not isinstance(name, str):
             raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")

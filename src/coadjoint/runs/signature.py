@@ -33,7 +33,7 @@ def signature(system: System) -> Hashable:
     return tuple(_of(getattr(system, name), seen) for name in names)
 
 
-def _of(value: Any, seen: Seen) -> Hashable:
+def _of(value: object, seen: Seen) -> Hashable:
     if isinstance(value, (bool, int, float, complex, str, bytes, type(None))):
         return type(value), repr(value)
     if isinstance(value, (np.ndarray, np.generic, jax.Array)) and not isinstance(value, Tracer):
@@ -61,7 +61,7 @@ def _of(value: Any, seen: Seen) -> Hashable:
     return id(value)
 
 
-def _is_fixed(value: Any) -> bool:
+def _is_fixed(value: object) -> bool:
     """Whether this is a function of the library that holds nothing."""
     return (
         isinstance(value, types.FunctionType)

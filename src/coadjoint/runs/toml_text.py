@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 
-def to_toml(table: dict[str, Any]) -> str:
+def to_toml(table: dict[str, object]) -> str:
     """The TOML of a table of sections, whose values are of the types of TOML."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in table.items() if not isinstance(value, dict)]
     for key, value in table.items():
@@ -20,7 +19,7 @@ def _key(key: str) -> str:
     return key if bare else _value(key)
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

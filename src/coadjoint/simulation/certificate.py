@@ -22,7 +22,7 @@ Lines = Iterator[tuple[str, str]]
 """Titles and texts."""
 
 
-def certificate(run: Result) -> dict[str, Any]:
+def certificate(run: Result) -> dict[str, object]:
     """The certificate under plain names; errors are maxima over every step, relative unless the start is zero.
 
     That of an ensemble has the system, the method, the accuracy and the time alone.

@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from coadjoint.archives import stored_arrays
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.program import NEWTON, Code
 from coadjoint.kernels.run import disk_cache, plans
@@ -57,7 +58,7 @@ def method_form(method: Method) -> Any:
         return None
 
 
-def _form(value: Any) -> Any:
+def _form(value: object) -> Any:
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, tuple):
@@ -73,7 +74,7 @@ def _class(name: str) -> Any:
     return next((kind for kind in found if isinstance(kind, type)), None)
 
 
-def method_from(form: Any) -> Any:
+def method_from(form: object) -> Any:
     """The method that `method_form` described; raises ValueError, AttributeError or TypeError for other forms."""
     if isinstance(form, list):
         return tuple(method_from(item) for item in form)
@@ -99,13 +100,13 @@ def start_form(start: State) -> tuple[Any, dict[str, np.ndarray]]:
         return None, {}
 
 
-def _has_names(g: Any) -> bool:
+def _has_names(g: object) -> bool:
     """Whether g is, or holds, tuples with names, as elements of U(n)."""
     inner = g if isinstance(g, (tuple, list)) else ()
     return hasattr(g, "_fields") or any(map(_has_names, inner))
 
 
-def _tree(tree: Any, numbers: dict[str, np.ndarray]) -> Any:
+def _tree(tree: PyTree, numbers: dict[str, np.ndarray]) -> Any:
     if tree is None:
         return None
     if isinstance(tree, (Named, dict)):
@@ -205,7 +206,7 @@ def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
     }
 
 
-def named(tree: Any) -> list[Any]:
+def named(tree: PyTree) -> list[Any]:
     """The leaves of a PyTree with their names."""
     return [[jax.tree_util.keystr(path), leaf] for path, leaf in jax.tree_util.tree_leaves_with_path(tree)]
 
@@ -254,7 +255,7 @@ def position_numbers(position: AnyPosition) -> tuple[dict[str, Any], dict[str, n
     return header, arrays
 
 
-def position_at(header: Mapping[str, Any], arrays: Arrays, like: P) -> P:
+def position_at(header: Mapping[str, object], arrays: Arrays, like: P) -> P:
     """The position that `position_numbers` took apart; `like` is one of the same system, method and members."""
     lows = {name.partition("/")[2]: low for name, low in arrays.items() if name.startswith("lowest/")}
     found = {name: header[name] if name in header else arrays[f"position/{name}"] for name in _counts(like)}

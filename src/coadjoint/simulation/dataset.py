@@ -116,14 +116,14 @@ def outline(run: Result) -> xarray.Dataset:
     return xarray.Dataset(variables(run.system, records, observed, derive), attrs={"system": run.system.name})
 
 
-def member_coordinates(run: Result) -> dict[str, Any]:
+def member_coordinates(run: Result) -> dict[str, object]:
     """The number of each member, how many good steps it did, and how its last one ended; none of a single run."""
     if run.members is None:
         return {}
     return coordinates_of(run.position.steps_done, run.position.codes)
 
 
-def coordinates_of(steps_done: np.ndarray, codes: np.ndarray) -> dict[str, Any]:
+def coordinates_of(steps_done: np.ndarray, codes: np.ndarray) -> dict[str, object]:
     """Those of members by these, (members,) each."""
     return {"member": np.arange(len(codes)), "steps_done": ("member", steps_done), "code": ("member", codes)}
 

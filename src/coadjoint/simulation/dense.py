@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import numpy as np
@@ -94,7 +93,7 @@ SLACK = 1e-9
 """The part of a step that is round-off of the time."""
 
 
-def at_times(plan: Plan, records: State, times: Any) -> State:
+def at_times(plan: Plan, records: State, times: object) -> State:
     """Records at `times` (k,) of a run, by steps of the method itself from the saved node before each.
 
     From a node the steps of the run are repeated, followed by one step of the remaining part: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h.

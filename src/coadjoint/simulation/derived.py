@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import Power
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
@@ -63,17 +63,17 @@ class Derivation:
         wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
         return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
 
-    def _function(self, *arguments: Any) -> Callable[..., Any]:
+    def _function(self, *arguments: object) -> Callable[..., Any]:
         leaves, structure = jax.tree.flatten(arguments)
         key = structure, *(np.shape(leaf) for leaf in leaves)
         if key not in self._made:
             self._made[key] = tabulate(self._traced, *arguments)
         return self._made[key]
 
-    def _traced(self, shared: Any, records: State, own: dict[int, Any]) -> dict[str, Any]:
+    def _traced(self, shared: object, records: State, own: dict[int, object]) -> dict[str, object]:
         leaves, structure = jax.tree.flatten(shared, is_leaf=_is_missing)
 
-        def one(state: State, own: dict[int, Any]) -> dict[str, Any]:
+        def one(state: State, own: dict[int, object]) -> dict[str, Any]:
             whole = [own.get(i, leaf) for i, leaf in enumerate(leaves)]
             return _derived(replace_parameters(self.skeleton, jax.tree.unflatten(structure, whole)), state)
 
@@ -112,7 +112,7 @@ def known_at_nodes(system: System, records: State) -> bool:
     return system.continuous and records.g is not None and records.mu is not None
 
 
-def _derived(system: System, state: State) -> dict[str, Any]:
+def _derived(system: System, state: State) -> dict[str, object]:
     (group, Q, _), node = state.places, at_node(system, state)
     found = {
         "xi": node.xi,
@@ -127,7 +127,7 @@ def _derived(system: System, state: State) -> dict[str, Any]:
     return found
 
 
-def _split(parameters: Any, members: np.ndarray | None) -> tuple[Any, dict[int, Any]]:
+def _split(parameters: PyTree, members: np.ndarray | None) -> tuple[Any, dict[int, Any]]:
     """The parameters that all records share, with None for the others, and the others by place, one row per record."""
     if members is None:
         return member_of(parameters, 0), {}
@@ -140,7 +140,7 @@ def _split(parameters: Any, members: np.ndarray | None) -> tuple[Any, dict[int, 
     return jax.tree.unflatten(structure, [None if i in own else leaf for i, leaf in enumerate(leaves)]), own
 
 
-def _is_missing(leaf: Any) -> bool:
+def _is_missing(leaf: object) -> bool:
     return leaf is None
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.system import System
@@ -178,7 +179,7 @@ def _told(system: System, gain: _Gain) -> str:
     return f"{gain.names}, which should only brake, put in {energy}, {when}: {why}"
 
 
-def _gain(system: System, parameters: Any, watched: _Watched) -> _Gain | None:
+def _gain(system: System, parameters: PyTree, watched: _Watched) -> _Gain | None:
     """The energy that passive forces have put in.
 
     A force is passive if its attribute `passive`, a function of the parameters, is true for those of the run. The total

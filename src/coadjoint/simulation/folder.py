@@ -17,7 +17,7 @@ from coadjoint.simulation.store import Store
 from coadjoint.simulation.store_reader import CHECKPOINTS, CONFIGURATION, require_run
 
 
-def create(path: Path, run: Result, facts: Mapping[str, Any], configuration: tuple[Any, Any]) -> Store:
+def create(path: Path, run: Result, facts: Mapping[str, object], configuration: tuple[Any, Any]) -> Store:
     """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
 
     Until then it has a hidden name; files that a killed process left under this name are replaced.

@@ -96,7 +96,7 @@ def with_own_directions(
     flags = jax.tree.map(lambda axis: axis == 0, members.axes, is_leaf=lambda x: x is None)
     renewal = constants.renewal
 
-    def of_members(monitors: Any, own: bool) -> tuple[Constants, Constants]:
+    def of_members(monitors: object, own: bool) -> tuple[Constants, Constants]:
         axis = None if renewal is None else False
         return Constants(members.parameters, monitors, renewal), Constants(flags, own, axis)
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.extensions import import_string
 from coadjoint.mechanics import continuous, inverse_legendre, reactions, symmetries
 from coadjoint.mechanics.internal_state import at_node
@@ -52,7 +52,7 @@ class Monitor:
     watched: tuple[Watched, ...]
     when: Callable[..., bool]
 
-    def __call__(self, system: Any, step: Any, record: Any, h: Any, constants: Any) -> Any:
+    def __call__(self, system: object, step: Any, record: Any, h: object, constants: Any) -> Any:
         return self.observe(system, step, record, h, constants)
 
     def __reduce__(self) -> Any:
@@ -81,7 +81,7 @@ def _always(system: System, method: Method, state: State) -> bool:
     ),
     when=_always,
 )
-def discrete_energy(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def discrete_energy(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """E_k = −∂_hΛ with the discrete velocities: the paper's K_k + U_k for the left rule (P68, P69)."""
     return {"discrete_energy": step.energy(system, record, h)}
 
@@ -98,7 +98,7 @@ def discrete_energy(system: System, step: Step, record: State, h: Scalar, consta
     ),
     when=lambda system, method, state: system.continuous,
 )
-def legendre_energy(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def legendre_energy(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """The Legendre energy of (μ_k, π_k), at the node itself, and how well the velocities of these were found."""
     if system.hamiltonian is not None:
         return {"energy": continuous.energy(system, record)}
@@ -114,7 +114,7 @@ def legendre_energy(system: System, step: Step, record: State, h: Scalar, consta
     ),
     when=lambda system, method, state: state.ledger is not None,
 )
-def energy_budget(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def energy_budget(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """The work W of each force, and E − ΣW, which is constant to the method's order."""
     put_in = energy_put_in(system, record)
     now = step.energy(system, record, h) if not system.continuous else continuous.energy(system, record)
@@ -134,14 +134,14 @@ _NOETHER = (
 
 
 @monitor(*_NOETHER, when=_always)
-def kelvin_noether(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def kelvin_noether(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """⟨Ad_{g⁻¹}c₀, m⟩ for every row c₀ of constants["c0"]: conserved where c₀·a₀ = 0 and nothing forces."""
     c0 = constants["c0"]
     return _with_budget(system, record, c0 @ spatial_momentum(system, record), c0)
 
 
 @monitor(when=lambda system, method, state: bool(system.quantities))
-def quantities(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def quantities(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """The system's own scalars, of the node: ξ and ν are those of its momenta."""
     node = at_node(system, record)
     return {name: jnp.asarray(value(system, function, node)) for name, function in system.quantities}
@@ -173,7 +173,7 @@ def _with_budget(system: System, record: State, now: Array, c0: Array) -> dict[s
     Watched("step_size", "h of the step that starts at the node", unit="s"),
     when=lambda system, method, state: method.variable,
 )
-def step_size(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Scalar]:
+def step_size(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Scalar]:
     """h of the step, s."""
     return {"step_size": step.size(record, h)}
 
@@ -188,7 +188,7 @@ def step_size(system: System, step: Step, record: State, h: Scalar, constants: A
     ),
     when=lambda system, method, state: system.group.constrained and state.g is not None,
 )
-def group_defect(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def group_defect(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """How far g is from its group."""
     return {"group_defect": jnp.asarray(system.group.defect(record.g))}
 

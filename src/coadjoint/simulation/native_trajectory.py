@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.run import gradient, native
 from coadjoint.kernels.trace import jaxprs
@@ -25,7 +26,7 @@ Blocks = tuple[int, int]
 """(records, save_every)."""
 
 
-def native_trajectory(program: StepProgram, arguments: Any, blocks: Blocks, by_xla: Callable[[Any], Any]) -> Any:
+def native_trajectory(program: StepProgram, arguments: object, blocks: Blocks, by_xla: Callable[[Any], Any]) -> Any:
     """(records, final, code, iterations) of `arguments` = (constants, state, h), differentiable both ways.
 
     `by_xla` computes the same, (records, final) of the arguments, by operations that JAX can push tangents through.
@@ -65,7 +66,7 @@ def native_trajectory(program: StepProgram, arguments: Any, blocks: Blocks, by_x
     return run(arguments)
 
 
-def on_host(function: Callable[[Any], Any], argument: Any, like: Any) -> Any:
+def on_host(function: Callable[[Any], Any], argument: object, like: object) -> Any:
     """function(argument) by NumPy on the host: float64 PyTrees in and out, the result shaped as `like`.
 
     Numbers are passed as pairs of 32-bit words: JAX calls back on its own threads, where the float64 scope of the
@@ -86,7 +87,7 @@ def on_host(function: Callable[[Any], Any], argument: Any, like: Any) -> Any:
     return result.unflatten([part.reshape(leaf.shape) for part, leaf in zip(parts, leaves, strict=True)])
 
 
-def _words(tree: Any) -> tuple[Any, Callable[[np.ndarray], Any]]:
+def _words(tree: PyTree) -> tuple[Any, Callable[[np.ndarray], Any]]:
     """A float64 PyTree as words (n, 2), and how to read it back from them in NumPy."""
     leaves, structure = jax.tree.flatten(tree)
     shapes = [np.shape(leaf) for leaf in leaves]
@@ -100,7 +101,7 @@ def _words(tree: Any) -> tuple[Any, Callable[[np.ndarray], Any]]:
     return jax.lax.bitcast_convert_type(flat, np.uint32), read
 
 
-def _tangent_map(by_xla, pullback, arguments: Any, tangents: Any, shapes: Any) -> Any:
+def _tangent_map(by_xla, pullback, arguments: object, tangents: object, shapes: PyTree) -> Any:
     """The derivative of `by_xla` at the arguments along the tangents, with `pullback` as its transpose."""
     leaves, structure = jax.tree.flatten(arguments)
     # One flat tangent, zeros included, so that the primitive is linear in one operand.

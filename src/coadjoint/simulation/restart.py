@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
@@ -42,14 +43,14 @@ def written(record: State, system: System) -> dict[str, Any]:
     return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, system.parameters), strict=True)}
 
 
-def _row(name: str, tree: Any) -> tuple[str, np.ndarray, dict[str, str]]:
+def _row(name: str, tree: PyTree) -> tuple[str, np.ndarray, dict[str, str]]:
     found = jax.tree_util.tree_leaves_with_path(tree)
     parts = [[[str(getattr(key, "name", key)) for key in path], np.shape(leaf)] for path, leaf in found]
     numbers = np.concatenate([np.zeros(0), *(np.ravel(np.asarray(leaf, float)) for _, leaf in found)])
     return f"{name}_numbers", numbers, {"parts": json.dumps(parts)}
 
 
-def read(found: Mapping[str, Any], dataset: xarray.Dataset, system: System | None) -> State:
+def read(found: Mapping[str, object], dataset: xarray.Dataset, system: System | None) -> State:
     """The record that `written` put into the file of a dataset, with the velocities at its node.
 
     Raises ArgumentError without a system and for another one, and FileError if the file lacks the record.

@@ -110,7 +110,7 @@ _log = logger(__name__)
 
 
 def streamed(
-    run: Result, path: str | os.PathLike[str], chosen: Any, accuracy: bool, traces: Traced
+    run: Result, path: str | os.PathLike[str], chosen: object, accuracy: bool, traces: Traced
 ) -> StreamedRun | StreamedEnsemble:
     """A run that has not begun, put into a new folder, or continued if the folder holds the same run.
 
@@ -168,7 +168,7 @@ def resume(
     method: Method | None = None,
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Given | None = None,
-    until: Callable[[State], Any] | None = None,
+    until: Callable[[State], object] | None = None,
     progress: bool | None = None,
 ) -> Run:
     """Continue a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.

@@ -67,7 +67,7 @@ class Run(_Shown):
         one = self.position.state
         return {name: self._of_this(stacked_records(states, one)) for name, states in self.crossed.items()}
 
-    def at(self, times: Any) -> State:
+    def at(self, times: object) -> State:
         """The records at times between the nodes (k,), s: a State with a leading axis.
 
         Steps of the method lead there from the saved node before: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h, so that momenta are as
@@ -111,7 +111,7 @@ class Run(_Shown):
         """Newton iterations a step."""
         return self.position.iterations / max(self.good_steps, 1)
 
-    def _last_record(self) -> dict[str, Any]:
+    def _last_record(self) -> dict[str, object]:
         from coadjoint.simulation.restart import written
 
         last = self.last_record

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.run import disk_cache, store
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.identity import identity
@@ -67,7 +68,12 @@ _lock = threading.Lock()
 
 
 def read(
-    system: System, start: State, functions: list[Callable[[State], Any]], events: Any, observed: Any, *more: Any
+    system: System,
+    start: State,
+    functions: list[Callable[[State], Any]],
+    events: object,
+    observed: PyTree,
+    *more: object,
 ) -> Reading | None:
     """Read all functions once; None if they cannot be read, which the checks report, or cannot be compared.
 
@@ -125,7 +131,7 @@ def remember_verdict(reading: Reading | None, purpose: str, found: dict[str, Any
     disk_cache.keep(_named(reading, purpose), found)
 
 
-def _remember_verdict(reading: Reading, purpose: str, found: dict[str, Any]) -> None:
+def _remember_verdict(reading: Reading, purpose: str, found: dict[str, object]) -> None:
     """Keep it in this process."""
     with _lock:
         _verdicts[purpose, reading.key] = copy.deepcopy(found)

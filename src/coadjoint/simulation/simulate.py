@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, shown
@@ -30,6 +30,9 @@ from coadjoint.simulation.execution import execute
 from coadjoint.simulation.members import count_of, require_room
 from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.run import Run
+
+if TYPE_CHECKING:
+    pass
 
 
 @deferred_interrupts()
@@ -150,7 +153,7 @@ def simulate(
     return done
 
 
-def _judge_by(run: Run, finer: Any, progress: bool | None, began: float) -> None:
+def _judge_by(run: Run, finer: object, progress: bool | None, began: float) -> None:
     """Repeat the run with half its step size, and give the difference of the two in its certificate."""
     try:
         with_trajectory_error(run, execute(finer, progress, began, False))  # type: ignore[arg-type]

@@ -217,7 +217,7 @@ class Store:
             return {**grid, **variables(self.system, records, monitors, self._of_first)}
         return {**grid, **member_variables(self.system, records, monitors, self._derive, members_of(records, 1))}
 
-    def _of_first(self, records: State) -> dict[str, Any]:
+    def _of_first(self, records: State) -> dict[str, object]:
         """Quantities derived from the records of a run, or of the first member."""
         return self._derive(self.system.parameters, records)
 
@@ -277,5 +277,5 @@ def _checkpoint(slot: int) -> str:
     return f"checkpoint-{slot}.npz"
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value

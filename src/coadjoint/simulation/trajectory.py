@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, StepError, warn
 from coadjoint.interrupts import deferred_interrupts
@@ -72,7 +73,7 @@ def trajectory(
     system: System,
     start: State,
     *,
-    dt: Any,
+    dt: Scalar,
     steps: int,
     method: Method | None = None,
     save_every: int = 1,
@@ -144,7 +145,7 @@ def computed(
     program: StepProgram,
     constants: Constants,
     begun: State,
-    h: Any,
+    h: Scalar,
     blocks: Blocks,
     backend: Backend,
     *,
@@ -220,7 +221,7 @@ def _run(
     program: StepProgram,
     constants: Constants,
     start: State,
-    h: Any,
+    h: Scalar,
     blocks: Blocks,
     inside: bool,
     last: bool,
@@ -266,7 +267,7 @@ def _of_chunk(chunk: Chunk) -> Trajectory:
     return Trajectory(chunk.records, chunk.final, np.int64(chunk.code), np.int64(chunk.iterations))
 
 
-def _interrupted(chunk: Any, blocks: Blocks) -> KeyboardInterrupt:
+def _interrupted(chunk: PyTree, blocks: Blocks) -> KeyboardInterrupt:
     """The exception for an interrupted trajectory, with the steps that were done, if there are any."""
     if not chunk.steps:
         return KeyboardInterrupt()
@@ -279,7 +280,7 @@ def _interrupted(chunk: Any, blocks: Blocks) -> KeyboardInterrupt:
 
 
 def _scan(
-    program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks, last: bool = False
+    program: StepProgram, constants: Constants, start: State, h: Scalar, blocks: Blocks, last: bool = False
 ) -> Trajectory:
     """last: as in `computed`; then there is one more block, of which the first step gives its record alone."""
     count, every = blocks

@@ -154,7 +154,7 @@ def _actions(
         E = _frame(space, group, x)
         v = E @ (E.T @ v)
 
-    def derived(name: str, *arguments: Any) -> Array:
+    def derived(name: str, *arguments: object) -> Array:
         return getattr(Space, name)(space, group, *arguments)
 
     def both(name: str, says: str, *arguments: Any, measured: Any = lambda value: value) -> Identity:

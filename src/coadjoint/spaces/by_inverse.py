@@ -84,10 +84,10 @@ class ByInverse(Space):
     def view(self, group: LieGroup, x: Array) -> Any:
         return self.space.view(_of(group), x)
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         return self.space.point(_of(group), value, name)
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
+    def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         return self.space.velocity(_of(group), value, name)
 
     def components(self, group: LieGroup, name: str) -> dict[str, slice]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -85,7 +85,7 @@ class GroupItself(Embedded):
     def defect(self, group: LieGroup, x: Array) -> Array | float:
         return group.defect(self.view(group, x)) if group.constrained else 0.0
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         array = self.velocity(group, value, name)
         if isinstance(array, np.ndarray):
             off = float(evaluate(lambda x: group.outside(self.view(group, x)), array))
@@ -93,7 +93,7 @@ class GroupItself(Embedded):
                 raise ArgumentError(f"Argument `{name}` must be an element of {group!r}, but is outside by {off:.3g}.")
         return array
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
+    def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         """Numbers in the structure of an element, or end to end."""
         leaves = [np.ravel(leaf) for leaf in jax.tree.leaves(value)]
         return checked_vector(

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Element
@@ -102,13 +102,13 @@ class Links(Space):
         power = _power(group)
         return jax.vmap(lambda one: self.space.view(power.factor, one))(jnp.reshape(x, (power.count, -1)))
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         return self._given(group, self.space.point, value, name)
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
+    def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         return self._given(group, self.space.velocity, value, name)
 
-    def _given(self, group: LieGroup, check: Callable[..., Array], value: Any, name: str) -> Array:
+    def _given(self, group: LieGroup, check: Callable[..., Array], value: object, name: str) -> Array:
         power = _power(group)
         rows = _rows(value, power.count, self.space.ambient(power.factor))
         if rows is None:
@@ -119,7 +119,7 @@ class Links(Space):
 
 
 class _Value:
-    def __init__(self, values: Any):
+    def __init__(self, values: object):
         self.values = values
 
 
@@ -184,7 +184,7 @@ class RelativePoses(Space):
     def ambient(self, group: LieGroup) -> int:
         return len(self.of(group)) * _size(_power(group).factor)
 
-    def _ends(self, group: LieGroup, tree: Any, still: Any) -> tuple[Any, Any]:
+    def _ends(self, group: LieGroup, tree: PyTree, still: object) -> tuple[Any, Any]:
         """Of a tree with an axis of links what belongs to both ends of each pair; `still`: ground's."""
         first, second = self._rows(group)
         grounded = jax.tree.map(lambda leaf, ground: jnp.concatenate([ground[None], leaf]), tree, still)
@@ -238,7 +238,7 @@ class RelativePoses(Space):
         ]
         return jax.tree.unflatten(structure, parts)
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         count, G = len(self.of(group)), _power(group).factor
         if value is None:
             one = jax.tree.leaves(evaluate(G.identity))
@@ -292,13 +292,13 @@ def _size(group: LieGroup) -> int:
     return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(jax.eval_shape(group.identity)))
 
 
-def _flat(tree: Any) -> Array:
+def _flat(tree: PyTree) -> Array:
     """Elements with a leading axis as numbers, end to end."""
     leaves = jax.tree.leaves(tree)
     return jnp.reshape(jnp.concatenate([jnp.reshape(leaf, (leaf.shape[0], -1)) for leaf in leaves], axis=1), -1)
 
 
-def _rows(value: Any, count: int, size: int) -> Any:
+def _rows(value: object, count: int, size: int) -> Any:
     """The numbers (count, size) given for all links, end to end or by leaves; None where they are not given for all."""
     try:
         leaves = (

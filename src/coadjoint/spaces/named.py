@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.paths import paths, respelled
 
@@ -21,7 +22,7 @@ class Named:
     __slots__ = ("_values",)
     _values: dict[str, Any]
 
-    def __init__(self, **values: Any):
+    def __init__(self, **values: object):
         object.__setattr__(self, "_values", values)
 
     def __getattr__(self, name: str) -> Any:
@@ -35,7 +36,7 @@ class Named:
             ending = f": it is `{hint}`" if hint else f"; there is: {known}"
             raise AttributeError(f"There is no `{name}` here{ending}.") from None
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"Values cannot be changed in place; make a copy with replace({name}=…).")
 
     def __iter__(self) -> Iterator[str]:
@@ -60,7 +61,7 @@ class Named:
         """The values in a plain dictionary."""
         return dict(self._values)
 
-    def replace(self, **values: Any):
+    def replace(self, **values: object):
         """A copy with some values replaced; raises ArgumentError for a name that is not there."""
         unknown = [name for name in values if name not in self._values]
         if unknown:
@@ -76,7 +77,7 @@ class Named:
         return _made(cls, dict(zip(keys, values, strict=True)))
 
 
-def named(tree: Any) -> Any:
+def named(tree: PyTree) -> Any:
     """A dictionary, and the dictionaries in it, as namespaces; anything else unchanged."""
     if not isinstance(tree, Mapping):
         return tree
@@ -91,7 +92,7 @@ def require_names(given: Mapping[Any, Any]) -> None:
         raise ArgumentError(f"The names in a dictionary of values must be texts, but one is {shown(others[0])}.")
 
 
-def _made(kind: type[Named], values: dict[str, Any]) -> Named:
+def _made(kind: type[Named], values: Mapping[str, object]) -> Named:
     """Values that were pickled or copied."""
     made = object.__new__(kind)
     object.__setattr__(made, "_values", values)

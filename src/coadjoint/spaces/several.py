@@ -118,13 +118,13 @@ class Several(Space):
         parts = self._split(group, x)
         return Named(**{name: s.view(group, part) for name, (s, part) in zip(self.names, parts, strict=True)})
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         return self._joined("point", group, value, name)
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
+    def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         return self._joined("velocity", group, value, name)
 
-    def _joined(self, method: str, group: LieGroup, value: Any, name: str) -> Array:
+    def _joined(self, method: str, group: LieGroup, value: object, name: str) -> Array:
         if isinstance(value, Named):
             value = value.asdict()
         may = {key for key, space in zip(self.names, self.factors, strict=True) if space.at_start}

@@ -109,11 +109,11 @@ class Space:
         """A point x (ambient,) as the user's functions see it: an array, or a namespace of arrays."""
         return x
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         """The user's point as a flat float64 array (ambient,); raises ArgumentError with `name` for a wrong shape."""
         return checked_vector(value, self.ambient(group), name)
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
+    def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         """The user's velocity likewise, (ambient,); whether it is tangent is not checked here."""
         return checked_vector(value, self.ambient(group), name)
 

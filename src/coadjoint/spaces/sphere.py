@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -82,7 +81,7 @@ class Sphere(Embedded, Representation):
     def defect(self, group: LieGroup, x: Array) -> Array:
         return jnp.abs(x @ x - 1)
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         array = checked_vector(value, self.ambient(group), name)
         if isinstance(array, np.ndarray) and abs(array @ array - 1) > 1e-9:
             raise ArgumentError(

@@ -130,7 +130,7 @@ class Submanifold(Embedded):
     def components(self, group: LieGroup, name: str) -> dict[str, slice]:
         return self.inside.components(group, name)
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Array:
+    def point(self, group: LieGroup, value: object, name: str) -> Array:
         array = self.inside.point(group, value, name)
         if isinstance(array, np.ndarray):
             off = evaluate(lambda x: self.defect(group, x), array)
@@ -139,7 +139,7 @@ class Submanifold(Embedded):
             _require_invariant(self, group, array)
         return array
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
+    def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         return self.inside.velocity(group, value, name)
 
 

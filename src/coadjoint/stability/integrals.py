@@ -68,7 +68,7 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
     zero, still = np.zeros(sum(reduced.sizes)), np.zeros(len(reduced.symmetries))
 
     def slopes(state: State) -> Any:
-        def at(z: Any) -> Any:
+        def at(z: Array) -> Any:
             moved = reduced.with_momenta(reduced.moved(state, z))
             return jnp.stack([C(moved) for C in integrals]), reduced.phase(moved, still)[0]
 

@@ -186,7 +186,7 @@ class Reduced(Portable):
     @cached_property
     def _ambient(self) -> Any:
         def both(state: State) -> Any:
-            def at(xi: Any, n: Any, nu: Any, a: Any) -> tuple[Array, Array]:
+            def at(xi: Array, n: Array, nu: Array, a: Array) -> tuple[Array, Array]:
                 return self.phase(state.replace(xi=xi, n=n, nu=nu, a=a))
 
             blocks = jax.jacfwd(at, argnums=(0, 1, 2, 3))(state.xi, state.n, state.nu, state.a)

@@ -52,7 +52,7 @@ def steady_motion(
     system: System,
     guess: State,
     *,
-    conditions: Callable[[State], Any] | None = None,
+    conditions: Callable[[State], object] | None = None,
     free: Sequence[str] | Mapping[str, float] = (),
     symmetries: Sequence[Callable[[State], Any]] = (),
 ) -> SteadyMotion:

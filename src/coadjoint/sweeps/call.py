@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.runs.run_file import read
@@ -19,8 +20,8 @@ from coadjoint.texts import read_table
 
 @deferred_interrupts()
 def sweep(
-    run: Any,
-    vary: Mapping[str, Any] | None = None,
+    run: object,
+    vary: Mapping[str, object] | None = None,
     *,
     store: str | os.PathLike[str] | None = None,
     sampling: str = "list",
@@ -37,7 +38,7 @@ def sweep(
     workers: int | None = None,
     overwrite: bool = False,
     progress: bool | None = None,
-    **parameters: Any,
+    **parameters: PyTree,
 ) -> SweepResults:
     """Many runs of a run or mission file, on this machine or a cluster of dask, into a folder.
 
@@ -94,7 +95,7 @@ def sweep(
     return execute(made, folder, scheduler, workers, overwrite, progress)
 
 
-def _file(run: Any) -> Runnable:
+def _file(run: object) -> Runnable:
     if isinstance(run, (str, os.PathLike)):
         return read(Path(run))
     found = getattr(run, "file", run)
@@ -105,7 +106,7 @@ def _file(run: Any) -> Runnable:
     return found
 
 
-def _require_variation(given: Mapping[str, Any]) -> None:
+def _require_variation(given: Mapping[str, object]) -> None:
     """Raise ArgumentError unless something varies, and every key that is given does."""
     if not given:
         raise ArgumentError(
@@ -122,7 +123,7 @@ def _require_variation(given: Mapping[str, Any]) -> None:
             )
 
 
-def _varies(value: Any) -> bool:
+def _varies(value: object) -> bool:
     if isinstance(value, (list, tuple)):
         return any(map(_varies, value))
     return isinstance(value, Mapping) or hasattr(value, "member")

@@ -177,7 +177,7 @@ def _following(coming: Any, client: Any) -> Iterator[Any]:
         time.sleep(LOOK)
 
 
-def _address(client: Any) -> str:
+def _address(client: object) -> str:
     return str(getattr(getattr(client, "scheduler", None), "address", "")) or "of the sweep"
 
 

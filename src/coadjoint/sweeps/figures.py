@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.plotting import style
 from coadjoint.plotting.decimation import some
 
@@ -186,7 +187,7 @@ def save_figures(made: SweepResults, folder: Path) -> list[str]:
     return [style.save(figure, folder / f"{name}.png", dpi=200).name for name, figure in figures.items()]
 
 
-def _surface(axes: Any, x: np.ndarray, y: np.ndarray, values: np.ndarray, limits: tuple[float, float]) -> Any:
+def _surface(axes: PyTree, x: np.ndarray, y: np.ndarray, values: np.ndarray, limits: tuple[float, float]) -> Any:
     """Means of the values over cells of two numbers, or over those of a grid; points where members are few."""
     if len(values) < DENSE * CELLS**2 and not all(len(np.unique(column)) <= CELLS for column in (x, y)):
         size = float(np.clip(2000 / len(values), 1.0, 20.0))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint import checks, sections
+from coadjoint.arrays import PyTree
 from coadjoint.checks import number, unknown, whole
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.run_file import of_table, put
@@ -222,7 +223,7 @@ def _each(values: np.ndarray) -> Any:
     return each(values)
 
 
-def _written(template: Any) -> Any:
+def _written(template: PyTree) -> Any:
     """The varied numbers in the form of a file; for many values a digest, which shows whether they are the same."""
     if isinstance(template, list):
         return [_written(inner) for inner in template]
@@ -274,6 +275,6 @@ def read_sweep(path: Path) -> Sweep:
     return of_tables(table, base, path, of_table(base, source, "").inputs)
 
 
-def table_of(path: Path, word: str) -> dict[str, Any]:
+def table_of(path: Path, word: str) -> dict[str, object]:
     """The table in a TOML file; raises FileError."""
     return read_table(file_text(path, word), path)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 
 SAMPLINGS = ("grid", "list", "random", "latin_hypercube", "sobol")
@@ -82,7 +83,7 @@ class Varied:
         """Those that vary, in their order."""
         return list(_leaves(self.template))
 
-    def value(self, rows: Mapping[str, Any]) -> Any:
+    def value(self, rows: Mapping[str, object]) -> Any:
         """The value of one member, in the form of a file. rows: the values of its numbers, by name."""
         return _filled(self.template, rows)
 
@@ -132,7 +133,7 @@ def _template(value: Any, name: str) -> Any:
     return value
 
 
-def number(given: Mapping[str, Any], name: str) -> Number:
+def number(given: Mapping[str, object], name: str) -> Number:
     """A number in the form of [vary]; raises ArgumentError."""
     what = f"[vary] {name}"
     for key in given:
@@ -166,7 +167,7 @@ def _between(given: Mapping[str, Any], ends: Sequence[float], name: str, what: s
     return Number(name, between=(low, high), count=count, even=scale == "linear")
 
 
-def _values(given: Any, what: str) -> np.ndarray:
+def _values(given: object, what: str) -> np.ndarray:
     if isinstance(given, str) and given.startswith(DIGEST):  # of values that a call from Python had
         return np.zeros(0)
     try:
@@ -178,7 +179,7 @@ def _values(given: Any, what: str) -> np.ndarray:
     return found
 
 
-def _leaves(template: Any) -> Iterator[Number]:
+def _leaves(template: PyTree) -> Iterator[Number]:
     if isinstance(template, Number):
         yield template
     elif isinstance(template, list):
@@ -186,7 +187,7 @@ def _leaves(template: Any) -> Iterator[Number]:
             yield from _leaves(inner)
 
 
-def _filled(template: Any, rows: Mapping[str, Any]) -> Any:
+def _filled(template: PyTree, rows: Mapping[str, object]) -> Any:
     if isinstance(template, list):
         return [_filled(inner, rows) for inner in template]
     if isinstance(template, Number):

@@ -66,7 +66,7 @@ class Observer:
         dims, angles = made[ANGLES]
         return {**made, ANGLES: (dims, np.where(good[:, None], angles, np.nan))}
 
-    def _reported(self, records: State) -> dict[str, Any]:
+    def _reported(self, records: State) -> dict[str, object]:
         assert isinstance(self.system.internal, InternalRule)
         report = self.system.internal.report
 
@@ -90,7 +90,7 @@ def known(system: System, records: State) -> Variables:
     return {**variables(plain, records, {}, derive), **reported(system, records)}
 
 
-def choose(chosen: Sequence[str], there: Mapping[str, Any]) -> list[str]:
+def choose(chosen: Sequence[str], there: Mapping[str, object]) -> list[str]:
     """The variables whose results are kept; raises ArgumentError for one that a run does not have."""
     for name in chosen:
         checks.known(name, there, "variable", "[results] variables: a run")

@@ -104,7 +104,7 @@ def load_sweep(folder: Path | str) -> SweepResults:
     return SweepResults(held)
 
 
-def _summary(manifest: Manifest) -> dict[str, Any]:
+def _summary(manifest: Manifest) -> dict[str, object]:
     """The contents of summary.json; raises FileError if it is damaged, or not that of a sweep."""
     manifest.require(SUMMARY)
     path = manifest.folder / SUMMARY
@@ -180,7 +180,7 @@ def facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def meant(name: str, attributes: dict[str, Any]) -> dict[str, Any]:
+def meant(name: str, attributes: dict[str, object]) -> dict[str, Any]:
     """The attributes of `final_q` and the like, from those of `q`."""
     kind, _, of = name.partition("_")
     return (

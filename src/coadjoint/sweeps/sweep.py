@@ -222,7 +222,7 @@ def _compute(
     }
 
 
-def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], spent: dict[str, Any]) -> None:
+def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], spent: Mapping[str, object]) -> None:
     """Statistics, figures and the summary of a sweep whose tasks are all done."""
     made, told = gathered(manifest.folder, sweep.tasks, sweep.results.quantiles, plan["dims"])
     for name in map(str, made.data_vars):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import StepError
 from coadjoint.groups.group import Element, LieGroup
@@ -45,7 +45,7 @@ class Algorithm(DenseStage):
         """The next pair, from the increment F and the point s (ambient,)."""
         raise NotImplementedError
 
-    def run(self, pair: Any, h: Scalar, steps: int) -> Any:
+    def run(self, pair: object, h: Scalar, steps: int) -> Any:
         """The pairs 0 … steps, every leaf with a leading axis; raises StepError at a step that fails."""
         pair = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), pair)
         with jax.enable_x64(True):
@@ -70,10 +70,10 @@ class Algorithm(DenseStage):
     def blocks(self) -> tuple[int, ...]:
         return self.group.dim, self.space.dim(self.group)
 
-    def prepare(self, parameters: Any, state: Any, h: Array | float) -> Any:
+    def prepare(self, parameters: PyTree, state: PyTree, h: Array | float) -> Any:
         return state
 
-    def monitors(self, parameters: Any, record: Any, h: Scalar) -> Mapping[str, Array]:
+    def monitors(self, parameters: PyTree, record: PyTree, h: Scalar) -> Mapping[str, Array]:
         """None: shape () each, by name."""
         return {}
 
@@ -81,46 +81,48 @@ class Algorithm(DenseStage):
         group = self.group
         return group.vee(group.matrix(F) - group.matrix(group.inverse(F))) / (2 * h)
 
-    def _last(self, pair: Any, h: Scalar) -> tuple[Element, Array, Array]:
+    def _last(self, pair: object, h: Scalar) -> tuple[Element, Array, Array]:
         """`last` with F back on its group: what leaves it would grow from step to step."""
         F, n, velocity = self.last(pair, h)
         return self.group.project(F) if self.group.constrained else F, n, velocity
 
-    def guess(self, parameters: Any, state: Any, h: Scalar) -> Array:
+    def guess(self, parameters: PyTree, state: PyTree, h: Scalar) -> Array:
         """The last unknowns (ξ, y), (dim G + dim Q,)."""
         F, n, velocity = self._last(state, h)
         return jnp.concatenate([self._velocity(F, h), self.space.coordinates(self.group, n, velocity)])
 
-    def _solution(self, state: Any, h: Scalar, z: Array) -> tuple[Element, Array]:
+    def _solution(self, state: PyTree, h: Scalar, z: Array) -> tuple[Element, Array]:
         group, Q = self.group, self.space
         F, n, _ = self._last(state, h)
         xi, y = z[: group.dim], z[group.dim :]
         F = group.compose(F, self.difference_map.tau(group, h * (xi - self._velocity(F, h))))
         return F, n + Q.difference(group, n, h * Q.tangent(group, n, y))
 
-    def residual(self, parameters: Any, state: Any, h: Scalar, z: Array) -> Array:
+    def residual(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> Array:
         """`conditions` at the unknowns z = (ξ, y), both (dim G + dim Q,)."""
         on_group, on_space = self.conditions(state, h, *self._solution(state, h, z))
         n = self.last(state, h)[1]
         return jnp.concatenate([on_group, self.space.coordinates(self.group, n, on_space)])
 
-    def chart(self, parameters: Any, state: Any, h: Scalar, z: Array) -> Array | float:
+    def chart(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> Array | float:
         """How far the increment of F is into its chart, one number, for the unknowns z (dim G + dim Q,)."""
         F = self._last(state, h)[0]
         return self.difference_map.chart(self.group, h * (z[: self.group.dim] - self._velocity(F, h)))
 
-    def record(self, parameters: Any, state: Any, h: Scalar, z: Array) -> Any:
+    def record(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> Any:
         """The pair itself; the unknowns z (dim G + dim Q,) are in the next one."""
         return state
 
-    def advance(self, parameters: Any, state: Any, h: Scalar, z: Array, sound: Array) -> Any:
+    def advance(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array, sound: Array) -> Any:
         """The next pair, from the unknowns z (dim G + dim Q,)."""
         return self.following(state, h, *self._solution(state, h, z))
 
-    def certificate(self, parameters: Any, before: Any, h: Scalar, z: Array, after: Any) -> Mapping[str, Array]:
+    def certificate(
+        self, parameters: PyTree, before: PyTree, h: Scalar, z: Array, after: PyTree
+    ) -> Mapping[str, Array]:
         """Nothing is measured: no numbers."""
         return {}
 
-    def stop(self, parameters: Any, before: Any, after: Any) -> Array:
+    def stop(self, parameters: PyTree, before: PyTree, after: PyTree) -> Array:
         """0, one number: an algorithm does all its steps."""
         return jnp.zeros(())

@@ -58,7 +58,7 @@ class ContinuousLagrangian(LagrangianInSpace):
 
 
 def continuous_invariance_defect(
-    L: ContinuousLagrangian, q: Any = None, samples: int = 5, at: Instant = ALWAYS
+    L: ContinuousLagrangian, q: object = None, samples: int = 5, at: Instant = ALWAYS
 ) -> float:
     """The largest |L(g̃g, g̃ġ, g̃q, g̃q̇, g̃a₀) − L(g, ġ, q, q̇, a₀)| over random elements, relative to |L| (P15).
 
@@ -94,7 +94,7 @@ def continuous_invariance_defect(
     return float(np.max(found))
 
 
-def reduce_continuous(L: ContinuousLagrangian, q: Any = None, at: Instant = ALWAYS) -> System:
+def reduce_continuous(L: ContinuousLagrangian, q: object = None, at: Instant = ALWAYS) -> System:
     """The reduced system: ℓ(ξ, n, ν, a) = L(e, ξ̂, n, ν, a) with ξ = g⁻¹ġ, n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P16), (P17).
 
     Without Q it is (P10), without parameters (P1), (P2). `q`, `at`: where invariance is tested, see

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.newton import solver
@@ -67,7 +65,7 @@ def one_stage(system: System, method: Method) -> Step:
     return step
 
 
-def positive_step(dt: Any) -> Array:
+def positive_step(dt: Scalar) -> Array:
     """h > 0, one number, s; raises ArgumentError."""
     h = float64(dt, "Argument `dt`")
     if np.shape(h) != () or not h > 0:

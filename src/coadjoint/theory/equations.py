@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.invariance import is_right
@@ -147,11 +147,11 @@ def equations_of(
     return Equations(tuple(rows), is_right(system.places))
 
 
-def _largest(values: Any) -> float:
+def _largest(values: object) -> float:
     return float(np.max([np.max(np.abs(leaf), initial=0.0) for leaf in jax.tree.leaves(values)], initial=0.0))
 
 
-def _pairs(tree: Any) -> tuple[Any, Any]:
+def _pairs(tree: PyTree) -> tuple[Any, Any]:
     return jax.tree.map(lambda x: x[:-1], tree), jax.tree.map(lambda x: x[1:], tree)
 
 

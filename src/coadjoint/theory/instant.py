@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import count_members
 from coadjoint.mechanics.state import State
@@ -32,7 +32,7 @@ class Instant:
     t: Array | None = None
     inputs: Any = None
     internal: Any = None
-    internal_end: Any = None
+    internal_end: PyTree = None
 
     def __post_init__(self):
         if self.internal_end is None:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Element, LieGroup
@@ -108,7 +108,7 @@ def poisson_system(l: PoissonLagrangian, *, forces: Any = None, internal: Any = 
     return System(l.group, group_lagrangian=taking, advected=l.space, forces=forces, internal=internal)
 
 
-def _on_group(l: PoissonLagrangian, F: Element, a: Array, h: Scalar, **keywords: Any) -> Array:
+def _on_group(l: PoissonLagrangian, F: Element, a: Array, h: Scalar, **keywords: object) -> Array:
     """Λ(F, a; h)."""
     f = l.group.inverse(F)
     return l.function(f, l.taken(PoissonLink(f, a)), h, **keywords)
@@ -138,8 +138,8 @@ def _of_group(
     a: Array,
     h: Scalar,
     t: Array | float = 0.0,
-    inputs: Any = None,
-    internal: Any = None,
+    inputs: PyTree = None,
+    internal: PyTree = None,
 ) -> Array:
     """l(f, a_k) or l(f, a_{k+1}) of a system that nothing drives."""
     group, _, V = plain.places

@@ -242,7 +242,7 @@ def _begun(system: System, start: State, method: Method, h: Scalar) -> State:
     return evaluate(lambda state: held(system, state, h), method.begin(system, start, h))
 
 
-def _reduced_lagrangian(system: System, method: Method, connection: object, dt: Any) -> ReducedLagrangian:
+def _reduced_lagrangian(system: System, method: Method, connection: object, dt: Scalar) -> ReducedLagrangian:
     """l of a rule through a connection; raises ArgumentError for what does not fit."""
     size = shape_size(system)
     connection = checks.instance(connection, "connection", DiscreteConnection, "a co.mechanics.DiscreteConnection")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -35,13 +34,13 @@ CANCELLED = 32 * np.finfo(float).eps / INVARIANT
 """How far an entry x of the arguments counts, |∂_xL||x|, so that terms which cancel in L are not a defect."""
 
 
-def defect_of(function: Callable[..., Array], plain: Any, turned: Any) -> Array:
+def defect_of(function: Callable[..., Array], plain: object, turned: object) -> Array:
     """|L(turned) − L(plain)|, one number, relative to |L| and to what round-off in the arguments makes of L.
 
     Traceable by JAX.
     """
 
-    def sized(arguments: Any) -> tuple[Array, Array]:
+    def sized(arguments: object) -> tuple[Array, Array]:
         value, slopes = jax.value_and_grad(lambda arguments: function(*arguments))(arguments)
         pairs = zip(jax.tree.leaves(slopes), jax.tree.leaves(arguments), strict=True)
         inside = sum((jnp.sum(jnp.abs(jnp.nan_to_num(slope) * x)) for slope, x in pairs), jnp.zeros(()))
@@ -52,7 +51,7 @@ def defect_of(function: Callable[..., Array], plain: Any, turned: Any) -> Array:
 
 
 def invariance_defect(
-    L: UnreducedLagrangian, h: Scalar = 0.1, q: Any = None, samples: int = 5, at: Instant = ALWAYS
+    L: UnreducedLagrangian, h: Scalar = 0.1, q: object = None, samples: int = 5, at: Instant = ALWAYS
 ) -> float:
     """The largest |L(g̃g, g̃q, g̃g⁺, g̃q⁺, g̃a₀) − L(g, q, g⁺, q⁺, a₀)| over random elements, relative to |L| (P36).
 
@@ -98,7 +97,7 @@ def point_of(places: Places, q: PyTree) -> Array | None:
     return None
 
 
-def reduce(L: UnreducedLagrangian, h: Scalar = 0.1, q: Any = None, at: Instant = ALWAYS) -> System:
+def reduce(L: UnreducedLagrangian, h: Scalar = 0.1, q: object = None, at: Instant = ALWAYS) -> System:
     """The reduced system: Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37), (B11), to be run by
     co.methods.GroupVariational.
 
@@ -148,7 +147,7 @@ def flat(value: Array | Named) -> Array:
     return jnp.concatenate([flat(part) for part in value.asdict().values()]) if isinstance(value, Named) else value
 
 
-def reduced_path(places: Places, path: Configuration, a0: Any = None, at: Instant = ALWAYS) -> Link:
+def reduced_path(places: Places, path: Configuration, a0: PyTree = None, at: Instant = ALWAYS) -> Link:
     """The links F_k = g_k⁻¹g_{k+1}, n_k = g_k⁻¹q_k, s_k = g_k⁻¹q_{k+1}, a_k = g_k⁻¹a₀ of a sequence (P38), (B9), (B10).
 
     `places` are those of a system or of an unreduced Lagrangian. `at`: the instants of the steps, with a leading axis,

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Element, LieGroup
@@ -78,8 +78,8 @@ def _of_group(
     u: Array,
     h: Scalar,
     t: Array | float = 0.0,
-    inputs: Any = None,
-    internal: Any = None,
+    inputs: PyTree = None,
+    internal: PyTree = None,
 ) -> Array:
     """l(f, y, u⁺, h) of a system that nothing drives."""
     group, Q, _ = plain.places
@@ -89,7 +89,7 @@ def _of_group(
 
 
 def _on_group(
-    group: LieGroup, space: Space, l: SemidirectFunction, F: Element, n: Array, s: Array, h: Scalar, **keywords: Any
+    group: LieGroup, space: Space, l: SemidirectFunction, F: Element, n: Array, s: Array, h: Scalar, **keywords: object
 ) -> Array:
     """Λ(F, n, s; h)."""
     f = group.inverse(F)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import left_derivative
 from coadjoint.groups.group import Element, LieGroup
@@ -84,7 +84,7 @@ class LagrangianInSpace:
         require_signature(function, self._what, [*taken, *rest, *self._last])
 
     @classmethod
-    def of(cls, system: System, function: Callable[..., Any]) -> Self:
+    def of(cls, system: System, function: Callable[..., object]) -> Self:
         """With the spaces, parameters, forces, inputs and internal state of a system, and what its functions take."""
         _, Q, V = system.places
         return cls(
@@ -180,7 +180,7 @@ class WithKeywords:
         return inspect.Signature([rest, *named])
 
 
-def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configuration:
+def configuration(L: UnreducedLagrangian, g: Element, q: object = None) -> Configuration:
     """(g, q) with q (dim,), or by names on several spaces; without Q leave q out."""
     group, Q, _ = L.places
     if q is None:
@@ -190,13 +190,13 @@ def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configur
     return Configuration(g, Q.point(group, q, "q"))
 
 
-def parameter_of(places: Places, a0: Any) -> Array:
+def parameter_of(places: Places, a0: PyTree) -> Array:
     """a₀ as an array (dim V*,), (0,) without advected parameters; raises ArgumentError where it is missing."""
     require_parameter(places, a0)
     return np.zeros(0) if a0 is None else places.advected.point(places.group, a0, "a0")
 
 
-def require_parameter(places: Places, a0: Any) -> None:
+def require_parameter(places: Places, a0: PyTree) -> None:
     """Raise ArgumentError where a₀ is missing."""
     if a0 is None and has_points(places.advected):
         raise ArgumentError("This system has advected parameters: give `a0`, in the space frame.")
@@ -286,7 +286,7 @@ def discrete_euler_lagrange_algorithm(
     L: UnreducedLagrangian,
     first: Configuration,
     second: Configuration,
-    a0: Any,
+    a0: PyTree,
     h: Scalar,
     steps: int,
     at: Instant = ALWAYS,

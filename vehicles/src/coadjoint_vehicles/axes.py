@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 
@@ -34,12 +35,12 @@ def body_axes(axes: Axes) -> np.ndarray:
     return _known(axes, _BODY)
 
 
-def space_vector(vector: Any, axes: Axes) -> Any:
+def space_vector(vector: object, axes: Axes) -> Any:
     """N v of a position, velocity or current in space, (..., 3)."""
     return _array(vector, "vector", (3,)) @ space_axes(axes)
 
 
-def body_vector(vector: Any, axes: Axes) -> Any:
+def body_vector(vector: object, axes: Axes) -> Any:
     """B v of a velocity, an angular velocity, a place, a force or a torque of the body, (..., 3).
 
     Angular velocities and torques turn like other vectors, because B is a rotation and no reflection.
@@ -47,18 +48,18 @@ def body_vector(vector: Any, axes: Axes) -> Any:
     return _array(vector, "vector", (3,)) @ body_axes(axes)
 
 
-def body_tensor(tensor: Any, axes: Axes) -> Any:
+def body_tensor(tensor: object, axes: Axes) -> Any:
     """B J B of an inertia or of another matrix that takes body vectors to body vectors, (..., 3, 3)."""
     B = body_axes(axes)
     return B @ _array(tensor, "tensor", (3, 3)) @ B
 
 
-def twist(both: Any, axes: Axes) -> Any:
+def twist(both: object, axes: Axes) -> Any:
     """diag(B, B) (v, ω) of a velocity with an angular velocity, or of a force with a torque, (..., 6)."""
     return _array(both, "both", (6,)) @ np.kron(np.eye(2), body_axes(axes))
 
 
-def twist_matrix(matrix: Any, axes: Axes) -> Any:
+def twist_matrix(matrix: object, axes: Axes) -> Any:
     """T M T, T = diag(B, B), of an added mass or a damping matrix, (..., 6, 6), order surge ... yaw.
 
     An entry that couples one of surge and roll with one of the other four changes its sign, and no other does.
@@ -67,12 +68,12 @@ def twist_matrix(matrix: Any, axes: Axes) -> Any:
     return T @ _array(matrix, "matrix", (6, 6)) @ T
 
 
-def rotation(R: Any, axes: Axes) -> Any:
+def rotation(R: Array, axes: Axes) -> Any:
     """N R B of an attitude, (..., 3, 3), from the body to space."""
     return space_axes(axes) @ _array(R, "R", (3, 3)) @ body_axes(axes)
 
 
-def euler_zyx(angles: Any, axes: Axes) -> Any:
+def euler_zyx(angles: object, axes: Axes) -> Any:
     """Yaw, pitch and roll, (..., 3) rad: (π/2 − yaw, −pitch, roll) between ENU/FLU and NED/FRD, yaw in (−π, π].
 
     N R_z(y)R_y(p)R_x(r) B = R_z(π/2 − y)R_y(−p)R_x(r), since N B = R_z(π/2) and B turns about x by π: a heading of
@@ -81,13 +82,13 @@ def euler_zyx(angles: Any, axes: Axes) -> Any:
     given = _array(angles, "angles", (3,))
     if _known(axes, {"NED/FRD": True, "ENU/FLU": False}):
         return given
-    xnp: Any = jnp if traced(given) else np
+    xnp: object = jnp if traced(given) else np
     yaw = 0.5 * np.pi - given[..., 0]
     yaw = yaw - 2 * np.pi * xnp.ceil((yaw - np.pi) / (2 * np.pi))
     return xnp.stack([yaw, -given[..., 1], given[..., 2]], axis=-1)
 
 
-def _known(axes: Any, table: dict[str, Any]) -> Any:
+def _known(axes: PyTree, table: dict[str, object]) -> Any:
     if not isinstance(axes, str) or axes not in table:
         raise ArgumentError(
             'Argument `axes` must be "NED/FRD" (north, east, down; forward, starboard, down) or "ENU/FLU" (east, '
@@ -96,5 +97,5 @@ def _known(axes: Any, table: dict[str, Any]) -> Any:
     return table[axes]
 
 
-def _array(value: Any, name: str, last: tuple[int, ...]) -> Any:
+def _array(value: object, name: str, last: tuple[int, ...]) -> Any:
     return checks.array(value, name, f"(…, {', '.join(map(str, last))})")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics import State, System
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.controllers.cruise import Cruise
@@ -14,7 +15,7 @@ from coadjoint_vehicles.water.water import UniformWater
 FINS = ("stern_planes", "rudder")
 
 
-def remus_100(*, automatic: bool = True, current: Any = (0.0, 0.0, 0.0)) -> System:
+def remus_100(*, automatic: bool = True, current: object = (0.0, 0.0, 0.0)) -> System:
     """REMUS 100 on SO(3) × ℝ³ in a steady current: `Craft(load_vehicle("remus_100"), …).system`.
 
     automatic: whether the `Cruise` controller flies it, by the inputs `depth` (m), `heading` (rad) and `speed` (m/s
@@ -29,9 +30,9 @@ def remus_100(*, automatic: bool = True, current: Any = (0.0, 0.0, 0.0)) -> Syst
 def remus_start(
     vehicle: System,
     *,
-    position: Any = (0.0, 0.0, 0.0),
-    speed: Any = 0.0,
-    euler_zyx: Any = (0.0, 0.0, 0.0),
+    position: PyTree = (0.0, 0.0, 0.0),
+    speed: object = 0.0,
+    euler_zyx: object = (0.0, 0.0, 0.0),
     stern_planes: float = 0.0,
     rudder: float = 0.0,
     revolutions: float = 0.0,

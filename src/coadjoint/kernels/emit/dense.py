@@ -29,7 +29,7 @@ def dense(module: ir.Module) -> DenseAlgebra:
     )
 
 
-def _copy(module: ir.Module) -> Any:
+def _copy(module: ir.Module) -> ir.Value:
     """copy(to, from, count)."""
     f = Loops(module, "copy", VOID, NUMBERS, NUMBERS, INT64)
     to, source, count = f.args
@@ -132,12 +132,12 @@ def _cholesky_solve(module: ir.Module) -> Any:
     f = Loops(module, "cholesky_solve", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     L, B, m, columns, back = f.args
 
-    def eliminate(i: Any, k: Any, entry: Any) -> None:
+    def eliminate(i: object, k: ir.Value, entry: ir.Value) -> None:
         with f.over(columns) as j:
             here = f.place(B, f.add(f.times(i, columns), j))
             f.b.store(f.minus(f.b.load(here), entry, f.at(B, f.add(f.times(k, columns), j))), here)
 
-    def divide(i: Any) -> None:
+    def divide(i: object) -> None:
         by = f.at(L, f.add(f.times(i, m), i))
         with f.over(columns) as j:
             here = f.place(B, f.add(f.times(i, columns), j))

@@ -165,7 +165,7 @@ class Emitter:
             return self._libm(_LIBM[op], *args)
         raise Untraceable(op)
 
-    def _entry(self, table: Table, place: Any) -> Any:
+    def _entry(self, table: Table, place: ir.Value) -> ir.Value:
         """The number at a place in a constant array of the module, in each lane its own."""
         b, array = self.builder, self._array(table)
 
@@ -193,17 +193,17 @@ class Emitter:
             array.initializer = ir.FormattedConstant(kind, 'c"\\' + bytes_.hex("\\") + '"')
         return array.bitcast(DOUBLE.as_pointer())
 
-    def _sign(self, x: Any) -> Any:
+    def _sign(self, x: ir.Value) -> ir.Value:
         builder, zero = self.builder, self.constant(0.0)
         negative = builder.select(builder.fcmp_ordered("<", x, zero), self.constant(-1.0), x)
         return builder.select(builder.fcmp_ordered(">", x, zero), self.constant(1.0), negative)
 
-    def intrinsic(self, name: str, *args: Any) -> Any:
+    def intrinsic(self, name: str, *args: Any) -> ir.Value:
         """An LLVM intrinsic on numbers."""
         suffix = "f64" if self.width == 1 else f"v{self.width}f64"
         return self.builder.call(self._function(f"llvm.{name}.{suffix}", self.number, len(args)), args)
 
-    def _libm(self, name: str, *args: Any) -> Any:
+    def _libm(self, name: str, *args: ir.Value) -> ir.Value:
         function = self._function(name, DOUBLE, len(args))
         if self.width == 1:
             return self.builder.call(function, args)

@@ -36,7 +36,7 @@ class _Gauss:
         self.magnitude = known or ir.Function(function.module, ir.FunctionType(_DOUBLE, [_DOUBLE]), name=name)
 
     @contextmanager
-    def loop(self, start: Any, end: Any) -> Iterator[Any]:
+    def loop(self, start: ir.Value | None, end: ir.Value) -> Iterator[Any]:
         """for i in range(start, end)"""
         b = self.b
         with b.goto_entry_block():
@@ -53,16 +53,16 @@ class _Gauss:
         b.branch(head)
         b.position_at_end(after)
 
-    def entry(self, i: Any, j: Any) -> Any:
+    def entry(self, i: Any, j: object) -> Any:
         """The address of a[i, j]."""
         return self.b.gep(self.a, [self.b.add(self.b.mul(i, self.n), j)])
 
-    def swap(self, first: Any, second: Any) -> None:
+    def swap(self, first: ir.Value, second: ir.Value) -> None:
         x, y = self.b.load(first), self.b.load(second)
         self.b.store(y, first)
         self.b.store(x, second)
 
-    def subtract(self, place: Any, factor: Any, other: Any) -> None:
+    def subtract(self, place: ir.Value, factor: Any, other: ir.Value) -> None:
         """*place −= factor · *other"""
         b = self.b
         b.store(b.fsub(b.load(place), b.fmul(factor, b.load(other))), place)

@@ -30,12 +30,12 @@ ROUNDER = 1.5 * 2.0**52
 class LaneEmitter(Emitter):
     """Expressions as LLVM instructions, with elementary functions of all lanes together."""
 
-    def intrinsic(self, name: str, *args: Any) -> Any:
+    def intrinsic(self, name: str, *args: Any) -> ir.Value:
         if self.width > 1 and name in _FUNCTIONS:
             return self.builder.call(self._lanes(name), args)
         return super().intrinsic(name, *args)
 
-    def _libm(self, name: str, *args: Any) -> Any:
+    def _libm(self, name: str, *args: ir.Value) -> ir.Value:
         if self.width > 1 and name in _FUNCTIONS:
             return self.builder.call(self._lanes(name), args)
         return super()._libm(name, *args)
@@ -61,25 +61,25 @@ class _Lanes:
         self.emit, self.b = emit, emit.builder
         self.int64s = ir.VectorType(INT64, emit.width)
 
-    def _given(self, x: Any) -> Any:
+    def _given(self, x: Any) -> ir.Value:
         return self.emit.constant(x) if isinstance(x, (int, float)) else x
 
-    def _fused(self, name: str, x: Any, y: Any) -> Any:
+    def _fused(self, name: str, x: Any, y: object) -> ir.Value:
         return getattr(self.b, name)(self._given(x), self._given(y), flags=FUSED)
 
-    def add(self, x: Any, y: Any) -> Any:
+    def add(self, x: object, y: Any) -> Any:
         return self._fused("fadd", x, y)
 
-    def sub(self, x: Any, y: Any) -> Any:
+    def sub(self, x: object, y: object) -> Any:
         return self._fused("fsub", x, y)
 
-    def mul(self, x: Any, y: Any) -> Any:
+    def mul(self, x: object, y: Any) -> Any:
         return self._fused("fmul", x, y)
 
     def div(self, x: Any, y: Any) -> Any:
         return self.b.fdiv(self._given(x), self._given(y))
 
-    def exactly(self, sum_or_difference: str, x: Any, y: Any) -> Any:
+    def exactly(self, sum_or_difference: str, x: ir.Value, y: Any) -> Any:
         """A sum or a difference that nothing is fused with."""
         return getattr(self.b, sum_or_difference)(self._given(x), self._given(y))
 
@@ -88,34 +88,34 @@ class _Lanes:
         condition = self.b.fcmp_ordered(order, self._given(x), self._given(y))
         return self.b.select(condition, self._given(then), self._given(otherwise))
 
-    def polynomial(self, x: Any, coefficients: Sequence[float]) -> Any:
+    def polynomial(self, x: ir.Value, coefficients: Sequence[float]) -> Any:
         """c_0 + c_1 x + … by Horner."""
         found = self.emit.constant(coefficients[-1])
         for c in coefficients[-2::-1]:
             found = self.add(self.mul(found, x), c)
         return found
 
-    def rounded(self, x: Any) -> tuple[Any, Any]:
+    def rounded(self, x: ir.Value) -> tuple[Any, Any]:
         """The nearest integer, as a double and in the last bits of an integer."""
         shifted = self.exactly("fadd", x, ROUNDER)
         return self.exactly("fsub", shifted, ROUNDER), self.b.bitcast(shifted, self.int64s)
 
-    def reduced(self, x: Any, n: Any, parts: Sequence[float]) -> Any:
+    def reduced(self, x: object, n: ir.Value, parts: Sequence[float]) -> Any:
         """x − n Σ parts."""
         for part in parts:
             x = self.sub(x, self.mul(n, part))
         return x
 
-    def integers(self, value: int) -> Any:
+    def integers(self, value: int) -> ir.Value:
         return ir.Constant(self.int64s, [INT64(value)] * self.emit.width)
 
-    def power_of_two(self, bits: Any) -> Any:
+    def power_of_two(self, bits: ir.Value) -> Any:
         """2ⁿ of the integer n in the last bits, −1022 ≤ n ≤ 1023."""
         biased = self.b.add(bits, self.integers(1023))
         return self.b.bitcast(self.b.shl(biased, self.integers(52)), self.emit.number)
 
 
-def _exp(l: _Lanes, x: Any) -> Any:
+def _exp(l: _Lanes, x: ir.Value) -> Any:
     """2ⁿ e^r with |r| ≤ ½ ln 2; 2ⁿ by two factors, so that the smallest and the largest numbers are reached."""
     x = l.where(">", x, 710.0, 710.0, x)
     x = l.where("<", x, -746.0, -746.0, x)
@@ -151,7 +151,7 @@ def _continued_fraction(parts: int) -> tuple[list[float], list[float]]:
     return [c / scale for c in below], [c / scale for c in above]
 
 
-def _sine_and_cosine(l: _Lanes, r: Any) -> tuple[Any, Any]:
+def _sine_and_cosine(l: _Lanes, r: ir.Value) -> tuple[Any, Any]:
     """sin r and cos r, |r| ≤ π/4, by their series."""
     square = l.mul(r, r)
     sines = [(-1) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
@@ -163,7 +163,7 @@ def _sine_and_cosine(l: _Lanes, r: Any) -> tuple[Any, Any]:
 def _circular(name: str, quarter: int) -> Callable[[_Lanes, Any], Any]:
     """sin(x + quarter·π/2) by the quarter turn n that is nearest to x: sin r, cos r, −sin r, −cos r in turn."""
 
-    def function(l: _Lanes, x: Any) -> Any:
+    def function(l: _Lanes, x: object) -> Any:
         b = l.b
         n, bits = l.rounded(l.mul(x, 2 / math.pi))
         sine, cosine = _sine_and_cosine(l, l.reduced(x, n, HALF_PI))

@@ -52,19 +52,19 @@ class Loops:
         """A number of an array."""
         return self.b.load(self.place(array, index))
 
-    def put(self, array: Any, index: Any, value: Any) -> None:
+    def put(self, array: ir.Value, index: Any, value: Any) -> None:
         """Set a number of an array."""
         self.b.store(value, self.place(array, index))
 
-    def plus(self, a: Any, b: Any, c: Any) -> Any:
+    def plus(self, a: ir.Value, b: Any, c: ir.Value) -> ir.Value:
         """a + b c."""
         return self.b.fadd(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 
-    def minus(self, a: Any, b: Any, c: Any) -> Any:
+    def minus(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
         """a − b c."""
         return self.b.fsub(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 
-    def variable(self, kind: Any, value: Any) -> Any:
+    def variable(self, kind: ir.Type, value: object) -> Any:
         """A place for a value that changes."""
         here = self.b.block
         first = ir.IRBuilder(self._entry)
@@ -75,7 +75,7 @@ class Loops:
         return found
 
     @contextmanager
-    def over(self, end: Any, start: Any = 0) -> Iterator[Any]:
+    def over(self, end: object, start: object = 0) -> Iterator[Any]:
         """for i in range(start, end)."""
         b, begin, stop = self.b, self.integer(start), self.integer(end)
         body, after = b.append_basic_block("loop"), b.append_basic_block("end")

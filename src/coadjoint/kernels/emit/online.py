@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from llvmlite import ir
 from llvmlite.ir.instructions import LoadInstr
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.emitter import INT64
 from coadjoint.kernels.emit.lanes import LaneEmitter
 from coadjoint.kernels.emit.newton_loop import finite
@@ -44,7 +45,7 @@ class Observing(NamedTuple):
     values: list[Expr]
 
 
-def observed(function: Callable[[Any, Any], tuple[Any, ...]], parameters: Any, state: Any) -> Observing:
+def observed(function: Callable[[Any, Any], tuple[Any, ...]], parameters: PyTree, state: PyTree) -> Observing:
     """Trace function(parameters, state) → arrays. Untraceable names what the language lacks."""
     tracer = Tracer()
     p, s = tracer.symbols("p", parameters), tracer.symbols("s", state)
@@ -72,7 +73,7 @@ class _Online(StepFunction):
 
     # Differences from the step of a run.
 
-    def _begin(self, status: Any) -> None:
+    def _begin(self, status: ir.Value) -> None:
         kind, b = self.emit.counter, self.builder
         self.status = status
         rows = [self.load(status, i, kind) for i in range(4)]
@@ -83,7 +84,7 @@ class _Online(StepFunction):
     def _opens(self, wanted: Any) -> Any:
         return self.builder.and_(wanted, self.emit.any(self.builder.load(self.alive)))
 
-    def _held(self, number: int) -> Any:
+    def _held(self, number: int) -> ir.Value:
         """A command is loaded at every step, like a signal that is evaluated there, so that LLVM treats both alike."""
         if number not in self.commanded:
             return super()._held(number)
@@ -93,7 +94,7 @@ class _Online(StepFunction):
         b._insert(load)
         return load
 
-    def _observe(self, done: Any, observed: list[Any], well: Any) -> None:
+    def _observe(self, done: object, observed: list[Any], well: object) -> None:
         pass
 
     # Around it.
@@ -158,7 +159,7 @@ class _Online(StepFunction):
         result.add_incoming(now, back)
         b.ret(result)
 
-    def _command(self, s: Any, commands: Any, limits: Any, status: Any) -> Any:
+    def _command(self, s: object, commands: ir.Value, limits: Any, status: object) -> Any:
         """Put the commands of a group into its states, in the lanes that go on; those with one beyond its limits."""
         b, emit = self.builder, self.emit
         beyond = emit.bit(False)
@@ -172,7 +173,7 @@ class _Online(StepFunction):
                 beyond = b.or_(beyond, b.fcmp_ordered(sign, given, end))
         return b.and_(well, beyond)
 
-    def _due(self, taken: Any, status: Any) -> Any:
+    def _due(self, taken: ir.Value, status: object) -> Any:
         """The lanes whose count of steps, `taken` before, has come to one of those of `StatusFlag.DUE`."""
         b, counts = self.builder, self.emit.counts
         now = self.load(status, 0, self.emit.counter)
@@ -180,7 +181,7 @@ class _Online(StepFunction):
         power = b.or_(b.icmp_unsigned(">", changed, taken), b.icmp_unsigned(">=", changed, counts(ALWAYS)))
         return b.and_(power, b.icmp_unsigned(">=", now, counts(SELDOM)))
 
-    def _number(self, pointer: Any, index: int) -> _Number:
+    def _number(self, pointer: ir.Value, index: int) -> _Number:
         return _Number(self.builder, self.builder.gep(pointer, [INT64(index)]))
 
 
@@ -193,15 +194,15 @@ class _Number(NamedTuple):
     def load(self) -> Any:
         return self.builder.load(self.place, align=8)
 
-    def store(self, value: Any) -> None:
+    def store(self, value: ir.Value) -> None:
         self.builder.store(value, self.place, align=8)
 
 
-def _lane(builder: ir.IRBuilder, value: Any, lane: int, width: int) -> Any:
+def _lane(builder: ir.IRBuilder, value: ir.Value, lane: int, width: int) -> ir.Value:
     return value if width == 1 else builder.extract_element(value, ir.Constant(ir.IntType(32), lane))
 
 
-def _lanes(builder: ir.IRBuilder, numbers: list[Any], kind: Any) -> Any:
+def _lanes(builder: ir.IRBuilder, numbers: list[ir.Value], kind: ir.Type) -> ir.Value:
     """Numbers side by side."""
     if len(numbers) == 1:
         return numbers[0]

@@ -41,7 +41,9 @@ def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
     return joined
 
 
-def _pivoted(emit: Emitter, matrix: dict[int, Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
+def _pivoted(
+    emit: Emitter, matrix: dict[int, Any], right: list[ir.Value], safe: ir.Value, delta: list[ir.Value]
+) -> list[Any]:
     """The unsafe lanes by elimination with partial pivoting, one after the other.
 
     matrix: the nonzero entries, by their places in the rows end to end.

@@ -51,14 +51,14 @@ class StepFunction:
 
     # Memory: arrays of lanes.
 
-    def load(self, pointer: Any, index: Any, kind: Any = None) -> Any:
+    def load(self, pointer: object, index: Any, kind: Any = None) -> Any:
         """Element `index` of an array of numbers (or of `kind`) with lanes."""
         return self.builder.load(self._place(pointer, index, kind), align=8)
 
     def store(self, value: Any, pointer: Any, index: Any) -> None:
         self.builder.store(value, self._place(pointer, index, value.type), align=8)
 
-    def _place(self, pointer: Any, index: Any, kind: Any) -> Any:
+    def _place(self, pointer: Any, index: object, kind: ir.Type) -> ir.Value:
         kind = kind if kind is not None else self.emit.number
         index = INT64(index) if isinstance(index, int) else index
         typed = self.builder.bitcast(pointer, kind.as_pointer())
@@ -95,18 +95,18 @@ class StepFunction:
             self.store(b.load(place), status, i)
         b.ret_void()
 
-    def _begin(self, status: Any) -> None:
+    def _begin(self, status: ir.Value) -> None:
         """The status of a run at its beginning: no step done, every lane alive."""
         emit = self.emit
         counters = (emit.variable(emit.counter, emit.counts(0)) for _ in range(4))
         self.steps, self.total, self.most, self.code = counters
         self.alive = self.emit.variable(self.emit.truth, self.emit.bit(True))
 
-    def _opens(self, wanted: Any) -> Any:
+    def _opens(self, wanted: ir.Value) -> ir.Value:
         """Whether there is a first step, if one is wanted."""
         return wanted
 
-    def _held(self, number: int) -> Any:
+    def _held(self, number: int) -> ir.Value:
         """Number `number` of the state at the node where a step begins."""
         return self.builder.load(self.state[number])
 
@@ -196,13 +196,13 @@ class StepFunction:
             certificates=self.emit.values(plan.certificates.values()),
         )
 
-    def _finish(self, done: Done, observed: list[Any], well: Any, code: Any) -> None:
+    def _finish(self, done: Done, observed: list[ir.Value], well: Any, code: ir.Value) -> None:
         """Record, observe and take the new state, in the lanes without failure."""
         b = self.builder
         alive = b.load(self.alive)
         self._observe(done, observed, well)
 
-        def keep(value: Any, place: Any) -> None:
+        def keep(value: Any, place: ir.Value) -> None:
             b.store(value if well is None else b.select(well, value, b.load(place)), place)
 
         for value, place in zip(done.after, self.state, strict=True):
@@ -240,7 +240,7 @@ class StepFunction:
         left.add_incoming(self.every, now)
         b.store(b.sub(left, INT64(1)), self.due)
 
-    def _extremum(self, value: Any, i: int, well: Any) -> None:
+    def _extremum(self, value: Any, i: int, well: object) -> None:
         """extrema[2i] and [2i + 1]: the least and the greatest value so far."""
         b = self.builder
         for place, order in ((2 * i, "<"), (2 * i + 1, ">")):

@@ -27,7 +27,7 @@ class Done:
     record: Callable[[], list[Any]]
     course: Callable[[], list[Any]]
     monitors: Callable[[], list[Any]]
-    certificates: list[Any]
+    certificates: list[ir.Value]
 
 
 def substeps(
@@ -96,7 +96,7 @@ class _Course:
         return [self._emit.builder.load(self._place(INT64(i))) for i in range(self._count)]
 
 
-def _table(emit: Emitter, values: tuple[float, ...]) -> Any:
+def _table(emit: Emitter, values: tuple[float, ...]) -> ir.Value:
     """Numbers in the module."""
     kind = ir.ArrayType(DOUBLE, len(values))
     table = ir.GlobalVariable(emit.module, kind, name="substeps")
@@ -105,7 +105,7 @@ def _table(emit: Emitter, values: tuple[float, ...]) -> Any:
     return table
 
 
-def _broadcast(emit: Emitter, value: Any) -> Any:
+def _broadcast(emit: Emitter, value: ir.Value) -> ir.Value:
     """A number in every lane."""
     if emit.width == 1:
         return value

@@ -88,15 +88,15 @@ def assemble(tangent: StepTangent, width: int) -> str:
     def place(array: Any, index: Any) -> ir.Value:
         return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
 
-    def load(nodes: list[Expr], array: Any, start: Any) -> None:
+    def load(nodes: list[Expr], array: ir.Value, start: Any) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(place(array, b.add(start, INT64(i))), align=8))
 
-    def store(values: list[Any], array: Any, start: Any) -> None:
+    def store(values: list[ir.Value], array: ir.Value, start: Any) -> None:
         for i, value in enumerate(values):
             b.store(value, place(array, b.add(start, INT64(i))), align=8)
 
-    def column(row: Any, number: Any) -> None:
+    def column(row: object, number: Any) -> None:
         load(tangent.parameters_dot, p_dot, b.mul(number, INT64(len(tangent.parameters_dot))))
         here = b.mul(number, INT64(len(tangent.state_dot)))
         load(tangent.state_dot, s_dot, here)
@@ -107,7 +107,7 @@ def assemble(tangent: StepTangent, width: int) -> str:
         store(emit.values(tangent.record_dot), record_dot, seen)
         store(emit.values(tangent.after_dot), s_dot, here)
 
-    def step(row: Any) -> None:
+    def step(row: object) -> None:
         load(tangent.tape, rows, b.mul(row, INT64(len(tangent.tape) + len(tangent.record_dot))))
         emit.values(outer(_roots(tangent), _directions(tangent)))
         _loop(b, columns, emit, lambda number: column(row, number))

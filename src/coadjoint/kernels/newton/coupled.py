@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.newton.layout import LinkOrder, layout
 from coadjoint.kernels.newton.solver import Root, parts_of, sizes_of
 from coadjoint.kernels.program import FLOOR, MAX_UNKNOWNS, STALLED, Code
@@ -232,7 +232,7 @@ class Coupled:
         guess: Array,
         h: Scalar,
         blocks: tuple[int, ...],
-        carried: Any = (),
+        carried: PyTree = (),
     ) -> Root:
         """residual(z) = 0 from `guess`, both (m,): z ← z − J⁻¹r with the J that the factors are of.
 

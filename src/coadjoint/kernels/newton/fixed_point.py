@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.newton.solver import Root
 from coadjoint.kernels.program import Code
 
@@ -107,7 +107,7 @@ class FixedPoint:
         guess: Array,
         h: Scalar,
         blocks: tuple[int, ...],
-        carried: Any = (),
+        carried: PyTree = (),
     ) -> Root:
         """residual(z) = 0 from `guess`, both (m,); blocks have no part in it. carried: ρ/|h|, one number, or ()."""
         evaluated = residual if self.finds else lambda z: (residual(z), ())

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code, Structure
 
 
@@ -45,7 +45,7 @@ class Dense:
         guess: Array,
         h: Scalar,
         blocks: tuple[int, ...],
-        carried: Any = (),
+        carried: PyTree = (),
     ) -> Root:
         """residual(z) = 0 from `guess`, both (m,); see `solve`. Nothing is carried over."""
         return solve(residual, guess, h, blocks)
@@ -56,7 +56,7 @@ class DenseStage:
 
     structure: Structure = Dense()
 
-    def equations(self, parameters: Any, state: Any, h: Scalar) -> Any:
+    def equations(self, parameters: PyTree, state: PyTree, h: Scalar) -> Any:
         """The function z ↦ residual(z)."""
         return partial(cast(Any, self).residual, parameters, state, h)
 
@@ -64,11 +64,11 @@ class DenseStage:
         """The state, unchanged."""
         return state
 
-    def carried(self, state: Any) -> Any:
+    def carried(self, state: PyTree) -> Any:
         """()."""
         return ()
 
-    def carry(self, after: Any, carried: Any) -> Any:
+    def carry(self, after: PyTree, carried: PyTree) -> Any:
         """The state, unchanged."""
         return after
 

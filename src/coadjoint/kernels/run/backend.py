@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
@@ -25,7 +25,12 @@ OUTSIDE = "A function of this system is called from outside JAX, which no native
 
 
 def choose(
-    program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend, axes: tuple[Any, Any] | None = None
+    program: Program,
+    parameters: PyTree,
+    state: PyTree,
+    monitors: bool,
+    backend: Backend,
+    axes: tuple[Any, Any] | None = None,
 ) -> Backend:
     """ "native" or "xla": the choice for this program; compiles a native kernel on the way.
 
@@ -48,7 +53,9 @@ def choose(
     return "native"
 
 
-def monitor_shapes(program: Program, parameters: Any, state: Any, backend: Backend) -> Mapping[str, tuple[int, ...]]:
+def monitor_shapes(
+    program: Program, parameters: PyTree, state: PyTree, backend: Backend
+) -> Mapping[str, tuple[int, ...]]:
     """Names and shapes of the observations at a record of a single run, whose backend `choose` has chosen."""
     if backend == "native":
         return native.compile(program, parameters, state).monitor_shapes
@@ -76,8 +83,8 @@ def fall_back(reason: Untraceable, backend: Backend) -> None:
 def run(
     backend: Backend,
     program: Program,
-    parameters: Any,
-    state: Any,
+    parameters: PyTree,
+    state: PyTree,
     h: Scalar,
     records: int,
     save_every: int,
@@ -92,14 +99,14 @@ def run(
 def run_ensemble(
     backend: Backend,
     program: Program,
-    parameters: Any,
-    state: Any,
+    parameters: PyTree,
+    state: PyTree,
     h: float,
     records: int,
     save_every: int,
     monitors: bool = True,
     *,
-    axes: tuple[Any, Any],
+    axes: tuple[PyTree, PyTree],
 ) -> EnsembleChunk:
     """`run` for many members; `axes`: True where a leaf of (parameters, state) has a leading axis of members."""
     look()

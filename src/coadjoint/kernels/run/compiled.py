@@ -27,7 +27,7 @@ def compiled(*static: str) -> Callable[[Callable], Callable]:
             return jax.jit(function, static_argnames=("program", *static), compiler_options=dict(options))
 
         @wraps(function)
-        def call(program: Program, *args: Any, **keywords: Any) -> Any:
+        def call(program: Program, *args: object, **keywords: object) -> Any:
             return version(_options(program))(program, *args, **keywords)
 
         return call

@@ -21,7 +21,7 @@ _FORM = "1"
 """The format of entries, changed with it."""
 
 
-def name(*parts: Any) -> str | None:
+def name(*parts: object) -> str | None:
     """A name for a result that the library computes from values; None if they have no identity, or without a cache."""
     if store.folder() is None:
         return None
@@ -31,7 +31,7 @@ def name(*parts: Any) -> str | None:
     return store.key(_FORM, *processor(), here, own.digest)
 
 
-def recalled(parts: tuple[Any, ...], find_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+def recalled(parts: tuple[object, ...], find_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """The result that the library computes from these parts: from the cache, or computed now and stored."""
     known = name(*parts)
     found = find(known)
@@ -54,7 +54,7 @@ def keep(name: str | None, value: Any) -> None:
         store.keep(name, _write(value))
 
 
-def _write(value: Any) -> bytes:
+def _write(value: object) -> bytes:
     return json.dumps(value, default=_written).encode()
 
 
@@ -62,7 +62,7 @@ def _read(content: bytes) -> Any:
     return json.loads(content, object_hook=_array)
 
 
-def _written(value: Any) -> Any:
+def _written(value: object) -> Any:
     array = np.asarray(value)
     if array.dtype != np.float64:
         raise TypeError(f"A stored array must be float64, but is {array.dtype}.")

@@ -8,12 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from threading import Event
-from typing import Any
 
 import jax
 import llvmlite.binding as llvm
 import numpy as np
 
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.lanes import in_lanes, of_lanes
@@ -57,14 +57,14 @@ def _available() -> int:
 
 def run_ensemble(
     program: Program,
-    parameters: Any,
-    state: Any,
-    h: Any,
+    parameters: PyTree,
+    state: PyTree,
+    h: Scalar,
     records: int,
     save_every: int,
     monitors: bool = True,
     *,
-    axes: tuple[Any, Any],
+    axes: tuple[PyTree, PyTree],
     threads: int | None = None,
 ) -> EnsembleChunk:
     """records·save_every steps of every member, keeping every save_every-th record.
@@ -84,13 +84,13 @@ def run_ensemble(
     return _gathered(kernel, shape_s, result, count, save_every)
 
 
-def compile(program: Program, parameters: Any, state: Any, monitors: bool, axes: tuple[Any, Any]) -> Kernel:
+def compile(program: Program, parameters: PyTree, state: PyTree, monitors: bool, axes: tuple[PyTree, PyTree]) -> Kernel:
     """The kernel with which `run_ensemble` runs these members; raises the same errors."""
     return _kernel_for(program, parameters, state, monitors, axes)[0]
 
 
 def _kernel_for(
-    program: Program, parameters: Any, state: Any, monitors: bool, axes: tuple[Any, Any]
+    program: Program, parameters: PyTree, state: PyTree, monitors: bool, axes: tuple[PyTree, PyTree]
 ) -> tuple[Kernel, Layout, np.ndarray, np.ndarray]:
     """The kernel, the layout of a state, and the numbers of parameters and states as `members_of` gives them."""
     shape_p, p = members_of(parameters, axes[0])
@@ -138,7 +138,7 @@ def _launch(kernel: Kernel, inputs: tuple, result: LaneArrays, records: int, sav
             stop.set()
 
 
-def members_of(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:
+def members_of(tree: PyTree, axes: PyTree) -> tuple[Layout, np.ndarray]:
     """The layout of one member, and the numbers of all: (members, size), or (1, size) where all share them."""
     flags = jax.tree_util.tree_leaves(jax.tree_util.tree_broadcast(axes, tree))
     leaves, structure = jax.tree_util.tree_flatten(tree)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.emit import adjoint as adjoints
 from coadjoint.kernels.emit.plan import plan, specialised
@@ -50,7 +51,7 @@ _lock = threading.Lock()
 
 
 def vjp(
-    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int
+    program: Program, parameters: PyTree, state: PyTree, h: float, records: int, save_every: int
 ) -> tuple[Chunk, Callable[[Any, Any], Cotangents]]:
     """The run, without monitors, and its pullback: (cotangent of records, of the final state) ↦ `Cotangents`.
 
@@ -63,11 +64,11 @@ def vjp(
 
 
 def pullback(
-    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int
+    program: Program, parameters: PyTree, state: PyTree, h: float, records: int, save_every: int
 ) -> Callable[[Any, Any], Cotangents]:
     """The pullback of `vjp` alone, for an earlier run: a failure shows on the way."""
 
-    def pull(records_bar: Any, final_bar: Any) -> Cotangents:
+    def pull(records_bar: PyTree, final_bar: PyTree) -> Cotangents:
         back = _Pullback(program, parameters, state, h, records * save_every, save_every)
         return back.run(records_bar, final_bar)
 
@@ -79,7 +80,7 @@ class _Failed(Exception):
 
 
 class _Pullback:
-    def __init__(self, program: Program, parameters: Any, state: Any, h: float, steps: int, save_every: int) -> None:
+    def __init__(self, program: Program, parameters: Any, state: PyTree, h: float, steps: int, save_every: int) -> None:
         (self.shape_p, self.p), (self.shape_s, self.s) = pack(parameters), pack(state)
         self.h, self.steps, self.save_every = np.full(1, float(h)), steps, save_every
         pattern = specialised(self.p)
@@ -88,7 +89,7 @@ class _Pullback:
         self.plain = native.kernel_for(program, parameters, state, variant)
         self.code = _adjoint(key, parameters, state)
 
-    def run(self, records_bar: Any, final_bar: Any) -> Cotangents:
+    def run(self, records_bar: PyTree, final_bar: PyTree) -> Cotangents:
         try:
             p_bar, s_bar, h_bar = self._back(records_bar, final_bar)
         except _Failed:
@@ -101,7 +102,7 @@ class _Pullback:
             raise _Failed
         return found
 
-    def _back(self, records_bar: Any, final_bar: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _back(self, records_bar: PyTree, final_bar: PyTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stretch by stretch from the last to the first: cotangents of parameters, state and h."""
         length = max(math.isqrt(self.steps), min(self.steps, STRETCH))
         starts = list(range(0, self.steps, length))
@@ -130,7 +131,7 @@ class _Pullback:
             states.append(self._forward(self.plain, states[-1], 1, length).state[:, 0])
         return states
 
-    def _rows_bar(self, records_bar: Any) -> np.ndarray | None:
+    def _rows_bar(self, records_bar: PyTree) -> np.ndarray | None:
         if records_bar is None:
             return None
         _, numbers = pack(records_bar)
@@ -144,7 +145,7 @@ class _Pullback:
         return np.concatenate(parts, axis=1)
 
 
-def _adjoint(key: tuple[Program, Layout, Layout, tuple[int, ...]], parameters: Any, state: Any) -> _Adjoint:
+def _adjoint(key: tuple[Program, Layout, Layout, tuple[int, ...]], parameters: PyTree, state: PyTree) -> _Adjoint:
     with _lock:
         known = _adjoints.get(key)
         if known is not None:

@@ -6,10 +6,9 @@ such a program is traced. `current` shows whether the traced functions have chan
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.newton.increments import CANCELLATION
 from coadjoint.kernels.program import MAX_UNKNOWNS, NEWTON, Program
 from coadjoint.kernels.run import disk_cache
@@ -18,7 +17,7 @@ from coadjoint.kernels.trace.identity import Shapes
 RULES = (*NEWTON, CANCELLATION, MAX_UNKNOWNS)
 
 
-def name(program: Program, parameters: Any, state: Any, *more: Any) -> str | None:
+def name(program: Program, parameters: PyTree, state: PyTree, *more: object) -> str | None:
     """The name of the kernel of a program at these shapes and with these additions; None if its identity is unknown."""
     own = getattr(program, "identity", None)
     structure = repr(jax.tree_util.tree_structure((parameters, state)))

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run.compiled import compiled
@@ -29,7 +29,7 @@ ENSEMBLE_CAPACITY = 64
 """The same for an ensemble."""
 
 
-def capacity(state: Any) -> int:
+def capacity(state: PyTree) -> int:
     """The most records of one chunk from such a state: a power of two."""
     size = sum(8 * int(np.size(leaf)) for leaf in jax.tree.leaves(state))
     return min(CAPACITY, 1 << max(ROOM // max(size, 1), 1).bit_length() - 1)
@@ -47,7 +47,7 @@ class StepResult(NamedTuple):
     """The unknowns of every substep, (substeps, m), and the states after them."""
 
 
-def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = True) -> StepResult:
+def step(program: Program, parameters: PyTree, state: PyTree, h: Scalar, certify: bool = True) -> StepResult:
     """One step of a program; a failed one leaves the state as it was."""
     before = state
 
@@ -73,7 +73,7 @@ def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = 
     return result._replace(after=after)
 
 
-def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool) -> StepResult:
+def _stages(program: Program, parameters: PyTree, state: PyTree, h: Scalar, certify: bool) -> StepResult:
     """The stages of a substep one after the other."""
     code, iterations, record = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0), None
     certificates: dict[str, jax.Array] = {}
@@ -179,7 +179,7 @@ _compiled_loop = compiled("capacity", "monitored")(_loop)
 
 
 def run(
-    program: Program, parameters: Any, state: Any, h: Scalar, records: int, save_every: int, monitors: bool = True
+    program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
     """records·save_every steps of `program` from `state`, keeping every save_every-th record, `capacity` at most."""
     require_own_xla()
@@ -201,7 +201,7 @@ def run(
     )
 
 
-def run_long(program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int) -> Chunk:
+def run_long(program: Program, parameters: PyTree, state: PyTree, h: float, records: int, save_every: int) -> Chunk:
     """`run` without monitors for any number of records, in pieces between which Python sees signals.
 
     Raises Cut with the steps that were done where it is interrupted.
@@ -245,7 +245,7 @@ def _loops(program: Program, parameters, states, h, steps, save_every, *, capaci
     return jax.vmap(one)(parameters, states)
 
 
-def _spread(tree: Any, axes: Any) -> Any:
+def _spread(tree: PyTree, axes: PyTree) -> Any:
     """Every leaf with a leading member axis; `axes`, a prefix of the tree, is True where there is one already."""
     leaves, structure = jax.tree.flatten(tree)
     flags = jax.tree.leaves(jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes, tree))
@@ -257,14 +257,14 @@ def _spread(tree: Any, axes: Any) -> Any:
 
 def run_ensemble(
     program: Program,
-    parameters: Any,
-    state: Any,
+    parameters: PyTree,
+    state: PyTree,
     h: float,
     records: int,
     save_every: int,
     monitors: bool = True,
     *,
-    axes: tuple[Any, Any],
+    axes: tuple[PyTree, PyTree],
 ) -> EnsembleChunk:
     """`run` for many members together; `axes`: True where a leaf of (parameters, state) has a leading member axis.
 

@@ -23,14 +23,14 @@ TRACED_OUTSIDE = (
 """The error for a function that closes over a tracer: its program could serve one transformation only."""
 
 
-def digest(*values: Any) -> str:
+def digest(*values: object) -> str:
     """A hash of the values of numbers, names and jaxprs, independent of their addresses in memory."""
     hasher = hashlib.sha256()
     _Feed(hasher.update).value(values)
     return hasher.hexdigest()[:32]
 
 
-def opaque(jaxpr: Any) -> bool:
+def opaque(jaxpr: object) -> bool:
     """Whether a jaxpr holds opaque Python functions: custom derivatives of a user, and callbacks."""
     for equation in jaxprs.equations(jaxpr):
         hidden = equation.name.startswith(("custom_jvp", "custom_vjp")) or "callback" in equation.name
@@ -54,11 +54,11 @@ class _Feed:
         self.constant = False
         """Whether arrays that a jaxpr within holds have been fed."""
 
-    def word(self, *parts: Any) -> None:
+    def word(self, *parts: object) -> None:
         text = "\x1f".join(map(str, parts))
         self.update((_ADDRESS.sub("", text) if " at 0x" in text else text).encode() + b"\x1e")
 
-    def value(self, value: Any) -> None:
+    def value(self, value: object) -> None:
         if isinstance(value, jaxprs.Tracer):
             raise LagrangianError(TRACED_OUTSIDE)
         if jaxprs.is_jaxpr(value):
@@ -85,7 +85,7 @@ class _Feed:
         else:
             self.word(type(value).__name__, repr(value))
 
-    def within(self, jaxpr: Any) -> None:
+    def within(self, jaxpr: object) -> None:
         """A jaxpr with its own variables; its bytes are cached, unless it holds arrays, which may change."""
         parts = _written.get(jaxpr)
         if parts is None:
@@ -98,7 +98,7 @@ class _Feed:
         for part in parts:
             self.update(part)
 
-    def jaxpr(self, jaxpr: Any) -> None:
+    def jaxpr(self, jaxpr: object) -> None:
         variables = jaxprs.variables(jaxpr)
         for group in (variables.constants, variables.inputs):
             self.word("inputs", *map(self.atom, group))

@@ -22,12 +22,12 @@ from coadjoint.kernels.untraceable import Untraceable
 _NUMBERS = Interpreter(NUMERIC, CONTROL)
 
 
-def traced(*values: Any) -> bool:
+def traced(*values: object) -> bool:
     """Whether any leaf is a JAX tracer, so that the caller runs inside a user's own jit, grad or vmap."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
 
 
-def evaluate(function: Callable, *args: Any) -> Any:
+def evaluate(function: Callable, *args: object) -> Any:
     """function(*args) with NumPy leaves; floats count as float64.
 
     `function` is pure and traceable by JAX, `args` are PyTrees of arrays. A primitive without a rule here sends the
@@ -38,7 +38,7 @@ def evaluate(function: Callable, *args: Any) -> Any:
     return tabulate(function, *args)(*args)
 
 
-def tabulate(function: Callable, *args: Any) -> Callable:
+def tabulate(function: Callable, *args: object) -> Callable:
     """`function` traced once at the shapes of `args`: a callable for many values of the same shapes.
 
     Control flow that depends on values stays alive. ValueError if a later call has other shapes or structure.
@@ -61,7 +61,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
             straight.append(Straight(_NUMBERS, closed))
         return straight[0](leaves)
 
-    def call(*values: Any) -> Any:
+    def call(*values: object) -> Any:
         values = jax.tree_util.tree_map(_numpy, values)
         leaves, given = jax.tree_util.tree_flatten(values)
         if given != expected or [leaf.shape for leaf in leaves] != shapes:
@@ -85,6 +85,6 @@ def compiled(function: Callable) -> Callable:
     return jax.jit(function)
 
 
-def _numpy(leaf: Any) -> np.ndarray:
+def _numpy(leaf: object) -> np.ndarray:
     array = np.asarray(leaf)
     return array.astype(np.float64) if array.dtype.kind == "f" else array

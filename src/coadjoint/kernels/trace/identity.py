@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace import jaxprs
 from coadjoint.kernels.trace.library import PACKAGES, homes
 
@@ -50,7 +51,7 @@ class ObjectIdentity(NamedTuple):
     library_only: bool
 
 
-def identity(*values: Any) -> ObjectIdentity | None:
+def identity(*values: object) -> ObjectIdentity | None:
     """The identity of these values; None if it is unknown."""
     walk = _Walk()
     try:
@@ -68,7 +69,7 @@ class _Walk:
         self.library_only = True
         self._seen: dict[int, tuple[int, Any]] = {}
 
-    def word(self, *parts: Any) -> None:
+    def word(self, *parts: object) -> None:
         self.hasher.update(b"".join(f"{len(text)}:{text}".encode() for text in map(str, parts)) + b";")
 
     def value(self, value: Any) -> None:
@@ -112,7 +113,7 @@ class _Walk:
             self.value(key)
             self.value(one)
 
-    def _shapes(self, tree: Any) -> None:
+    def _shapes(self, tree: PyTree) -> None:
         leaves = jax.tree_util.tree_leaves_with_path(tree)
         self._several("shapes", [(jax.tree_util.keystr(path), np.shape(leaf)) for path, leaf in leaves])
 
@@ -172,7 +173,7 @@ class _Walk:
         self.word("code", code.co_name, code.co_firstlineno, *next(iter(code.co_positions()), ()))
         self._body(code)
 
-    def _body(self, code: Any) -> None:
+    def _body(self, code: object) -> None:
         if not isinstance(code, types.CodeType):
             self.word("no code")
             return
@@ -183,7 +184,7 @@ class _Walk:
             else:
                 self.value(one)
 
-    def _instance(self, value: Any) -> None:
+    def _instance(self, value: object) -> None:
         """An object by its class and its attributes, except those that it has derived from others."""
         kind = type(value)
         self.word("instance", kind.__module__, kind.__qualname__)
@@ -199,11 +200,11 @@ class _Walk:
         self._mapping({name: one for name, one in held.items() if not isinstance(getattr(kind, name, None), derived)})
 
 
-def _root(value: Any) -> str:
+def _root(value: object) -> str:
     return str(getattr(value, "__module__", "")).partition(".")[0]
 
 
-def _of_library(value: Any) -> bool:
+def _of_library(value: object) -> bool:
     return _root(value) in homes()
 
 
@@ -217,13 +218,13 @@ def _written_here(function: Any) -> bool:
     return home in homes() and function.__code__.co_filename.startswith(str(homes()[home]))
 
 
-def _bases(value: Any) -> list[type]:
+def _bases(value: object) -> list[type]:
     """The classes that define the behaviour of an object."""
     plain = (object, tuple)
     return [one for one in type(value).__mro__ if one not in plain and _root(one) not in ("abc", "typing")]
 
 
-def _named(value: Any) -> bool:
+def _named(value: object) -> bool:
     """Whether a function or class is the one that its name stands for in the library or in a package of its version."""
     if not _by_name(_root(value)):
         return False

@@ -37,7 +37,7 @@ class Interpreter:
         self.control = control
         self.expressions = expressions if expressions is not None else {}
 
-    def run(self, jaxpr: Any, inputs: Sequence[Array]) -> list[Array]:
+    def run(self, jaxpr: object, inputs: Sequence[Array]) -> list[Array]:
         """The outputs of a jaxpr."""
         variables = jaxprs.variables(jaxpr)
         values: dict[Atom, Array] = dict(zip(variables.inputs, inputs, strict=True))

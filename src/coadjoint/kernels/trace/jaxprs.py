@@ -21,6 +21,7 @@ from jax.core import Tracer as Tracer
 from jax.extend import core
 from jax.interpreters import ad, batching, mlir, partial_eval
 
+from coadjoint.arrays import Array
 from coadjoint.kernels.trace.parameters import unknown_parameters
 from coadjoint.kernels.untraceable import UnknownVersion
 
@@ -28,7 +29,7 @@ Atom = Any
 """A variable of a jaxpr, or a number that stands in its place."""
 
 
-def jaxpr_of(function: Callable, *args: Any) -> tuple[Any, Any]:
+def jaxpr_of(function: Callable, *args: object) -> tuple[Any, Any]:
     """The jaxpr of a pure function of PyTrees of arrays, with its constants, and the structure of its result.
 
     Floats of any width count as float64; the user's JAX configuration stays unchanged.
@@ -39,7 +40,7 @@ def jaxpr_of(function: Callable, *args: Any) -> tuple[Any, Any]:
         return lowered(closed), jax.tree_util.tree_structure(result)
 
 
-def lowered(jaxpr: Any) -> Any:
+def lowered(jaxpr: object) -> Any:
     """A jaxpr whose high-level primitives, which hold Python functions since JAX 0.11, are replaced by plain ones."""
     lower = getattr(partial_eval, "lower_jaxpr2", None)
     return lower(jaxpr) if lower and getattr(jaxpr, "is_high", False) else jaxpr
@@ -50,13 +51,13 @@ def _shape(leaf: Any) -> jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct(np.shape(leaf), np.float64 if dtype.kind in "fO" else dtype)
 
 
-def depends(function: Callable, *args: Any) -> list[bool]:
+def depends(function: Callable, *args: object) -> list[bool]:
     """For each leaf of the arguments whether the traced function uses it for its result."""
     closed, _ = jaxpr_of(function, *args)
     return list(partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))[1])
 
 
-def used_by_each(function: Callable, *args: Any) -> list[list[bool]]:
+def used_by_each(function: Callable, *args: object) -> list[list[bool]]:
     """As `depends`, for each leaf of the result."""
     jaxpr = jaxpr_of(function, *args)[0].jaxpr
     results = len(jaxpr.outvars)
@@ -69,12 +70,12 @@ def xla_has_begun() -> bool:
     return started is not None and started()
 
 
-def is_jaxpr(value: Any) -> bool:
+def is_jaxpr(value: object) -> bool:
     """Whether this is a jaxpr, with its own constants or without."""
     return isinstance(value, (core.ClosedJaxpr, core.Jaxpr))
 
 
-def constants(jaxpr: Any) -> list[Any]:
+def constants(jaxpr: object) -> list[Any]:
     """The values of the constants of a jaxpr; an open one has none."""
     return list(getattr(jaxpr, "consts", ()))
 
@@ -88,29 +89,29 @@ class Variables:
     outputs: Sequence[Atom]
 
 
-def variables(jaxpr: Any) -> Variables:
+def variables(jaxpr: object) -> Variables:
     """The variables of a jaxpr's constants and inputs, and the atoms of its outputs."""
     inner = opened(jaxpr)
     return Variables(inner.constvars, inner.invars, inner.outvars)
 
 
-def results(jaxpr: Any) -> list[jax.ShapeDtypeStruct]:
+def results(jaxpr: object) -> list[jax.ShapeDtypeStruct]:
     """Shapes and types of the results of a jaxpr."""
     return [jax.ShapeDtypeStruct(shape(atom), dtype(atom)) for atom in variables(jaxpr).outputs]
 
 
-def equations(jaxpr: Any) -> Iterator[Equation]:
+def equations(jaxpr: object) -> Iterator[Equation]:
     """The equations of a jaxpr in the order in which they are computed."""
     return map(Equation, opened(jaxpr).eqns)
 
 
-def inner_jaxprs(parameters: Mapping[str, Any]) -> list[Any]:
+def inner_jaxprs(parameters: Mapping[str, object]) -> list[object]:
     """The jaxprs among the parameters of an equation, also those in tuples."""
     rows = (value if isinstance(value, (tuple, list)) else (value,) for value in parameters.values())
     return [value for row in rows for value in row if is_jaxpr(value)]
 
 
-def opened(jaxpr: Any) -> Any:
+def opened(jaxpr: object) -> Any:
     """A jaxpr without the values of its constants."""
     return getattr(jaxpr, "jaxpr", jaxpr)  # from 0.11 a jaxpr holds its constants and is its own `.jaxpr`
 
@@ -203,10 +204,10 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
     primitive = core.Primitive(name)
     primitive.multiple_results = True
 
-    def apply(*operands: Any, push: Callable, **_: Any) -> Sequence[Any]:
+    def apply(*operands: object, push: Callable, **_: object) -> Sequence[Any]:
         return push(operands[:-1], operands[-1])
 
-    def transpose(cotangents: Any, *operands: Any, push: Callable, pull: Callable, shapes: Any) -> list[Any]:
+    def transpose(cotangents: Any, *operands: object, push: Callable, pull: Callable, shapes: Any) -> list[Any]:
         pairs = zip(cotangents, shapes, strict=True)
         full = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
         return [*[None] * (len(operands) - 1), pull(operands[:-1], full)]
@@ -222,7 +223,7 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
         found = jax.lax.map(one, tuple(moving))
         return found, (0,) * len(found)
 
-    def refuse(*_: Any, **__: Any) -> Any:
+    def refuse(*_: object, **__: object) -> Any:
         raise no_derivative()
 
     primitive.def_impl(apply)
@@ -232,7 +233,9 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
     batching.primitive_batchers[primitive] = batch
     mlir.register_lowering(primitive, mlir.lower_fun(apply, multiple_results=True))
 
-    def bind(constants: Sequence[Any], x: Any, push: Callable, pull: Callable, shapes: Sequence[Any]) -> list[Any]:
+    def bind(
+        constants: Sequence[object], x: Array, push: Callable, pull: Callable, shapes: Sequence[object]
+    ) -> list[Any]:
         return primitive.bind(*constants, x, push=push, pull=pull, shapes=tuple(shapes))
 
     return bind

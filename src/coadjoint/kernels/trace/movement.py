@@ -17,14 +17,14 @@ from coadjoint.kernels.trace.jaxprs import EquationParameters
 from coadjoint.kernels.untraceable import Untraceable
 
 
-def filled(shape: tuple[int, ...], value: Any, like: Array) -> Array:
+def filled(shape: tuple[int, ...], value: object, like: Array) -> Array:
     """An array of `value`, of the dtype of `like`; `value` may be an expression."""
     out = np.empty(shape, like.dtype)
     out[...] = value
     return out
 
 
-def _same(dtype: Any, *arrays: Array) -> list[Array]:
+def _same(dtype: object, *arrays: Array) -> list[Array]:
     return list(arrays)
 
 

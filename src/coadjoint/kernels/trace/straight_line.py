@@ -28,13 +28,13 @@ class _Operation(NamedTuple):
     function: Callable[..., Any]
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
-    dtypes: tuple[Any, ...]
+    dtypes: tuple[object, ...]
 
 
 class Straight:
     """The operations of a jaxpr; raises Untraceable for a primitive without a rule."""
 
-    def __init__(self, interpreter: Interpreter, jaxpr: Any):
+    def __init__(self, interpreter: Interpreter, jaxpr: object):
         self._interpreter = interpreter
         self._values: list[Array | None] = []
         self._operations: list[_Operation] = []
@@ -63,14 +63,14 @@ class Straight:
             self._numbers[key] = self._place(value)
         return self._numbers[key]
 
-    def _write(self, jaxpr: Any, inputs: Sequence[int]) -> list[int]:
+    def _write(self, jaxpr: object, inputs: Sequence[int]) -> list[int]:
         """Inline a jaxpr on these places; returns the places of its outputs."""
         variables = jaxprs.variables(jaxpr)
         places: dict[Any, int] = dict(zip(variables.inputs, inputs, strict=True))
         constants = map(np.asarray, jaxprs.constants(jaxpr))
         places.update(zip(variables.constants, map(self._number, constants), strict=True))
 
-        def place(atom: Any) -> int:
+        def place(atom: object) -> int:
             number = jaxprs.number(atom)
             return places[atom] if number is None else self._number(number)
 
@@ -121,7 +121,7 @@ class Straight:
         self._operations = kept[::-1]
 
 
-def _store(values: list[Any], results: Sequence[Any], outputs: Sequence[int], dtypes: Sequence[Any]) -> None:
+def _store(values: list[Any], results: Sequence[Any], outputs: Sequence[int], dtypes: Sequence[object]) -> None:
     if len(outputs) == 1:
         values[outputs[0]] = typed(results[0], dtypes[0])
         return

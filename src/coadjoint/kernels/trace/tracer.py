@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.trace.control import CONTROL
@@ -25,7 +26,7 @@ class Tracer:
         self._interpreter = Interpreter(NUMERIC, CONTROL, expression_rules(self.graph))
         self._jaxprs: dict[tuple, Any] = {}
 
-    def symbols(self, name: str, tree: Any) -> Any:
+    def symbols(self, name: str, tree: PyTree) -> Any:
         """`tree` with every element replaced by a separate symbol, numbered through the leaves."""
         leaves, structure = jax.tree_util.tree_flatten(tree)
         placed, count = [], 0
@@ -36,7 +37,7 @@ class Tracer:
             count += size
         return jax.tree_util.tree_unflatten(structure, placed)
 
-    def trace(self, function: Callable, *args: Any) -> Any:
+    def trace(self, function: Callable, *args: object) -> Any:
         """function(*args) as a PyTree of arrays of expressions.
 
         `args` are PyTrees of arrays of expressions or numbers. Untraceable names what the language lacks. A method
@@ -63,6 +64,6 @@ class Tracer:
         return self._jaxprs[key]
 
 
-def flat(tree: Any) -> list[Expr]:
+def flat(tree: PyTree) -> list[Expr]:
     """Every expression of a PyTree of arrays of expressions, in order."""
     return [node for leaf in jax.tree_util.tree_leaves(tree) for node in np.asarray(leaf).reshape(-1)]

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Un
 from coadjoint.mechanics.state import State
@@ -98,7 +98,7 @@ def carrying_start(fluid: System, vorticity: Coefficients, carried: Coefficients
     return fluid.state(mu=absolute(fluid, vorticity), a0=from_coefficients(size, carried))
 
 
-def carried(fluid: System, records: Any) -> Coefficients:
+def carried(fluid: System, records: PyTree) -> Coefficients:
     """c_lm (…, N, N), complex, of the carried function, θ in 1/s or b in 1/s², of a state or of records.
 
     records: a state, or states with leading axes, as `run.final` and `run.records`. Raises ArgumentError for a fluid

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Un
 from coadjoint.mechanics.members import Each
@@ -99,7 +100,7 @@ def absolute(fluid: System, vorticity: Coefficients) -> np.ndarray:
     return omega + planetary(fluid)
 
 
-def vorticity(fluid: System, records: Any) -> Coefficients:
+def vorticity(fluid: System, records: PyTree) -> Coefficients:
     """c_lm (…, N, N), complex, 1/s, of the relative vorticity of a state or of records with leading axes.
 
     fluid: the system, with the rotation that the run has: of an ensemble in `rotation` each member with its own,
@@ -110,7 +111,7 @@ def vorticity(fluid: System, records: Any) -> Coefficients:
     return coefficients_of(size_of(fluid), np.asarray(records.mu) - planetary(fluid))
 
 
-def require_states(fluid: System, records: Any) -> None:
+def require_states(fluid: System, records: PyTree) -> None:
     """Raise ArgumentError unless `records` are states of a fluid of this size."""
     count = size_of(fluid) ** 2
     expected = "a state of this fluid, or states with leading axes, as run.final and run.records"

@@ -98,7 +98,7 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
     return rows.ravel()
 
 
-def _numbers(given: Any) -> np.ndarray | None:
+def _numbers(given: object) -> np.ndarray | None:
     """The array of real numbers; None where there is none."""
     try:
         found = np.asarray(given)

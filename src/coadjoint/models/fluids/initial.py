@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.special import ive
 
@@ -16,7 +14,7 @@ LEFT_OUT = 0.1
 """How much of the vorticity at the centre of a vortex its degrees may leave out."""
 
 
-def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0, spectrum: Any = None) -> Coefficients:
+def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0, spectrum: object = None) -> Coefficients:
     """Random c_lm for l = 1 … degree, (degree + 1, degree + 1), 1/s, with ½∫ω² = enstrophy on the unit sphere.
 
     seed: of the random numbers, an integer ≥ 0. degree: the highest l, from 1, by default 10. enstrophy: 1/s²,
@@ -62,7 +60,7 @@ def rossby_haurwitz(degree: int, order: int, amplitude: complex, spin: float = 0
     return c
 
 
-def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coefficients:
+def vortices(degree: int, places: object, strengths: object, radius: float) -> Coefficients:
     """c_lm of smooth vortices, ω = Σ_i s_i exp((cos γ_i − 1)/r²) less its mean, γ_i the angle from the ith centre.
 
     A vortex has the profile of von Mises and Fisher, nearly that of Gauss: c_lm = 4π Σ_i s_i e^{−κ} i_l(κ) Ȳ_lm(x_i),
@@ -102,7 +100,7 @@ def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coeffic
     return c
 
 
-def _complex(value: Any, name: str) -> complex:
+def _complex(value: object, name: str) -> complex:
     if isinstance(value, bool) or not isinstance(value, (int, float, complex, np.number)) or not np.isfinite(value):
         raise ArgumentError(f"Argument `{name}` must be a finite number, but is {shown(value)}.")
     return complex(value)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import array, float64
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.float64 import float64 as float64_scope
@@ -52,19 +52,19 @@ UNITS = {
 
 def cosserat(
     *,
-    elements: Any,
+    elements: PyTree,
     length: Quantity,
-    EI: Any,
-    GJ: Any,
+    EI: object,
+    GJ: object,
     mass: Quantity,
     inertia: Quantity,
-    EA: Any = None,
-    GA: Any = None,
-    rest_curvature: Any = (0.0, 0.0, 0.0),
+    EA: object = None,
+    GA: object = None,
+    rest_curvature: object = (0.0, 0.0, 0.0),
     ends: str = "free",
     gravity: Quantity = 0.0,
-    load: Any = None,
-    moment: Any = None,
+    load: object = None,
+    moment: object = None,
     motion: Callable[[Any], Any] | None = None,
 ) -> System:
     """A Cosserat rod of M elements between rigid sections, on SE(3)ᴺ with the relative poses of sections advected.
@@ -95,18 +95,18 @@ def cosserat(
 
 def planar(
     *,
-    elements: Any,
+    elements: PyTree,
     length: Quantity,
-    EI: Any,
+    EI: object,
     mass: Quantity,
     inertia: Quantity,
-    EA: Any = None,
-    GA: Any = None,
-    rest_curvature: Any = 0.0,
+    EA: object = None,
+    GA: object = None,
+    rest_curvature: object = 0.0,
     ends: str = "free",
     gravity: Quantity = 0.0,
-    load: Any = None,
-    moment: Any = None,
+    load: object = None,
+    moment: object = None,
     motion: Callable[[Any], Any] | None = None,
 ) -> System:
     """The rod of `cosserat` in a plane, on SE(2)ᴺ: ε = (κ, γ₁, γ₂), ℂ = diag(EI, EA, GA), 𝕄 = diag(inertia, m, m).
@@ -121,19 +121,19 @@ def planar(
     return _rod(RodLayout(elements, ends, True), length, given, rest_curvature, (gravity, load, moment, motion))
 
 
-def stiffness(p: Any) -> Array:
+def stiffness(p: PyTree) -> Array:
     """The diagonal of ℂ, (6,) or in the plane (3,), of the parameters of a rod; N m² and N."""
     turning = [jnp.reshape(p.GJ, 1), p.EI] if hasattr(p, "GJ") else [jnp.reshape(p.EI, 1)]
     return jnp.concatenate([*turning, jnp.reshape(p.EA, 1), jnp.reshape(p.GA, -1)])
 
 
-def inertia_per_length(p: Any) -> Array:
+def inertia_per_length(p: PyTree) -> Array:
     """The diagonal of 𝕄, (6,) or in the plane (3,), of the parameters of a rod; kg m and kg/m."""
     turning = jnp.reshape(p.inertia, -1)
     return jnp.concatenate([turning, jnp.broadcast_to(p.mass, 3 if turning.shape[0] == 3 else 2)])
 
 
-def strains(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
+def strains(layout: RodLayout, poses: Any, p: PyTree, end: PyTree = None) -> Array:
     """ε, shape (M, d), of relative poses of the elements; `end`: the pose to which a driven end has moved."""
     R, x = poses
     if end is not None:
@@ -143,7 +143,7 @@ def strains(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
     return logarithm((R, x)) / p.length[:, None]
 
 
-def elastic_energy(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
+def elastic_energy(layout: RodLayout, poses: object, p: PyTree, end: PyTree = None) -> Array:
     """½ Σ l (ε − ε⁰)·ℂ(ε − ε⁰), J, one number."""
     curvature = jnp.reshape(p.rest_curvature, (layout.elements, -1))
     tangent = straight(layout.planar)[curvature.shape[1] :]
@@ -199,7 +199,7 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
     """What each parameter of a rod is kept as, or ArgumentError, by name."""
     three = not layout.planar
 
-    def lengths(value: Any, name: str) -> Any:
+    def lengths(value: object, name: str) -> Any:
         found = float64(value, f"Argument `{name}`")
         if np.shape(found) == ():
             return np.full(layout.elements, positive(found, name) / layout.elements)
@@ -207,17 +207,17 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
             positive(one, name)
         return found
 
-    def pair(value: Any, name: str) -> Any:
+    def pair(value: object, name: str) -> Any:
         found = float64(value, f"Argument `{name}`")
         both = jnp.broadcast_to if traced(found) else np.broadcast_to
         return positive_pair(both(found, 2) if np.shape(found) == () else found, name)
 
-    def bodies(value: Any, name: str) -> Any:
+    def bodies(value: object, name: str) -> Any:
         for one in vector(value, name):
             positive(one, name)
         return float64(value, name)
 
-    def curvature(value: Any, name: str) -> Any:
+    def curvature(value: object, name: str) -> Any:
         one, all_ = ((3,), (layout.elements, 3)) if three else ((), (layout.elements,))
         found = array(value, name, one, all_)
         return jnp.broadcast_to(found, all_) if traced(found) else np.broadcast_to(found, all_)
@@ -233,7 +233,7 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
     return {**scalars, **others, **acting, "length": lengths, "rest_curvature": curvature}
 
 
-def _require_end(layout: RodLayout, load: Any, moment: Any, motion: Any) -> None:
+def _require_end(layout: RodLayout, load: object, moment: object, motion: PyTree) -> None:
     if layout.ends in ("both clamped", "ring") and (load is not None or moment is not None):
         raise ArgumentError(f"A rod with ends {layout.ends!r} has no free end for a `load` or a `moment`.")
     if motion is None:

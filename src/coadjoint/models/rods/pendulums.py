@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, Power, Translation
 from coadjoint.mechanics.members import Quantity
@@ -27,7 +28,7 @@ POINTS = {**UNITS, "n": "1", "nu": "1/s", "q": "1", "qdot": "1/s", "pi": "kg m²
 
 def pendulums(
     *,
-    links: Any,
+    links: object,
     length: Quantity,
     mass: Quantity,
     inertia: Quantity,
@@ -95,7 +96,7 @@ def pendulums_start(
     return chain.state(g=g, xi=np.broadcast_to(omega, (N, 3)).copy(), a0=a0)
 
 
-def points(*, links: Any, length: Quantity, mass: Quantity, gravity: Quantity = 9.81) -> System:
+def points(*, links: object, length: Quantity, mass: Quantity, gravity: Quantity = 9.81) -> System:
     """N points on massless rods, one hung from the other, on (S²)ᴺ: q_i is the direction of rod i.
 
         ℓ = ½ Σ_i m_i |Σ_{j≤i} l_j ν_j|² − Σ_i m_i g e_z·x_i,   x_i = Σ_{j≤i} l_j n_j
@@ -124,7 +125,7 @@ def points(*, links: Any, length: Quantity, mass: Quantity, gravity: Quantity = 
     )
 
 
-def points_start(chain: System, *, directions: Any = (0.0, 0.0, -1.0), rates: Any = (0.0, 0.0, 0.0)) -> State:
+def points_start(chain: System, *, directions: object = (0.0, 0.0, -1.0), rates: object = (0.0, 0.0, 0.0)) -> State:
     """The state of a chain of `points`, by default hanging at rest.
 
     directions: q_i ∈ S² of the rods, (3,) or (N, 3). rates: q̇_i, tangent to the sphere, (3,) or (N, 3), 1/s.
@@ -138,14 +139,14 @@ def points_start(chain: System, *, directions: Any = (0.0, 0.0, -1.0), rates: An
     return chain.state(q=found[0], qdot=found[1])
 
 
-def _kinetic(w: Any, p: Any) -> Any:
+def _kinetic(w: Array, p: PyTree) -> Any:
     """½ Σ m |v|² of mass centres, of the rates w (N, 3) of the links' directions."""
     reached = jnp.cumsum(p.length[:, None] * w, axis=0) - p.length[:, None] * w
     v = reached + p.center[:, None] * w
     return 0.5 * jnp.sum(p.mass[:, None] * v**2)
 
 
-def _heights(along: Any, p: Any) -> Any:
+def _heights(along: object, p: PyTree) -> Any:
     """Σ m g x·d, of d·R e₁ (N,) of the links."""
     reached = jnp.cumsum(p.length * along) - p.length * along
     return p.gravity * p.mass @ (reached + p.center * along)
@@ -153,7 +154,7 @@ def _heights(along: Any, p: Any) -> Any:
 
 def _checks(count: int, axes: int) -> dict[str, Callable[[Any, str], Any]]:
     def each(shape: tuple[int, ...], least: float) -> Callable[[Any, str], Any]:
-        def check(value: Any, name: str) -> Any:
+        def check(value: object, name: str) -> Any:
             found = checks.array(value, name, shape, (count, *shape))
             low = np.min(found)
             if low < 0 or (least and low <= 0):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -19,7 +18,7 @@ SHEAR = 0.9
 """The share of a round section that carries shear."""
 
 
-def round_section(*, radius: Quantity, density: Quantity, young: Quantity, shear: Quantity) -> dict[str, Any]:
+def round_section(*, radius: Quantity, density: Quantity, young: Quantity, shear: Quantity) -> dict[str, object]:
     """EA, GA, GJ, EI, mass and inertia of a full round section, as `cosserat` takes them.
 
     A = πr², I = πr⁴/4, J = 2I; of A, 0.9 carries shear.

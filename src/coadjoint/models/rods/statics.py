@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import eigh
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Power
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
@@ -155,7 +156,7 @@ def _forces(rod: System, state: State) -> Callable[..., Any]:
     return tabulate(both, state.a)
 
 
-def _moved(rod: System, state: State, a0: Any, eta: np.ndarray) -> State:
+def _moved(rod: System, state: State, a0: PyTree, eta: np.ndarray) -> State:
     """The state at g exp(η); of a rod with a free end the state whose strains have moved as they do along η.
 
     Strains that add up keep a stiff rod from being stretched by a turn, which is what sections that move on their own

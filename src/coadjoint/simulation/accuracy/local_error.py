@@ -7,6 +7,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
+
 NO_MOTION = 1e-12
 """A rotation (rad) or a length (m) over a step that counts as none; Newton's iteration stops at 1e-15."""
 
@@ -186,7 +188,7 @@ class PartsOfSteps:
         self.probe, self.ruler, self.course, self.order = probe, ruler, course, order
         self._memory, self._following = list(memory), course.following
 
-    def over(self, rows: np.ndarray, h: np.ndarray, parts: Sequence[float], members: Any = None):
+    def over(self, rows: np.ndarray, h: np.ndarray, parts: Sequence[float], members: PyTree = None):
         """The rows after steps of the parts of h one after another, and whether all of them were solved."""
         due, memory = self.course.due, self._memory
         if due is None and not memory and len(set(parts)) == 1:
@@ -203,7 +205,7 @@ class PartsOfSteps:
             good &= code == 0
         return rows, good
 
-    def _followed(self, rows: np.ndarray, h: np.ndarray, members: Any) -> np.ndarray:
+    def _followed(self, rows: np.ndarray, h: np.ndarray, members: PyTree) -> np.ndarray:
         """The rows as records of steps of h, with the rule applied to numbers that follow the motion or a command."""
         due, kept = self.course.due, np.array(rows)
         if self._following:

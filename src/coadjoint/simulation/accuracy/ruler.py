@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
@@ -63,7 +64,7 @@ def _positions(layout: Layout, places: Places, rows: np.ndarray) -> np.ndarray:
     return acting(places, states.g, states.n)
 
 
-def acting(places: Places, g: Any, n: np.ndarray) -> np.ndarray:
+def acting(places: Places, g: object, n: np.ndarray) -> np.ndarray:
     """g·n of every row, (k, ambient)."""
     count = max(len(n), FEW)
     if len(n) < count:
@@ -81,7 +82,7 @@ def _acting(places: Places, rows: int) -> Any:
     return tabulate(jax.vmap(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))
 
 
-def course_of(layout: Layout, rule: Any) -> InternalPlaces:
+def course_of(layout: Layout, rule: object) -> InternalPlaces:
     """The places of the internal state that the rule of a system advances; rule: None if the system has none."""
     at = layout.places
     if rule is None or at.internal_due is None:
@@ -116,7 +117,7 @@ def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
         return None
     ends = np.cumsum([0, *(int(np.prod(leaf.shape)) for leaf in leaves)])
 
-    def act(g: Any, n: Any) -> Any:
+    def act(g: Any, n: Array) -> Any:
         parts = [g[a:b].reshape(leaf.shape) for a, b, leaf in zip(ends, ends[1:], leaves, strict=False)]
         return Q.act(group, jax.tree.unflatten(jax.tree.structure(at.g), parts), n)
 
@@ -145,7 +146,7 @@ def following(places: Any, rule: Any) -> list[int]:
     jumping = set(getattr(rule, "jumping", ()))
     found: list[int] = []
 
-    def visit(tree: Any, name: str) -> None:
+    def visit(tree: PyTree, name: str) -> None:
         if hasattr(tree, "asdict"):
             parts = tree.asdict()
             if parts.keys() >= HELD:
@@ -160,7 +161,7 @@ def following(places: Any, rule: Any) -> list[int]:
     return found
 
 
-def turning(group: Any, xi: np.ndarray) -> np.ndarray:
+def turning(group: object, xi: np.ndarray) -> np.ndarray:
     """The largest frequency of ad_ξ, rad/s, of every row: |ω| for rotations and rigid motions."""
     if isinstance(group, MatrixCoordinates) and not group.dense:
         return np.array([_spread(evaluate(group.hat, row)) for row in xi])

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.signals import Held, Linear
 from coadjoint.simulation.accuracy.ruler import Doubling
@@ -26,7 +27,7 @@ LARGE = 0.1
 """The same, relative to the largest value: a small ripple on a constant signal does not count."""
 
 
-def unresolved_inputs(run: Result, records: Any, h: np.ndarray) -> list[tuple[str, float]]:
+def unresolved_inputs(run: Result, records: PyTree, h: np.ndarray) -> list[tuple[str, float]]:
     """The inputs that deviate from a straight line over more than half of the steps, each with a dt that resolves it.
 
     A function of the motion is treated as a function of time, with everything else in the motion held constant.
@@ -49,7 +50,7 @@ def unresolved_inputs(run: Result, records: Any, h: np.ndarray) -> list[tuple[st
     return [(name, dt or float(abs(step[0]))) for name, dt in found.items()]
 
 
-def _bent(run: Any, records: Any, h: np.ndarray) -> list[str]:
+def _bent(run: object, records: PyTree, h: np.ndarray) -> list[str]:
     times = records.t[:, None] + h[:, None] * PARTS
     values = _values(run, records, times)
     found = []
@@ -74,7 +75,7 @@ def bent(rows: np.ndarray, span: float, least: float = 0.0) -> bool:
     return bool(np.median(np.minimum(off_line, off_constant)) > max(BENT * span, LARGE * size, least))
 
 
-def _values(run: Any, records: Any, times: np.ndarray) -> Any:
+def _values(run: Any, records: PyTree, times: np.ndarray) -> Any:
     """The inputs at the times (rows, parts) of steps from the records."""
     given = records.replace(mu=None, pi=None, ledger=None, memory=None), times
     shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(given))
@@ -154,7 +155,7 @@ ROUND_OFF = 1e-9
 """A change of a momentum over a step, relative to it, that counts as none."""
 
 
-def unresolved_time(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any = None) -> float | None:
+def unresolved_time(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: PyTree = None) -> float | None:
     """A dt that resolves the dependence on t, with everything else held; None if the steps already resolve it."""
     native = doubling.plan.backend == "native"
     some = np.unique(np.linspace(0, len(rows) - 1, ROWS if native else ROWS_BY_XLA).astype(int))
@@ -166,7 +167,7 @@ def unresolved_time(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members
     return None if step[0] == abs(h[some][0]) else float(step[0])
 
 
-def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any) -> bool:
+def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: PyTree) -> bool:
     count, places = len(PARTS), doubling.places
     given = np.tile(rows, (count, 1))
     later = (PARTS[:, None] * h).ravel()

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.simulation.accuracy.local_error import KEPT, Errors, PartsOfSteps, larger, sizes_of
 
 
@@ -104,7 +104,7 @@ class Verdict(NamedTuple):
 
 
 def verdict(
-    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: Any, errors: Errors, sizes: Any, dt: Scalar,
+    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: PyTree, errors: Errors, sizes: Any, dt: Scalar,
     turns: bool = True,
 ) -> Verdict:  # fmt: skip
     """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name.
@@ -128,7 +128,7 @@ def verdict(
     return Verdict(size, part, when, worst, turn, reasons, fine)
 
 
-def whose(members: Any, good: np.ndarray, worst: int) -> Any:
+def whose(members: PyTree, good: np.ndarray, worst: int) -> Any:
     """The member of the worst step, as a row; None of a run."""
     return None if members is None else np.asarray(members)[good][[worst]]
 
@@ -199,7 +199,7 @@ class SampledSteps:
         self.next = self.count + 1 if self.count + 1 < FIRST else 1 << max(self.count, 2).bit_length()
         return True
 
-    def judge(self, rows: np.ndarray, h: Scalar, members: Any = None) -> str | None:
+    def judge(self, rows: np.ndarray, h: Scalar, members: PyTree = None) -> str | None:
         """The warning about steps of size h from rows (k, size); None if h resolves them."""
         length = np.full(len(rows), float(h))
         with np.errstate(all="ignore"):
@@ -213,14 +213,14 @@ class SampledSteps:
             return None
         return sentence(h, found.reasons, min(found.fine))
 
-    def records(self, rows: np.ndarray, h: np.ndarray, members: Any = None) -> np.ndarray:
+    def records(self, rows: np.ndarray, h: np.ndarray, members: PyTree = None) -> np.ndarray:
         """The rows with the course of the internal state over the step that starts at them."""
         if self.parts.course.due is None:
             return rows
         _, record, code = self.parts.probe(rows, h, 1, members)
         return np.where((code == 0)[:, None], record, rows)
 
-    def _look_ahead(self, rows: np.ndarray, h: np.ndarray, members: Any) -> None:
+    def _look_ahead(self, rows: np.ndarray, h: np.ndarray, members: PyTree) -> None:
         """Find how far later steps under the same commands move."""
         place, taken, begun, ended = rows, 0, [rows[:0]], [rows[:0]]
         for steps in self._ahead:

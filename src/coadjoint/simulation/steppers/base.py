@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.program import Code, StatusFlag
@@ -110,7 +111,7 @@ class StepperBase(StepperWarnings):
 
     # Moving to another state.
 
-    def reset(self, state: Any = None, *, seed: Any = None, mask: Any = None) -> dict[str, np.ndarray]:
+    def reset(self, state: PyTree = None, *, seed: object = None, mask: object = None) -> dict[str, np.ndarray]:
         """Return to the start, or to another one, and return the observations there; commands are those of the start.
 
         state: None for the state at the beginning; a value of `state`; or name → values, for the numbers that differ
@@ -140,7 +141,7 @@ class StepperBase(StepperWarnings):
                 put(self._buffers.parameters, members, starts.parameters[rows])
             return self._go(members, starts.states[rows])
 
-    def restore(self, state: Any, *, mask: Any = None) -> dict[str, np.ndarray]:
+    def restore(self, state: PyTree, *, mask: object = None) -> dict[str, np.ndarray]:
         """Continue from an earlier value of `state`, or bitwise as a clone would, and return the observations there.
 
         state: an earlier state holds the commands, but no parameters: the current ones stay. If a clone is given
@@ -179,17 +180,17 @@ class StepperBase(StepperWarnings):
         own = len(self._buffers.parameters) == self._groups and np.any(rows[: self.face.count] != rows[0])
         return rows[: self.face.count] if own else rows[:1]
 
-    def _take_parameters(self, other: Any, which: np.ndarray) -> None:
+    def _take_parameters(self, other: object, which: np.ndarray) -> None:
         """Have the parameters of these members of a clone."""
 
-    def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
+    def _rows(self, rows: np.ndarray, state: PyTree, which: np.ndarray) -> np.ndarray:
         """States (k, size) of these members from a given state; `rows` supplies the values that it does not name."""
         if not isinstance(state, Mapping):
             raise ArgumentError(f"Argument `state` must be what `stepper.state` showed, but is {type(state).__name__}.")
         self._fill(rows, state, which, "state")
         return rows
 
-    def _fill(self, rows: np.ndarray, given: Mapping[str, Any], which: np.ndarray, what: str) -> None:
+    def _fill(self, rows: np.ndarray, given: Mapping[str, object], which: np.ndarray, what: str) -> None:
         """Write named values, of all members or of the chosen ones, into rows (k, size)."""
         fields = getattr(self.face, "parameters" if what == "parameter" else "state")
         views = fields.views(rows)
@@ -254,7 +255,7 @@ class StepperBase(StepperWarnings):
     def __copy__(self) -> Self:
         return self.clone()
 
-    def __deepcopy__(self, memo: Any) -> Self:
+    def __deepcopy__(self, memo: object) -> Self:
         return self.clone()
 
     # Failures.
@@ -299,7 +300,7 @@ class StepperBase(StepperWarnings):
         """Rows of the members alone; the row of a single one."""
         return rows[: self.face.count] if self.face.members is not None else rows[0]
 
-    def _which(self, mask: Any) -> np.ndarray:
+    def _which(self, mask: object) -> np.ndarray:
         """The members that a mask means."""
         if mask is None:
             return np.arange(self.face.count)

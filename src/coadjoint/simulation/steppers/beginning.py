@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels import packing
 from coadjoint.kernels.packing import Layout, layout
@@ -26,18 +27,18 @@ from coadjoint.methods.step import in_records
 Shapes = dict[str, tuple[int, ...]]
 
 
-def shapes_of(tree: Any) -> Shapes:
+def shapes_of(tree: PyTree) -> Shapes:
     """Name → shape of every leaf, in their order: `internal.rudder`, `g[0]`, …"""
     leaves = jax.tree_util.tree_leaves_with_path(tree)
     return {jax.tree_util.keystr(path).lstrip("."): np.shape(leaf) for path, leaf in leaves}
 
 
-def rows_where(tree: Any, axes: Any) -> np.ndarray:
+def rows_where(tree: PyTree, axes: PyTree) -> np.ndarray:
     """Numbers (members, size) of a tree whose leaves have an axis of members where `axes` is 0; (1, size) of none."""
     return members_of(tree, jax.tree.map(lambda axis: axis == 0, axes, is_leaf=lambda axis: axis is None))[1]
 
 
-def spread(tree: Any, lead: tuple[int, ...]) -> Any:
+def spread(tree: PyTree, lead: tuple[int, ...]) -> Any:
     """A tree of one member for each member."""
     return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (*lead, *np.shape(leaf))).copy(), tree)
 
@@ -62,7 +63,7 @@ class Beginning:
         self.state, self.constants, self.held = layout(like), layout(constants), like.inputs
         self._tabulated: dict[Layout, Callable[..., Any]] = {}
 
-    def rows(self, state: Any, parameters: np.ndarray) -> np.ndarray:
+    def rows(self, state: State, parameters: np.ndarray) -> np.ndarray:
         """States of all members from one, or from all, that system.state(…), a stepper or a run has given.
 
         Raises ArgumentError for a state of another system.
@@ -81,12 +82,12 @@ class Beginning:
         self._require_like(whole)
         return packing.rows(whole, count)
 
-    def begun(self, starts: State, parameters: np.ndarray, held: Any) -> np.ndarray:
+    def begun(self, starts: State, parameters: np.ndarray, held: PyTree) -> np.ndarray:
         """The states (members, size) that the method begins at starts with an axis of members, under held inputs."""
         count = len(starts.t)
         constants = self.constants.unpack(np.broadcast_to(parameters, (count, parameters.shape[1])))
 
-        def begin(constants: Constants, state: State, held: Any) -> State:
+        def begin(constants: Constants, state: State, held: PyTree) -> State:
             system = replace_parameters(self.skeleton, constants.system)
             if self.method.start != "velocity":
                 state = with_own_momenta(system.driven(None), state)
@@ -165,7 +166,7 @@ def _mass_matrix(system: System, place: tuple[Any, ...]) -> Any:
     return jax.jacfwd(momenta)(jnp.concatenate([xi, nu]))
 
 
-def _negative(matrices: Any) -> np.ndarray:
+def _negative(matrices: object) -> np.ndarray:
     """How many eigenvalues are negative beyond round-off, of each of some matrices."""
     found = np.linalg.eigvalsh(np.asarray(matrices))
     scale = np.max(np.abs(found), axis=-1, keepdims=True, initial=0.0)

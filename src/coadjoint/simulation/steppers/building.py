@@ -53,7 +53,7 @@ class Commands(NamedTuple):
     fields: Fields
 
 
-def commands_from(given: Any) -> Commands:
+def commands_from(given: object) -> Commands:
     """From names, of numbers that start at 0, or name → start, or one start; raises ArgumentError.
 
     Signals and functions of the motion are inputs as for `co.simulate`.
@@ -89,12 +89,12 @@ def limits_of(rule: Any, parameters: Any, fields: Fields) -> np.ndarray:
     return found
 
 
-def _known(value: Any) -> bool:
+def _known(value: object) -> bool:
     """Whether a value is known beforehand or computed from the motion, rather than commanded."""
     return isinstance(value, Signal) or callable(value)
 
 
-def _start(name: str, value: Any) -> Any:
+def _start(name: str, value: object) -> Any:
     if _known(value):
         return value
     try:

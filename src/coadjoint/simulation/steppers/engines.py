@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.emit import online
 from coadjoint.kernels.emit.online import ALWAYS, SELDOM
@@ -156,7 +157,16 @@ def _told(buffers: Buffers, before: np.ndarray) -> int:
 
 @compiled("watch", "layouts", "commanded")
 def _advance(
-    program: Program, watch: Any, layouts: Any, commanded: Any, parameters, states, statuses, commands, h, steps
+    program: Program,
+    watch: Any,
+    layouts: Any,
+    commanded: Any,
+    parameters,
+    states,
+    statuses,
+    commands,
+    h,
+    steps,
 ) -> tuple[Any, Any, Any]:
     def one(p, s, status, command):
         constants, places = layouts[0].unpack(p), np.array(commanded, int)
@@ -172,7 +182,7 @@ def _advance(
     return jax.vmap(one)(parameters, states, statuses, commands)
 
 
-def _step(program: Program, constants: Any, h: Any, carry: Any) -> Any:
+def _step(program: Program, constants: PyTree, h: Scalar, carry: Any) -> Any:
     """One step, as `xla` takes it in a run; a failed one leaves the state as it was."""
     state, (done, _, total, most), count = carry
     result = xla.step(program, constants, state, h, certify=False)

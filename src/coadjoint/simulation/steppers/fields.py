@@ -55,7 +55,7 @@ class Fields(NamedTuple):
         """Name → view (*lead, *shape) of rows (*lead, size)."""
         return {name: rows[..., place].reshape((*rows.shape[:-1], *shape)) for name, shape, place in self.places()}
 
-    def unknown(self, name: Any, what: str) -> str:
+    def unknown(self, name: object, what: str) -> str:
         """The message about an unknown name."""
         if path := respelled(str(name), self.names):
             return f"There is no {what} `{name}`: it is `{path}`."
@@ -66,7 +66,7 @@ MOST = 2**63 - 1
 """The most steps of one call."""
 
 
-def whole(n: Any) -> int:
+def whole(n: object) -> int:
     if isinstance(n, (bool, np.bool_)) or not isinstance(n, (int, np.integer)) or not 1 <= n <= MOST:
         raise ArgumentError(f"Argument `n` must be a whole number of at least 1, below 2⁶³, but is {shown(n)}.")
     return int(n)
@@ -83,7 +83,7 @@ def real(value: Any, what: str) -> np.ndarray:
     return array.astype(np.float64, copy=False)
 
 
-def truths(value: Any) -> bool:
+def truths(value: object) -> bool:
     """Whether there are truth values in a row, which NumPy takes for numbers among numbers."""
     return isinstance(value, (list, tuple)) and not _TRUTHS.isdisjoint(map(type, value))
 
@@ -101,7 +101,7 @@ def write(place: np.ndarray, value: Any, what: str, members: int | None) -> None
     place[...] = array
 
 
-def seeds(given: Any, members: int | None, which: np.ndarray) -> np.ndarray:
+def seeds(given: object, members: int | None, which: np.ndarray) -> np.ndarray:
     """Seeds of the chosen members, non-negative integers."""
     try:
         array = np.asarray(given)
@@ -114,7 +114,7 @@ def seeds(given: Any, members: int | None, which: np.ndarray) -> np.ndarray:
     return array[which] if array.shape == (members,) else array.reshape(-1)
 
 
-def named_file(given: Any) -> Path:
+def named_file(given: object) -> Path:
     if not isinstance(given, (str, os.PathLike)):
         raise ArgumentError(f"Argument `path` must be the name of a file, such as remus.step, but is {shown(given)}.")
     return Path(given)

@@ -33,7 +33,7 @@ FILE = "stepper.step"
 _held: list[dict[str, Any]] = []
 
 
-def hold(names: dict[str, Any]) -> None:
+def hold(names: dict[str, object]) -> None:
     """Hold the globals of a unit's script, which PythonFMU 0.7, running it for every instance, releases too often.
 
     Without this they are freed with the first instance, and Python crashes later.
@@ -44,7 +44,7 @@ def hold(names: dict[str, Any]) -> None:
 class FmiInstance(Fmi2Slave):
     """Commands are inputs, observations are outputs, and a communication step is an integer multiple of dt."""
 
-    def __init__(self, **given: Any):
+    def __init__(self, **given: object):
         super().__init__(**given)
         self._told: list[str] = []
         with self._logging():
@@ -58,7 +58,7 @@ class FmiInstance(Fmi2Slave):
         for i, name in enumerate(variables(face.observations)):
             self._register(name, Fmi2Causality.output, lambda i=i: _row(self.stepper.observation)[i])
 
-    def _register(self, name: str, causality: Any, getter: Any, setter: Any = None) -> None:
+    def _register(self, name: str, causality: object, getter: object, setter: object = None) -> None:
         more = {"variability": Fmi2Variability.continuous, "getter": getter, "setter": setter}
         self.register_variable(Real(name, causality=causality, **more), nested=False)
 
@@ -115,22 +115,22 @@ class FmiInstance(Fmi2Slave):
 
     # Its state, for masters that repeat a communication step.
 
-    def _get_fmu_state(self) -> dict[str, Any]:
+    def _get_fmu_state(self) -> dict[str, object]:
         here = self.stepper.clone()
         for (_, value), (_, _, place) in zip(here.command.items(), here.face.commands.places(), strict=True):
             value[...] = self._commands[place].reshape(value.shape)
         return {"stepper": here}
 
-    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+    def _set_fmu_state(self, state: Mapping[str, object]) -> None:
         self.stepper.restore(state["stepper"])
         self._commands[:] = _row(self.stepper.command)
 
     @staticmethod
-    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
+    def _fmu_state_to_bytes(state: Mapping[str, object]) -> bytes:
         return to_bytes(state["stepper"])
 
     @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, object]:
         return {"stepper": opened(state)}
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError, Interrupted, shown, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.lanes import of_lanes
@@ -30,7 +31,7 @@ from coadjoint.simulation.steppers.interface import Buffers, put
 class Stepping(StepperBase):
     """A system that is stepped from outside. One thread at a time steps it: give each thread a `clone()`."""
 
-    def step(self, command: Any = None, n: int = 1, *, copy: bool = False) -> dict[str, np.ndarray]:
+    def step(self, command: PyTree = None, n: int = 1, *, copy: bool = False) -> dict[str, np.ndarray]:
         """Set the commands, take n steps, and return the observations.
 
         command: name → value, all numbers in the order of the names, or None: unchanged. Commands stay until they are
@@ -105,7 +106,7 @@ class Stepping(StepperBase):
             self._look()
             raise _interrupted(before + done, of or n) from None
 
-    def _take(self, command: Any) -> None:
+    def _take(self, command: PyTree) -> None:
         """Put commands into their memory, all of them or none."""
         kept = self._commands.tobytes()
         try:
@@ -168,7 +169,12 @@ class Stepping(StepperBase):
         return self.face.parameters.views((rows[0] if len(rows) == 1 else rows).copy())
 
     def change(
-        self, values: Mapping[str, Any] | None = None, *, mask: Any = None, keep: str = "velocity", **named: Any
+        self,
+        values: Mapping[str, object] | None = None,
+        *,
+        mask: object = None,
+        keep: str = "velocity",
+        **named: object,
     ):
         """Change parameters between two steps, by names, or by a dictionary as `parameters` of a saved stepper shows.
 

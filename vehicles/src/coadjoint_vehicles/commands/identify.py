@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -128,7 +128,7 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _summary(found: Identification) -> dict[str, Any]:
+def _summary(found: Identification) -> dict[str, object]:
     keys = ("value", "low", "high", "standard_error", "prior")
     return {
         "system": found.system.name,

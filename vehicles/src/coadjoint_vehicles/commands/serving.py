@@ -140,7 +140,7 @@ COUNTED = (
 )  # fmt: skip
 
 
-def _figures(loop: Loop, counts: Counter[str]) -> dict[str, Any]:
+def _figures(loop: Loop, counts: Counter[str]) -> dict[str, object]:
     found: dict[str, Any] = {"answers": loop.answers, "refused": loop.refused, **counts}
     found |= {"unsent": loop.unsent} if loop.unsent else {}
     found |= {"simulated_s": loop.simulated, "seconds": loop.seconds}

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from coadjoint.arrays import PyTree
 from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     from coadjoint.stability import Stability as Report
     from coadjoint_vehicles.model.vehicle import Vehicle
+    from coadjoint_vehicles.parts.part import Part
     from coadjoint_vehicles.trim.flight import SteadyFlight
     from coadjoint_vehicles.trim.reading import Trim
 
@@ -179,7 +181,7 @@ def _unit(part: Any) -> str:
     return part.command.unit if part.units is None else part.units.get("position", part.command.unit)
 
 
-def _amount(value: float, part: Any) -> str:
+def _amount(value: float, part: Part) -> str:
     unit = _unit(part)
     return _degrees(value) if unit == "rad" else f"{value:.4g} {unit}"
 
@@ -203,7 +205,7 @@ def _degrees(angle: float) -> str:
     return f"{round(degrees(angle), 2) + 0.0:.2f}°"
 
 
-def _value(actual: Any, part: Any) -> str:
+def _value(actual: PyTree, part: Any) -> str:
     if part.units is not None:
         return ", ".join(f"{key} {float(getattr(actual, key)):.4g} {unit}" for key, unit in part.units.items())
     unit = part.command.unit
@@ -228,7 +230,7 @@ def _table(vehicle: Vehicle, found: dict[float, tuple[Trim, Report]]) -> None:
     terminal.table(("speed", *names, "growth (1/s)", "slowest or growing mode", "verdict"), rows)
 
 
-def _summary(vehicle: Vehicle, found: Any, failures: dict[float, str], picture: Path | None) -> dict[str, Any]:
+def _summary(vehicle: Vehicle, found: Any, failures: dict[float, str], picture: Path | None) -> dict[str, object]:
     motions = []
     for speed, (trimmed, report) in found.items():
         angles = {key: getattr(trimmed, key) for key in ("climb", "pitch", "roll", "attack", "sideslip", "turn_rate")}

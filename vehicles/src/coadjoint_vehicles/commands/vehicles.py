@@ -13,6 +13,7 @@ from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
+    from coadjoint_vehicles.parts.part import Part
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,7 @@ def _sensor(one: Any) -> dict[str, Any]:
     return {"name": one.name, "kind": one.kind, "rate": float(one.rate), "latency": float(one.latency), "reads": reads}
 
 
-def _part(part: Any) -> dict[str, Any]:
+def _part(part: Part) -> dict[str, object]:
     command = part.command
     shape = "" if command is None or command.shape == () else f" × {command.shape[0]}"
     return {"name": part.name, "kind": _kind(part), "command": None if command is None else f"{command.unit}{shape}"}

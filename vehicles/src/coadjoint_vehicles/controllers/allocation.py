@@ -58,7 +58,7 @@ def propulsion(motion: UnderWay) -> np.ndarray:
     return np.abs(motion.effects[0]) > np.linalg.norm(motion.effects[3:], axis=0)
 
 
-def commands_of(mixed: Allocation, values: Array, vehicle: Any) -> dict[str, Any]:
+def commands_of(mixed: Allocation, values: Array, vehicle: Any) -> dict[str, object]:
     """A row of commands, in the order of `mixed.names`, by the names of the parts and in their shapes."""
     found, start = {}, 0
     for name in dict.fromkeys(mixed.names):

@@ -9,13 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import positive, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint_vehicles.controllers.design import TurningModel, propose_attitude
 from coadjoint_vehicles.controllers.pid import pull
 from coadjoint_vehicles.model.controller import Controller, Feedback
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.measured import Measured, measured
 
 
 def attitude_of(down: Array, north: Array) -> Array:
@@ -79,16 +81,16 @@ class Attitude(Controller):
     """
 
     kind: ClassVar[str] = "attitude"
-    speed: Any = measured(u.SPEED, positive, default=1.5)
-    attitude_gains: Any = measured(None, vector, default=None)
-    speed_gains: Any = measured(None, vector, default=None)
-    feed_forward: Any = measured(None, default=None)
-    fin_limit: Any = measured(u.ANGLE, positive, default=None)
-    thrust_limit: Any = measured(None, positive, default=None)
+    speed: Measured = measured(u.SPEED, positive, default=1.5)
+    attitude_gains: Measured = measured(None, vector, default=None)
+    speed_gains: Measured = measured(None, vector, default=None)
+    feed_forward: Measured = measured(None, default=None)
+    fin_limit: Measured = measured(u.ANGLE, positive, default=None)
+    thrust_limit: Measured = measured(None, positive, default=None)
     allocation: Allocation | None = None
     model: TurningModel | None = None
 
-    def fitted(self, vehicle: Any) -> Attitude:
+    def fitted(self, vehicle: object) -> Attitude:
         """The controller with its model of a vehicle, and proposed values of missing gains."""
         return self if self.model is not None else propose_attitude(self, vehicle)
 
@@ -102,7 +104,9 @@ class Attitude(Controller):
     def memory(self) -> dict[str, Any]:
         return {"attitude": np.zeros(3), "speed": 0.0}
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         assert self.allocation is not None
         model = own.model
         v, faster = feedback.velocity, feedback.velocity[0] / own.speed

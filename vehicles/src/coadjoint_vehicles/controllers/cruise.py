@@ -9,14 +9,16 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint_vehicles.controllers.design import propose
 from coadjoint_vehicles.controllers.pid import nearest_turn, pid, pull
 from coadjoint_vehicles.model.controller import Controller, Feedback
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.measured import Measured, measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,20 +43,20 @@ class Cruise(Controller):
     """
 
     kind: ClassVar[str] = "cruise"
-    speed: Any = measured(u.SPEED, positive, default=1.5)
-    depth_gains: Any = measured(None, vector, default=None)
-    pitch_gains: Any = measured(None, vector, default=None)
-    heading_gains: Any = measured(None, vector, default=None)
-    roll_gains: Any = measured(None, vector, default=None)
-    pitch_reach: Any = measured(u.ANGLE, positive, default=None)
-    heading_reach: Any = measured(u.ANGLE, positive, default=None)
-    speed_gains: Any = measured(None, vector, default=None)
-    feed_forward: Any = measured(None, default=None)
-    pitch_limit: Any = measured(u.ANGLE, positive, default=pi / 6)
-    fin_limit: Any = measured(u.ANGLE, positive, default=None)
-    thrust_limit: Any = measured(None, positive, default=None)
+    speed: Measured = measured(u.SPEED, positive, default=1.5)
+    depth_gains: Measured = measured(None, vector, default=None)
+    pitch_gains: Measured = measured(None, vector, default=None)
+    heading_gains: Measured = measured(None, vector, default=None)
+    roll_gains: Measured = measured(None, vector, default=None)
+    pitch_reach: Measured = measured(u.ANGLE, positive, default=None)
+    heading_reach: Measured = measured(u.ANGLE, positive, default=None)
+    speed_gains: Measured = measured(None, vector, default=None)
+    feed_forward: Measured = measured(None, default=None)
+    pitch_limit: Measured = measured(u.ANGLE, positive, default=pi / 6)
+    fin_limit: Measured = measured(u.ANGLE, positive, default=None)
+    thrust_limit: Measured = measured(None, positive, default=None)
     vertical: str = measured(None, None, words=("depth", "altitude", "pitch"), default="depth")
-    bottom: Any = measured(u.LENGTH, default=None)
+    bottom: Measured = measured(u.LENGTH, default=None)
     allocation: Allocation | None = None
 
     def __post_init__(self) -> None:
@@ -62,7 +64,7 @@ class Cruise(Controller):
         if (self.vertical == "altitude") != (self.bottom is not None):
             raise ArgumentError('The controller `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
 
-    def fitted(self, vehicle: Any) -> Cruise:
+    def fitted(self, vehicle: object) -> Cruise:
         """The controller with its allocation, and proposed values of missing gains, for a vehicle; raises ArgumentError
         if that is impossible.
         """
@@ -78,7 +80,9 @@ class Cruise(Controller):
     def memory(self) -> dict[str, Any]:
         return dict.fromkeys(("depth", "pitch", "heading", "roll", "speed"), 0.0)
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         assert self.allocation is not None
         T, omega = own.period, feedback.omega
         faster = own.speed / jnp.maximum(feedback.velocity[0], own.speed / 3)
@@ -102,14 +106,14 @@ class Cruise(Controller):
             "speed": of_speed,
         }
 
-    def _turn(self, axis: str, error: Array, rate: Array, integral: Array, faster: Array, own: Any) -> Any:
+    def _turn(self, axis: str, error: Array, rate: Array, integral: Array, faster: Array, own: Named) -> Any:
         """The mixed angle about an axis, and the integral of its error where that is within reach."""
         far, gains = getattr(own, f"{axis}_reach"), _at(faster, getattr(own, f"{axis}_gains"))
         near = jnp.clip(error, -far, far)
         angle, following = pid(gains, near, rate, integral, own.period, own.fin_limit)
         return angle, jnp.where(near == error, following, integral)
 
-    def _climb(self, feedback: Feedback, memory: Any, own: Any) -> tuple[Array, Array]:
+    def _climb(self, feedback: Feedback, memory: Named, own: Named) -> tuple[Array, Array]:
         """θ_c, rad, and the integral of the depth error."""
         if self.vertical == "pitch":
             return jnp.clip(feedback.inputs.pitch, -own.pitch_limit, own.pitch_limit), memory.depth

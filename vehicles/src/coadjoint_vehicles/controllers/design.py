@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.extending import disk_cache
 from coadjoint_vehicles.controllers.allocation import Allocation, allocation, propulsion
+from coadjoint_vehicles.model.controller import Controller
 from coadjoint_vehicles.model.loads import loads
 from coadjoint_vehicles.trim.under_way import UnderWay, steady, under_way
 
@@ -25,7 +26,7 @@ WELL_DAMPED = 0.7
 """The damping ratio that is enough for any mode."""
 
 
-def propose(controller: Any, vehicle: Any) -> Any:
+def propose(controller: Controller, vehicle: object) -> Any:
     """A cruise controller with its allocation and with the gains that were left out, for a vehicle at controller.speed.
 
     Turns: θ̈ = a_q θ̇ + a_θ θ + b δ, with the side slip that a turn begins with in a_θ (w = Uθ, v = −Uψ: the Munk

@@ -8,12 +8,15 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.models.quantities import vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_of, level
 from coadjoint_vehicles.controllers.pid import nearest_turn, pid
 from coadjoint_vehicles.controllers.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles
 from coadjoint_vehicles.model.controller import Feedback
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.trim.under_way import Level
 
 
@@ -34,7 +37,7 @@ class Hover(Thrusting):
 
     NEEDS: ClassVar[tuple[str, ...]] = ("surge", "sway", "heave", "yaw")
     kind: ClassVar[str] = "hover"
-    position_gains: Any = measured(None, vector, default=None)
+    position_gains: Measured = measured(None, vector, default=None)
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -48,7 +51,9 @@ class Hover(Thrusting):
         given = {"position_gains": poles(min(SHARE * moving.min(initial=np.inf) / self.reach, 1.0), late)}
         return {**super().proposed(most, late), **given}
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         wanted, R = feedback.inputs, attitude_of(feedback.down, feedback.north)
         away = jnp.stack([wanted.north, wanted.east, wanted.depth]) - feedback.position
         distance = jnp.sqrt(away @ away + 1e-12)
@@ -100,11 +105,11 @@ class Manoeuvre(Thrusting):
     """
 
     kind: ClassVar[str] = "manoeuvre"
-    depth_gains: Any = measured(None, vector, default=None)
-    speed_gains: Any = measured(None, vector, default=None)
-    surge_limit: Any = measured(None, None, default=None)
-    heave_limit: Any = measured(None, None, default=None)
-    drag: Any = measured(None, None, default=None)
+    depth_gains: Measured = measured(None, vector, default=None)
+    speed_gains: Measured = measured(None, vector, default=None)
+    surge_limit: Measured = measured(None, None, default=None)
+    heave_limit: Measured = measured(None, None, default=None)
+    drag: Measured = measured(None, None, default=None)
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -113,7 +118,7 @@ class Manoeuvre(Thrusting):
     def memory(self) -> dict[str, Any]:
         return {"depth": 0.0, "speed": 0.0, "attitude": np.zeros(3)}
 
-    def fitted(self, vehicle: Any) -> Any:
+    def fitted(self, vehicle: object) -> Any:
         found = super().fitted(vehicle)
         if found.drag is not None:
             return found
@@ -132,7 +137,9 @@ class Manoeuvre(Thrusting):
         }
         return {**super().proposed(most, late), **given}
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         T, v, zero, U = own.period, feedback.velocity, jnp.zeros(()), feedback.inputs.speed
         drag = (own.drag[0] + own.drag[1] * jnp.abs(U)) * U / own.mass[0, 0]
         ahead, of_speed = pid(own.speed_gains, U - v[0], zero, memory.speed, T, own.surge_limit, base=drag)

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.mechanics import Held
@@ -18,7 +18,8 @@ from coadjoint.models.quantities import positive
 from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.proposed import own_controller
 from coadjoint_vehicles.model.controller import Controller, Feedback
-from coadjoint_vehicles.parts.measured import measured, not_negative
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative
 
 
 class Leg(NamedTuple):
@@ -85,10 +86,10 @@ class LineOfSight(Controller):
     points, such as `speed`, are those of the run. Raises ArgumentError.
     """
 
-    way_points: Any = measured(u.LENGTH, None)
-    look_ahead: Any = measured(u.LENGTH, positive, default=None)
-    gain: Any = measured(u.SPEED, not_negative, default=0.2)
-    acceptance: Any = measured(u.LENGTH, positive, default=None)
+    way_points: Measured = measured(u.LENGTH, None)
+    look_ahead: Measured = measured(u.LENGTH, positive, default=None)
+    gain: Measured = measured(u.SPEED, not_negative, default=0.2)
+    acceptance: Measured = measured(u.LENGTH, positive, default=None)
     helm: Controller | None = None
 
     def __post_init__(self) -> None:
@@ -128,7 +129,9 @@ class LineOfSight(Controller):
         assert self.helm is not None
         return {"leg": 0.0, "beside": 0.0, "beneath": 0.0, "helm": self.helm.memory()}
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         assert self.helm is not None
         count = len(self.way_points) - 1
         places = Held(np.arange(count), jnp.concatenate([own.way_points[:-1], own.way_points[1:]], axis=1))

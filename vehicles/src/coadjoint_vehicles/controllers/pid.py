@@ -10,7 +10,15 @@ from coadjoint.arrays import Array
 
 
 def pid(
-    gains: Any, error: Array, rate: Array, integral: Array, period: Any, limit: Any, *, base: Any = 0.0, low: Any = None
+    gains: Any,
+    error: Array,
+    rate: Array,
+    integral: Array,
+    period: Any,
+    limit: Any,
+    *,
+    base: Any = 0.0,
+    low: Any = None,
 ) -> tuple[Array, Array]:
     """(u, I) with u = clip(u₀ + k_p e + k_i I − k_d ė_m, low, limit) and I ← I + T e unless that winds up.
 

@@ -8,10 +8,13 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.models.quantities import positive, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.pid import pid
 from coadjoint_vehicles.model.controller import Controller, Feedback
-from coadjoint_vehicles.parts.measured import measured, not_negative
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,13 +30,13 @@ class Sawtooth(Controller):
     """
 
     kind: ClassVar[str] = "sawtooth"
-    volume: Any = measured(u.VOLUME, positive)
-    pitch: Any = measured(u.ANGLE, positive)
-    neutral: Any = measured(u.VOLUME, default=0.0)
-    middle: Any = measured(u.LENGTH, default=0.0)
-    shift: Any = measured(u.LENGTH, default=0.0)
-    gains: Any = measured(None, vector, default=(0.0, 0.0, 0.0))
-    reach: Any = measured(u.LENGTH, not_negative, default=0.0)
+    volume: Measured = measured(u.VOLUME, positive)
+    pitch: Measured = measured(u.ANGLE, positive)
+    neutral: Measured = measured(u.VOLUME, default=0.0)
+    middle: Measured = measured(u.LENGTH, default=0.0)
+    shift: Measured = measured(u.LENGTH, default=0.0)
+    gains: Measured = measured(None, vector, default=(0.0, 0.0, 0.0))
+    reach: Measured = measured(u.LENGTH, not_negative, default=0.0)
     ballast: str = "ballast"
     moving_mass: str = "moving_mass"
 
@@ -44,7 +47,9 @@ class Sawtooth(Controller):
     def memory(self) -> dict[str, Any]:
         return {"diving": 1.0, "integral": 0.0}
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         turned = jnp.where(feedback.depth <= feedback.inputs.shallow, 1.0, memory.diving)
         diving = jnp.where(feedback.depth >= feedback.inputs.deep, -1.0, turned)
         integral = jnp.where(diving == memory.diving, memory.integral, 0.0)

@@ -12,10 +12,12 @@ from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_error, attitude_of
 from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.loads import loads
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.parts.thrusters import Thrusters
 from coadjoint_vehicles.trim.under_way import Level, coadjoint
 
@@ -41,12 +43,12 @@ class Thrusting(Controller):
     """
 
     thrusters: str | None = None
-    attitude_gains: Any = measured(None, vector, default=None)
-    reach: Any = measured(u.LENGTH, positive, default=1.0)
-    weigh: Any = measured(None, default=0.0)
-    mass: Any = measured(None, None, default=None)
-    net_weight: Any = measured(None, None, default=None)
-    righting: Any = measured(None, None, default=None)
+    attitude_gains: Measured = measured(None, vector, default=None)
+    reach: Measured = measured(u.LENGTH, positive, default=1.0)
+    weigh: Measured = measured(None, default=0.0)
+    mass: Measured = measured(None, None, default=None)
+    net_weight: Measured = measured(None, None, default=None)
+    righting: Measured = measured(None, None, default=None)
 
     NEEDS: ClassVar[tuple[str, ...]] = ("surge", "heave", "yaw")
     """The axes along which the thrusters must be able to push."""
@@ -97,7 +99,9 @@ class Thrusting(Controller):
         turning = most[3:][most[3:] > 0]
         return {"attitude_gains": poles(SHARE * turning.min(initial=np.inf) / LARGEST_TURN, late)}
 
-    def commands(self, acceleration: Array, turn: Array, feedback: Feedback, own: Any, vehicle: Any) -> dict[str, Any]:
+    def commands(
+        self, acceleration: Array, turn: Array, feedback: Feedback, own: Named, vehicle: Vehicle
+    ) -> dict[str, Any]:
         """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
         weight = jnp.concatenate([own.net_weight * feedback.down, jnp.cross(own.righting, feedback.down)])
         turning = coadjoint(own.mass, jnp.concatenate([feedback.velocity, feedback.omega])) * MOMENTS
@@ -105,7 +109,7 @@ class Thrusting(Controller):
         part = self._part(vehicle)
         return {part.name: part.allocate(wrench)}
 
-    def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Any) -> tuple[Array, Array]:
+    def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Named) -> tuple[Array, Array]:
         """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""
         error = attitude_error(attitude_of(feedback.down, feedback.north), wanted)
         following = jnp.where(error @ error < 0.25, integral + own.period * error, integral)

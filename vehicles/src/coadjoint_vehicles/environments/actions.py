@@ -51,7 +51,7 @@ class Actions:
             for name, end in zip(self.shapes, ends, strict=True)
         }
 
-    def commands(self, actions: Any, lead: tuple[int, ...]) -> np.ndarray:
+    def commands(self, actions: object, lead: tuple[int, ...]) -> np.ndarray:
         """The commands (*lead, size) of actions (*lead, size), which are cut off at ±1.
 
         Raises ArgumentError for another shape and for values that are not finite.
@@ -102,7 +102,7 @@ def actuator_actions(craft: Craft) -> Actions:
     return Actions(shapes, units, low, middle, high)
 
 
-def set_point_actions(craft: Craft, bounds: Mapping[str, Any]) -> Actions:
+def set_point_actions(craft: Craft, bounds: Mapping[str, object]) -> Actions:
     """Set points of the craft's controller within bounds; raises ArgumentError for one without bounds."""
     assert craft.controller is not None
     units = craft.controller.inputs

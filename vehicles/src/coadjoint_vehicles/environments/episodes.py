@@ -9,11 +9,13 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.extending import Prepared, legendre, replace_parameters, tabulate
 from coadjoint.groups import attitude
 from coadjoint.mechanics import State
 from coadjoint.mechanics.members import each, stacked
+from coadjoint.spaces import Named
 from coadjoint_vehicles.environments.nested import nested
 from coadjoint_vehicles.environments.simulated import Simulated
 from coadjoint_vehicles.model.craft import Craft
@@ -39,7 +41,7 @@ class Episodes:
         self._states, self._parameters = np.zeros((0, 0)), None
         self._started: Callable[..., State] | None = None
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """The state without the function that is traced again."""
         return {**self.__dict__, "_started": None}
 
@@ -56,7 +58,7 @@ class Episodes:
         self.simulated.stepper.begin(Prepared(self._states, self._parameters), rows, members)
         self.begun[members] += 1
 
-    def begin_at(self, members: np.ndarray, given: Any) -> None:
+    def begin_at(self, members: np.ndarray, given: object) -> None:
         """Episodes begin at one start that is given, as `Task.start` gives it, with parameters that are drawn."""
         drawn = [(self._checked(given), self._drawn(int(m))) for m in members]
         for first in range(0, len(members), self.block):
@@ -93,7 +95,7 @@ class Episodes:
         if self._parameters is not None and made.parameters is not None:
             self._parameters[rows] = made.parameters[: len(rows)]
 
-    def _start(self, member: int) -> dict[str, Any]:
+    def _start(self, member: int) -> dict[str, PyTree]:
         random = self.random[member]
         assert random is not None
         return self._checked(self.simulated.task.start(random))
@@ -132,7 +134,7 @@ class Episodes:
         states = self._states_of(parameters, starts, seeds)
         return stepper.prepared(states, parameters if paths else None)
 
-    def _states_of(self, parameters: Any, starts: dict[str, np.ndarray], seeds: np.ndarray) -> State:
+    def _states_of(self, parameters: PyTree, starts: dict[str, np.ndarray], seeds: np.ndarray) -> State:
         craft, base = self.simulated.craft, self.simulated.base
         R = attitude.zyx(*starts["euler_zyx"].T)
         internal = base.internal
@@ -152,7 +154,7 @@ def starting(craft: Craft, base: State) -> Callable[..., State]:
     group, Q, V = craft.system.places
     a0 = np.asarray(V.act(group, base.g, base.a))
 
-    def start(p: Any, R: Any, position: Any, velocity: Any, omega: Any, internal: Any) -> State:
+    def start(p: Any, R: Array, position: Any, velocity: Any, omega: Array, internal: Named) -> State:
         memory = internal.water if craft.water.start() else None
         back = group.inverse(R)
         n, a = Q.act(group, back, position), V.act(group, back, a0)
@@ -167,7 +169,7 @@ def starting(craft: Craft, base: State) -> Callable[..., State]:
     return start
 
 
-def _three(value: Any, name: str) -> np.ndarray:
+def _three(value: object, name: str) -> np.ndarray:
     try:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):

@@ -40,9 +40,9 @@ def environment(
     task: str | Task = "hold_station",
     *,
     actions: str = "actuators",
-    observe: Any = None,
+    observe: object = None,
     reward: Function | None = None,
-    ends: Mapping[str, Any] | None = None,
+    ends: Mapping[str, object] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     controller: Controller | None = None,
     water: Water | None = None,
@@ -129,7 +129,9 @@ def vector_environment(
     return VehicleVectorEnv(simulated, episodes, randomise_seed, autoreset)
 
 
-def _made(vehicle: Any, task: Any, wanted: Wanted, members: int | None, randomise: Any) -> tuple[Simulated, Episodes]:
+def _made(
+    vehicle: Any, task: object, wanted: Wanted, members: int | None, randomise: object
+) -> tuple[Simulated, Episodes]:
     simulated = Simulated(_vehicle(vehicle), _task(task), wanted, members, randomise)
     return simulated, Episodes(simulated)
 
@@ -138,7 +140,7 @@ def _vehicle(given: Any) -> Vehicle:
     return given if isinstance(given, Vehicle) else load_vehicle(given)
 
 
-def _task(given: Any) -> Task:
+def _task(given: object) -> Task:
     if isinstance(given, Task):
         return given
     if isinstance(given, str) and given in TASKS:

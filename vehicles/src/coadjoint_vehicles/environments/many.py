@@ -25,7 +25,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
     members; otherwise as `VehicleEnv`. Infos are arrays by name, each with the mask `_name` of the members it is of.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+    metadata: dict[str, object] = {"render_modes": []}  # noqa: RUF012
 
     def __init__(self, simulated: Simulated, episodes: Episodes, own_seed: int | None, mode: str):
         assert simulated.members is not None
@@ -40,7 +40,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         self._over = np.ones(self.num_envs, bool)
         self._begun = False
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: object = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """New episodes. seed: an integer, member i has seed + i as a single environment would; or one for each.
 
         options: {"start": …} begins there; {"reset_mask": (num_envs,) truth values}: only these members. Raises
@@ -64,7 +64,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         self._periods[members], self._over[members], self._begun = 0, False, True
         return self._seen(), {}
 
-    def _meant(self, mask: Any) -> np.ndarray:
+    def _meant(self, mask: object) -> np.ndarray:
         if mask is None:
             return np.arange(self.num_envs)
         if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,):
@@ -87,7 +87,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         whole_or_none(seed, "seed")
         return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
 
-    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One period: observations (num_envs, size), rewards, terminations, truncations (num_envs,), and infos.
 
         A member whose step failed is terminated, `failure` says why, and it shows its last good node. Raises
@@ -127,7 +127,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
             self.episodes.begin(np.flatnonzero(which))
             self._periods[which] = 0
 
-    def _infos(self, ended: np.ndarray, failed: np.ndarray) -> dict[str, Any]:
+    def _infos(self, ended: np.ndarray, failed: np.ndarray) -> dict[str, object]:
         """How episodes have ended: `end`, `is_success`, and `failure` of steps that failed."""
         over, names = self._over, np.array([*self.simulated.ends, "time"], dtype=object)
         first = np.where(ended.any(axis=1), ended.argmax(axis=1) if ended.shape[1] else 0, len(names) - 1)
@@ -147,7 +147,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
             found |= {"failure": sentences, "_failure": failed}
         return found
 
-    def _final(self, infos: Mapping[str, Any]) -> dict[str, Any]:
+    def _final(self, infos: Mapping[str, object]) -> dict[str, object]:
         """The last observation and info of an episode, if the next one begins in the same step."""
         if not infos:
             return {}

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from coadjoint.errors import ArgumentError, nearest, shown
 from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, continuous
+from coadjoint.spaces import Named
 from coadjoint_vehicles.environments.actions import Actions, actuator_actions
 from coadjoint_vehicles.environments.task import Function
 from coadjoint_vehicles.model.actuators import seen
@@ -45,7 +46,7 @@ class Common:
         self.craft = craft
         self._last: tuple[Any, Any, Any] = (None, None, None)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Without the state, which is one of the trace."""
         return {"craft": self.craft, "_last": (None, None, None)}
 
@@ -62,7 +63,7 @@ def of_feedback(common: Common, function: Function) -> Callable[[State, Any], An
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [x for x in inspect.signature(function).parameters.values() if x.kind in kinds and x.default is x.empty]
 
-    def observe(state: State, p: Any) -> Any:
+    def observe(state: State, p: Named) -> Any:
         feedback = common(state, p)
         return function(feedback) if len(takes) < 2 else function(feedback, p)
 
@@ -73,7 +74,7 @@ def actuators(craft: Craft) -> Callable[[State, Any], Any]:
     """The positions of the actuators, scaled as actions: between −1 and 1, one after the other."""
     scale = actuator_actions(craft)
 
-    def observe(state: State, p: Any) -> Any:
+    def observe(state: State, p: Named) -> Any:
         found = []
         for name, place in scale.places.items():
             where = jnp.ravel(standing(name, state))[: place.stop - place.start]
@@ -104,7 +105,7 @@ def observable(
     return {**found, **{name: of_feedback(common, function) for name, function in added.items()}}
 
 
-def chosen(common: Common, known: Mapping[str, Any], asked: Any) -> dict[str, Observation]:
+def chosen(common: Common, known: Mapping[str, object], asked: object) -> dict[str, Observation]:
     """The observations of names, or of name → function of the `Feedback`; raises ArgumentError."""
     names = [asked] if isinstance(asked, str) else asked
     if not isinstance(names, (list, tuple, Mapping)) or not names:
@@ -124,7 +125,7 @@ def chosen(common: Common, known: Mapping[str, Any], asked: Any) -> dict[str, Ob
     return found
 
 
-def _known(known: Mapping[str, Any], name: str) -> Any:
+def _known(known: Mapping[str, object], name: str) -> Any:
     if name in known:
         return known[name]
     near = nearest(name, known)

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.extending import Fields, StepperBase, require_portable
 from coadjoint.mechanics import State
 from coadjoint.simulation import Stepper
+from coadjoint.spaces import Named
 from coadjoint_vehicles.environments.actions import Actions, actuator_actions, set_point_actions
 from coadjoint_vehicles.environments.observations import Common, actuators, chosen, observable, of_feedback
 from coadjoint_vehicles.environments.task import End, Function, Task
@@ -51,7 +52,7 @@ class Simulated:
     each observation in a row.
     """
 
-    def __init__(self, vehicle: Vehicle, task: Task, wanted: Wanted, members: int | None, randomise: Any = False):
+    def __init__(self, vehicle: Vehicle, task: Task, wanted: Wanted, members: int | None, randomise: object = False):
         self.task, self.wanted, self.members = task, wanted, members
         self._given = vehicle, task, wanted, members, randomise
         self.steps = _periods(wanted.period, wanted.dt, "period", "dt")
@@ -95,7 +96,7 @@ class Simulated:
         require_portable(self._given, "The environment")
         return _standing_as, (type(self), self._given, self.stepper)
 
-    def __deepcopy__(self, memo: Any) -> Simulated:
+    def __deepcopy__(self, memo: object) -> Simulated:
         made = copy.copy(self)
         made.stepper = self.stepper.clone()
         return made
@@ -105,7 +106,7 @@ class Simulated:
         made.__dict__.update(self.__dict__)
         return made
 
-    def _row(self, state: State, p: Any) -> Any:
+    def _row(self, state: State, p: Named) -> Any:
         """All observations, one number after the other, by one function, so that shared terms are traced once."""
         seen = {name: jnp.asarray(function(state, p), dtype=float) for name, function in self._shown.items()}
         self._shapes = {name: np.shape(value) for name, value in seen.items()}
@@ -120,7 +121,7 @@ class Simulated:
         places = actuators(self.craft) if given is None and effort else None
         inner = of_feedback(self.common, self.task.reward if given is None else given)
 
-        def reward(state: State, p: Any) -> Any:
+        def reward(state: State, p: Named) -> Any:
             found = jnp.reshape(inner(state, p), ())
             if places is not None:
                 found = found - effort * jnp.mean(places(state, p) ** 2)
@@ -129,7 +130,7 @@ class Simulated:
 
         return reward
 
-    def _ended(self, state: State, p: Any) -> Any:
+    def _ended(self, state: State, p: Named) -> Any:
         """A 1 for each end that has come, (ends,)."""
         found = [of_feedback(self.common, end.when)(state, p) for end in self.ends.values()]
         return jnp.array([jnp.where(jnp.reshape(one, ()), 1.0, 0.0) for one in found]) if found else jnp.zeros(0)
@@ -146,7 +147,7 @@ class Simulated:
             what = f"The observation `{names[0]}`" if names else "The reward"
             raise StepError(f"{what} is not finite: look for a division by zero in its function.") from None
 
-    def command(self, actions: Any) -> None:
+    def command(self, actions: object) -> None:
         """Set the commands of actions; raises ArgumentError and leaves them as they were."""
         lead = () if self.members is None else (self.members,)
         found = self.actions.commands(actions, lead)
@@ -196,7 +197,7 @@ def _actions(craft: Craft, task: Task, wanted: Wanted) -> Actions:
     return set_point_actions(craft, {**known, **(wanted.bounds or {})})
 
 
-def _uncertain(craft: Craft, given: Any) -> Uncertain | None:
+def _uncertain(craft: Craft, given: object) -> Uncertain | None:
     if isinstance(given, Mapping):
         return Uncertain(craft, given) if given else None
     checks.instance(given, "randomise", bool, "True, False, or path → standard deviation")

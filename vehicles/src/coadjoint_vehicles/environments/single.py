@@ -47,7 +47,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         self._remember()
         return self._seen(), {}
 
-    def _begin(self, options: dict[str, Any]) -> None:
+    def _begin(self, options: dict[str, object]) -> None:
         if unknown := sorted(set(options) - {"start"}):
             raise ArgumentError(f"Argument `options` may have `start`, but has {shown(unknown[0])}.")
         if "start" in options:
@@ -55,7 +55,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         else:
             self.episodes.begin(np.array([0]))
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One period under an action: observation, reward, terminated, truncated and info.
 
         info: at the end of an episode `end`, its name, "time" or "failure", and `is_success`; of a step that failed
@@ -65,7 +65,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
             raise ArgumentError("No episode is under way: call reset() first, and after an episode has ended.")
         self.simulated.command(action)
         self._periods += 1
-        info: dict[str, Any] = {}
+        info: dict[str, object] = {}
         row = self.simulated.rows
         try:
             self.simulated.step()

@@ -28,7 +28,7 @@ def varying_from(seed: Any) -> np.random.Generator:
     return np.random.default_rng([int(seed), 1])
 
 
-def whole_or_none(seed: Any, name: str) -> None:
+def whole_or_none(seed: object, name: str) -> None:
     """Raise ArgumentError for an invalid seed."""
     if seed is not None:
         checks.whole(seed, name, 0)

@@ -26,7 +26,7 @@ class Uncertain:
     `reach`, the first of 5, 4, 3, 2.5, 2 at which both p ± reach σ are possible. Raises ArgumentError.
     """
 
-    def __init__(self, craft: Craft, given: Mapping[str, Any]):
+    def __init__(self, craft: Craft, given: Mapping[str, object]):
         known = paths(craft.parameters)
         for path in given:
             checks.known(path, known, "parameter", craft.vehicle.name)
@@ -75,7 +75,7 @@ def _within(random: np.random.Generator, shape: tuple[int, ...], reach: float) -
     return zeta
 
 
-def deviation(path: str, given: Any, value: np.ndarray) -> np.ndarray:
+def deviation(path: str, given: object, value: np.ndarray) -> np.ndarray:
     """σ of a parameter, of its shape; raises ArgumentError."""
     text = given.strip() if isinstance(given, str) else ""
     try:
@@ -93,7 +93,7 @@ def deviation(path: str, given: Any, value: np.ndarray) -> np.ndarray:
     return found
 
 
-def of_file(craft: Craft) -> dict[str, Any]:
+def of_file(craft: Craft) -> dict[str, object]:
     """The uncertainties that the vehicle's file states, by the paths of parameters; raises ArgumentError for none."""
     vehicle, known = craft.vehicle, paths(craft.parameters)
     found: dict[str, Any] = {}

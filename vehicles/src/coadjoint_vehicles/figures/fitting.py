@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from coadjoint_vehicles.logs.records import VehicleRecords, is_vehicle
 
+if TYPE_CHECKING:
+    import xarray
 
-def of_vehicle(dataset: Any) -> bool:
+
+def of_vehicle(dataset: xarray.Dataset) -> bool:
     """Whether it is a vehicle's, with directions of down and north."""
     return is_vehicle(dataset)
 
 
-def of_actuators(dataset: Any) -> bool:
+def of_actuators(dataset: xarray.Dataset) -> bool:
     """Whether it is a vehicle's that has actuators."""
     return is_vehicle(dataset) and bool(_log(dataset).actuators)
 
 
-def of_current(dataset: Any) -> bool:
+def of_current(dataset: xarray.Dataset) -> bool:
     """Whether it is a vehicle's in water that moves."""
     return is_vehicle(dataset) and _log(dataset).current is not None
 
 
-def _log(dataset: Any) -> VehicleRecords:
+def _log(dataset: xarray.Dataset) -> VehicleRecords:
     return VehicleRecords(dataset.isel(member=0) if "member" in dataset.dims else dataset)

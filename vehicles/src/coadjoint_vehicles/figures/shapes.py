@@ -135,5 +135,5 @@ def _thrusters(part: Thrusters, size: float) -> Iterator[dict[str, Any]]:
         }
 
 
-def _list(values: Any) -> list[float]:
+def _list(values: object) -> list[float]:
     return [float(value) for value in np.asarray(values)]

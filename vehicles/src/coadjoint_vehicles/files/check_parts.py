@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.extending import evaluate
 from coadjoint.mechanics.members import Each
 from coadjoint_vehicles.model.vehicle import Vehicle
@@ -15,6 +15,7 @@ from coadjoint_vehicles.parts.derivatives import Derivatives
 from coadjoint_vehicles.parts.fin import Fin
 from coadjoint_vehicles.parts.hull import Hull
 from coadjoint_vehicles.parts.lifting_body import LiftingBody
+from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.propeller import Propeller
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
@@ -163,17 +164,17 @@ def _thrusters_together(vehicle: Vehicle) -> Iterator[str]:
         yield f"the thrusters {names} span no forward force: row X of their matrix is zero."
 
 
-def _matrix(part: Thrusters, **changes: Any) -> np.ndarray:
+def _matrix(part: Thrusters, **changes: object) -> np.ndarray:
     return np.asarray(evaluate(part.matrix, part.nominal.replace(**changes)))
 
 
-def _far(name: str, position: Any, size: float) -> Iterator[str]:
+def _far(name: str, position: PyTree, size: float) -> Iterator[str]:
     r = float(np.linalg.norm(position))
     if r > 1.5 * size:
         yield f"`{name}` is {r:.3g} m from the origin of a vehicle of {size:.3g} m: millimetres taken for metres?"
 
 
-def _lag(part: Any) -> Iterator[str]:
+def _lag(part: Part) -> Iterator[str]:
     lag = getattr(part, "lag", None)
     if lag is not None and float(np.max(lag)) > SLOWEST:
         yield f"`{part.name}` follows with a lag of {float(np.max(lag)):g} s: milliseconds taken for seconds?"

@@ -165,7 +165,7 @@ def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
     return force / (density * gravity)
 
 
-def _parts(book: Notebook, given: Any, axes: border.Axes, body: dict[str, Any]) -> list[Any]:
+def _parts(book: Notebook, given: object, axes: border.Axes, body: dict[str, Any]) -> list[Any]:
     if not isinstance(given, list):
         raise book.fail("a part begins with [[part]], in double brackets, since a vehicle has several.")
     made: list[Any] = []
@@ -177,7 +177,7 @@ def _parts(book: Notebook, given: Any, axes: border.Axes, body: dict[str, Any]) 
     return made
 
 
-def _sources(book: Notebook, given: Any) -> dict[str, str]:
+def _sources(book: Notebook, given: object) -> dict[str, str]:
     section = Section(book, "[sources]", "sources", given)
     return {key: section.text(key) for key in cast("dict[str, Any]", given)}
 

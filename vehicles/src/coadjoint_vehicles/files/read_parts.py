@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.sections import keys
 from coadjoint_vehicles import axes as border
@@ -21,7 +22,7 @@ from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.thrusters import COMMANDED, Thrusters
 
 
-def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before: tuple[str, ...]) -> Part:
+def read_part(section: Section, axes: border.Axes, body: dict[str, object], before: tuple[str, ...]) -> Part:
     """The part of one [[part]]; body: the values of [body], before: names of the parts above it."""
     name = section.text("name")
     section.key = name
@@ -44,7 +45,7 @@ def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before:
 
 def read_fields(
     section: Section, cls: type, axes: border.Axes, commands: tuple[str, float, u.Dimension] | None = None
-) -> dict[str, Any]:
+) -> dict[str, PyTree]:
     """The measured fields of a class of parts that are given, in SI units and FRD.
 
     commands: the unit of its commands, its size and its dimension. Raises ArgumentError for one that is missing.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.kinds import kinds
 from coadjoint_vehicles.files.read_parts import built, read_fields
@@ -12,7 +10,7 @@ from coadjoint_vehicles.sensors.errors import Channel, Errors, dimensions
 from coadjoint_vehicles.sensors.sensor import Sensor
 
 
-def read_sensors(book: Notebook, given: Any, axes: border.Axes) -> tuple[Sensor, ...]:
+def read_sensors(book: Notebook, given: object, axes: border.Axes) -> tuple[Sensor, ...]:
     """The sensors of [sensors], each a separate section, in the order of the file; raises ArgumentError."""
     if not isinstance(given, dict):
         raise book.fail("sensors are sections with names of their own, as in [sensors.imu], and no list.")

@@ -42,7 +42,7 @@ class Notebook:
 class Section:
     """The keys of one table. title: as in the file, "[body]". key: before the dot in the provenance, "body"."""
 
-    def __init__(self, book: Notebook, title: str, key: str, given: Any):
+    def __init__(self, book: Notebook, title: str, key: str, given: object):
         if not isinstance(given, dict):
             raise book.fail(f"{title} must be a section with keys, but is {_shown(given)}.")
         self.book, self.title, self.key, self.given = book, title, key, given
@@ -181,7 +181,7 @@ class Section:
             raise self.book.fail(f"{what} has no `value`.")
         return given
 
-    def _numbers(self, value: Any, what: str) -> Any:
+    def _numbers(self, value: object, what: str) -> Any:
         """Finite numbers in rectangular lists; raises ArgumentError."""
         if isinstance(value, list):
             found = [self._numbers(inner, what) for inner in value]
@@ -199,7 +199,7 @@ class Section:
         return float(value)
 
     def _uncertainty(
-        self, name: str, given: dict[str, Any], unit: str, dimension: Dimension | None, special: tuple[str, ...]
+        self, name: str, given: dict[str, object], unit: str, dimension: Dimension | None, special: tuple[str, ...]
     ) -> Any:
         """The standard deviation of a quantity: a share of it such as "5 %", or in SI units; None if there is none."""
         found = given.get("uncertainty")
@@ -222,7 +222,9 @@ class Section:
             )
         return numbers if dimension is None else in_si(numbers, unit, dimension, f"{self.title} {name}")
 
-    def _remember(self, name: str, given: dict[str, Any], value: Any, unit: str, uncertainty: Any = None) -> None:
+    def _remember(
+        self, name: str, given: dict[str, object], value: object, unit: str, uncertainty: object = None
+    ) -> None:
         texts = {}
         for key in ("source", "note"):
             texts[key] = given.get(key, "")
@@ -249,11 +251,11 @@ def _flat(value: Any) -> list[float]:
     return [number for inner in value for number in _flat(inner)] if isinstance(value, list) else [value]
 
 
-def _shape(value: Any) -> tuple[int, ...]:
+def _shape(value: object) -> tuple[int, ...]:
     """The shape of rectangular lists."""
     return (len(value), *_shape(value[0])) if isinstance(value, list) else ()
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "…"

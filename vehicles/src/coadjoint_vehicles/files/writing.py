@@ -65,7 +65,7 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
         yield from _controller(vehicle)
 
 
-def dimensions_of(of: Any) -> list[tuple[str, Dimension | None]]:
+def dimensions_of(of: object) -> list[tuple[str, Dimension | None]]:
     """The declared fields of a class, or of an instance, with their dimensions."""
     return [(name, declared.dimension) for name, declared in keys(of).items()]
 
@@ -151,7 +151,7 @@ def _controller(vehicle: Vehicle) -> Iterator[str]:
             yield _line(field.name, value, keys(controller)[field.name].dimension, told)
 
 
-def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | None) -> str:
+def _line(key: str, value: object, dimension: Dimension | None, told: Quantity | None) -> str:
     unit = "SI" if dimension is None else dimension.si
     words = [f"value = {_value(value)}", f"unit = {_text(unit)}"]
     if told is not None:
@@ -162,14 +162,14 @@ def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | No
     return f"{key} = {{ {', '.join(words)} }}"
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     found = np.asarray(value, dtype=float)
     if found.ndim == 0:
         return _number(found)
     return "[" + ", ".join(_value(inner) for inner in found) + "]"
 
 
-def _diagonal(value: Any) -> Any:
+def _diagonal(value: object) -> Any:
     """The diagonal of a diagonal matrix, for readability."""
     found = np.asarray(value)
     return np.diag(found) if found.ndim == 2 and np.array_equal(found, np.diag(np.diag(found))) else found

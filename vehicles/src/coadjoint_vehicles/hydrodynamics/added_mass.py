@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.models.quantities import matrix, vector
 
@@ -26,7 +24,7 @@ Z_UP_TO_Z_DOWN = np.diag([1.0, -1.0, -1.0])
 """From forward, port, up to forward, starboard, down: half a turn about the x axis."""
 
 
-def added_mass_about(added_mass: Any, point: Any) -> Array:
+def added_mass_about(added_mass: object, point: object) -> Array:
     """The added mass matrix (6, 6) about another point O′ fixed in the body, in the same axes.
 
     M′ = HᵀM H, H = [[I, r̂], [0, I]], since v_O = v_O′ + r × ω; r is the position of O′ from O.
@@ -41,7 +39,7 @@ def added_mass_about(added_mass: Any, point: Any) -> Array:
     return H.T @ M @ H
 
 
-def added_mass_in_axes(added_mass: Any, rotation: Any) -> Array:
+def added_mass_in_axes(added_mass: object, rotation: object) -> Array:
     """The added mass matrix (6, 6) about the same point in other axes fixed in the body.
 
     M′ = T M Tᵀ, T = diag(S, S), where S takes components in the old axes to components in the new: v′ = S v, ω′ = S ω.
@@ -61,7 +59,7 @@ def added_mass_in_axes(added_mass: Any, rotation: Any) -> Array:
     return T @ M @ T.T
 
 
-def body_axes(axes: Any) -> Array:
+def body_axes(axes: PyTree) -> Array:
     """S of `added_mass_in_axes` from a program's axes to forward, starboard, down."""
     if isinstance(axes, str):
         known = {"z_up": Z_UP_TO_Z_DOWN, "z_down": np.eye(3)}
@@ -74,7 +72,7 @@ def body_axes(axes: Any) -> Array:
     return matrix(axes, "axes")
 
 
-def computed_added_mass(found: Array, source: Any, axes: Any, origin: Any) -> Array:
+def computed_added_mass(found: Array, source: object, axes: PyTree, origin: object) -> Array:
     """The result of a panel program, symmetric, without negative eigenvalues, about `origin` and in the body's axes."""
     point, unit = vector(origin, "origin"), _unit(found)
     scaled = _symmetric_part(found, unit, source)
@@ -90,7 +88,7 @@ def _unit(found: Array) -> Array:
     return np.repeat([1.0, max(np.sqrt(max(turned, 0.0) / moved), np.cbrt(moved / (3 * WATER)))], 3)
 
 
-def _symmetric_part(found: Array, unit: Array, source: Any) -> Array:
+def _symmetric_part(found: Array, unit: Array, source: object) -> Array:
     """½(A + Aᵀ), scaled; the symmetry is Green's theorem, and a panel method has it up to its error."""
     scaled = found / np.outer(unit, unit)
     diagonal = np.diag(scaled)
@@ -114,7 +112,7 @@ def _symmetric_part(found: Array, unit: Array, source: Any) -> Array:
     return 0.5 * (scaled + scaled.T)
 
 
-def _semidefinite(scaled: Array, source: Any) -> Array:
+def _semidefinite(scaled: Array, source: object) -> Array:
     """The nearest matrix without negative eigenvalues."""
     values, vectors = np.linalg.eigh(scaled)
     if values[0] >= 0:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import FileError
 from coadjoint.extending import engine_of
 from coadjoint.models.quantities import positive
@@ -25,8 +25,8 @@ SAVE = "capytaine.export_dataset(path, dataset)"
 def capytaine_added_mass(
     path: str | os.PathLike[str],
     *,
-    axes: Any,
-    origin: Any = (0.0, 0.0, 0.0),
+    axes: PyTree,
+    origin: object = (0.0, 0.0, 0.0),
     fluid_density: float | None = None,
     frequency: Literal["infinite", "highest"] = "infinite",
 ) -> Array:
@@ -152,7 +152,7 @@ def _density(dataset: Any, source: Path) -> float:
         ) from error
 
 
-def _text(name: Any) -> str:
+def _text(name: object) -> str:
     return name.decode() if isinstance(name, bytes) else str(name)
 
 

@@ -14,7 +14,7 @@ from coadjoint.models import general_vehicle
 from coadjoint.models.quantities import positive, vector
 
 
-def ellipsoid_added_mass(semi_axes: Any, fluid_density: Scalar = 1025.0) -> Array:
+def ellipsoid_added_mass(semi_axes: object, fluid_density: Scalar = 1025.0) -> Array:
     """The added mass matrix (6, 6) of an ellipsoid about its centre, axes along the body's: diagonal.
 
     α₀ = abc ∫₀^∞ ds/((a² + s)Δ), Δ = √((a² + s)(b² + s)(c² + s)), and β₀, γ₀ alike; α₀ + β₀ + γ₀ = 2;
@@ -42,14 +42,14 @@ def _turning(b2: Scalar, c2: Scalar, beta: float, gamma: float) -> Scalar:
     return difference**2 * (gamma - beta) / (2 * difference + (b2 + c2) * (beta - gamma))
 
 
-def displaced_mass(semi_axes: Any, fluid_density: Scalar = 1025.0) -> float:
+def displaced_mass(semi_axes: object, fluid_density: Scalar = 1025.0) -> float:
     """m_f = (4/3)πρabc, kg."""
     return float(4 / 3 * np.pi * positive(fluid_density, "fluid_density") * np.prod(_axes(semi_axes)))
 
 
 def ellipsoid(
     *,
-    semi_axes: Any,
+    semi_axes: object,
     fluid_density: Scalar = 1025.0,
     gravity: float = 9.81,
     center_of_mass: Any = (0.0, 0.0, 0.0),
@@ -73,7 +73,7 @@ def ellipsoid(
     )
 
 
-def _axes(semi_axes: Any) -> Array:
+def _axes(semi_axes: object) -> Array:
     axes = vector(semi_axes, "semi_axes")
     if np.any(axes <= 0):
         raise ArgumentError(f"Argument `semi_axes` must be positive, but is {axes.tolist()}.")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from coadjoint import checks
@@ -19,13 +17,13 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 def slender_body_added_mass(
-    stations: Any,
-    half_breadth: Any,
-    half_height: Any = None,
+    stations: object,
+    half_breadth: object,
+    half_height: object = None,
     *,
     fluid_density: float = 1025.0,
-    horizontal_fins: Any = 0.0,
-    vertical_fins: Any = 0.0,
+    horizontal_fins: object = 0.0,
+    vertical_fins: object = 0.0,
 ) -> np.ndarray:
     """The added mass matrix (6, 6) of a slender body about x = 0 of its stations, by strip theory.
 
@@ -83,7 +81,7 @@ def _tips(span: np.ndarray, hull: np.ndarray) -> np.ndarray:
     return np.maximum(span, hull)
 
 
-def _stations(stations: Any) -> np.ndarray:
+def _stations(stations: object) -> np.ndarray:
     x = float64(stations, "Argument `stations`")
     if np.ndim(x) != 1 or len(x) < 2:
         raise ArgumentError(f"Argument `stations` must have shape (n,) with n ≥ 2, but has shape {np.shape(x)}.")
@@ -94,7 +92,7 @@ def _stations(stations: Any) -> np.ndarray:
     return x
 
 
-def _sizes(sizes: Any, name: str, x: np.ndarray) -> np.ndarray:
+def _sizes(sizes: object, name: str, x: np.ndarray) -> np.ndarray:
     found = checks.array(sizes, name, (), x.shape)
     if np.any(found < 0):
         raise ArgumentError(f"Argument `{name}` must not be negative, but has {np.min(found):g} m.")

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import FileError, warn
 from coadjoint.models.quantities import positive
 from coadjoint.texts import text_of
@@ -26,8 +26,8 @@ def wamit_added_mass(
     *,
     length: float,
     fluid_density: float,
-    axes: Any,
-    origin: Any = (0.0, 0.0, 0.0),
+    axes: PyTree,
+    origin: object = (0.0, 0.0, 0.0),
     infinite_frequency: Literal["zero", "negative"] | None = None,
 ) -> Array:
     """The added mass matrix (6, 6) at infinite frequency of one body, from a file `.1` of WAMIT.

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def _finished(draft: Draft, xacro: Xacro) -> Imported:
     return Imported(vehicle, text, report)
 
 
-def _gravity(draft: Draft, given: Any) -> None:
+def _gravity(draft: Draft, given: object) -> None:
     if "gravity" in draft.body and given is None:
         return
     value = GRAVITY if given is None else float(not_negative(given, "gravity"))

@@ -79,7 +79,7 @@ def _often(times: int) -> str:
     return f" ({times} times)" if times > 1 else ""
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     found = np.asarray(value, dtype=float)
     text = f"{float(found):.6g}" if found.ndim == 0 else np.array2string(found, precision=5, max_line_width=10_000)
     flat = " ".join(text.split())

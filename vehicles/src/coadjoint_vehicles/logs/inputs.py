@@ -27,7 +27,7 @@ def inputs_from_csv(
     between: Literal["held", "linear"] = "held",
     every: float = 0.0,
     unsorted: Unsorted = "refuse",
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """The inputs in a CSV file, for `co.simulate(…, inputs=…)`: co.Held, or co.Linear, of each column over `time_s`.
 
     `names`: the inputs to take, such as ["depth", "heading"]; by default the columns `set_…` of a log, or else

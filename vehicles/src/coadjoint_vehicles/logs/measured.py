@@ -40,7 +40,7 @@ def read_log(
     ignore: Collection[str] = (),
     jumps: Jumps = "refuse",
     unsorted: Unsorted = "refuse",
-    **options: Any,
+    **options: object,
 ) -> Log:
     """The log in a file: a table as CSV, or a robot's recording, such as a bag of ROS, by the suffix of its name.
 
@@ -178,7 +178,7 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     write_text(path, text if log.step is None else f"{_STEP}{log.step:.12g}\n{text}")
 
 
-def _step(path: Any, comments: list[str]) -> float | None:
+def _step(path: str | os.PathLike[str], comments: list[str]) -> float | None:
     """The step stated in a log, None if there is none; raises FileError."""
     told = [line.removeprefix(_STEP) for line in comments if line.startswith(_STEP)]
     if not told:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -142,6 +142,6 @@ class VehicleRecords:
         return np.asarray(self.dataset[name], dtype=float)
 
 
-def is_vehicle(dataset: Any) -> bool:
+def is_vehicle(dataset: xarray.Dataset) -> bool:
     """Whether a dataset is a vehicle's, with directions of down and north."""
     return all(name in dataset for name in NEEDED) and dataset["n"].shape[-1] == 3

@@ -6,8 +6,9 @@ from typing import Any
 
 from coadjoint.extending import to_toml
 from coadjoint.units import ending
+from coadjoint_vehicles.model.vehicle import Vehicle
 
-_SET_POINTS: dict[str, Any] = {
+_SET_POINTS: dict[str, object] = {
     "depth": [0.5, 5.0, 0.5],
     "heading": [0, 90, 90],
     "pitch": [0, -10, 10],
@@ -72,7 +73,7 @@ def _mission(vehicle: Any, own: Any, speed: float) -> str:
     return "\n".join(lines)
 
 
-def _initial(vehicle: Any, speed: float) -> str:
+def _initial(vehicle: Vehicle, speed: float) -> str:
     return f"""[initial]
 position_m = [0, 0, {0.5 if vehicle.controller is not None else 20}]
 speed_m_s = {speed if vehicle.controller is not None else 0.5}  # through the water

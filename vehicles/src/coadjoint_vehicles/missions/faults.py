@@ -13,8 +13,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, read
 from coadjoint.units import LENGTH, TIME, split_name
 from coadjoint_vehicles.logs.headers import inside
+from coadjoint_vehicles.parts.part import Part
 
 if TYPE_CHECKING:
+    import xarray
+
     from coadjoint_vehicles.model.faults import Fault
 
 ACTIONS = ("stuck", "out", "dropped")
@@ -70,7 +73,7 @@ class FaultSection:
         depth = self.depth
         return Fault(self.part, value, which, when=lambda motion, p: motion.q[2] - depth, name=self.name)
 
-    def _stands(self, part: Any) -> tuple[Any, Any]:
+    def _stands(self, part: Part) -> tuple[Any, Any]:
         """(the value of the faulty part, which of its thrusters)."""
         if self.given:
             return self._stuck(part), None
@@ -107,7 +110,7 @@ class FaultSection:
             )
         return float(value) * factor
 
-    def sentence(self, dataset: Any) -> str | None:
+    def sentence(self, dataset: xarray.Dataset) -> str | None:
         """From when on it was there, for the certificate; saved nodes only."""
         found = dataset.get(f"internal_faults_{self.name}")
         if found is None:
@@ -122,7 +125,7 @@ class FaultSection:
         return f"From t = {float(times):.6g} s on, fault `{self.name}` of {self.part}: {self.said}."
 
 
-def read_fault(name: str, given: Any) -> FaultSection:
+def read_fault(name: str, given: object) -> FaultSection:
     """The fault of a table [faults.NAME]; raises ArgumentError."""
     if not isinstance(given, dict):
         raise ArgumentError(f'[faults] holds tables, as in [faults.{name}] with part = "rudder", but is {given!r}.')

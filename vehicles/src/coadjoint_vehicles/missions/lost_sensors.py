@@ -13,8 +13,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, read
 from coadjoint.units import LENGTH, TIME
 from coadjoint_vehicles.missions.faults import require_one_begin
+from coadjoint_vehicles.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    import xarray
+
     from coadjoint_vehicles.readings.taken import Readings
 
 
@@ -37,7 +40,7 @@ class LostSensor:
         if self.time is not None and self.until <= self.time:
             raise ArgumentError(f"[{title}] ends at {self.until:g} s, before it begins at {self.time:g} s.")
 
-    def require_sensor(self, vehicle: Any) -> None:
+    def require_sensor(self, vehicle: Vehicle) -> None:
         """Raise ArgumentError unless a vehicle has the sensor."""
         known = [one.name for one in vehicle.sensors]
         if self.sensor not in known:
@@ -45,14 +48,14 @@ class LostSensor:
             said = unknown(f"sensor {self.sensor!r}", what, self.sensor, known)
             raise ArgumentError(said if known else f"{what} has no sensors.")
 
-    def begin(self, dataset: Any) -> float:
+    def begin(self, dataset: xarray.Dataset) -> float:
         """When it fails in a run, s; infinity where it does not."""
         if self.time is not None:
             return self.time
         deep = np.flatnonzero(np.asarray(dataset.q.values)[:, 2] >= self.depth)
         return float(dataset.time.values[deep[0]]) if len(deep) else np.inf
 
-    def sentence(self, dataset: Any) -> str:
+    def sentence(self, dataset: xarray.Dataset) -> str:
         """From when on it was there, for the certificate."""
         begin = self.begin(dataset)
         if not begin <= float(dataset.time.values[-1]):
@@ -61,17 +64,17 @@ class LostSensor:
         return f"From t = {begin:.6g} s{end}, fault `{self.name}`: the sensor {self.sensor} reads nothing."
 
 
-def is_of_sensor(table: Any) -> bool:
+def is_of_sensor(table: object) -> bool:
     """Whether a table of [faults] is of a sensor."""
     return isinstance(table, dict) and "sensor" in table
 
 
-def read_lost_sensor(name: str, given: dict[str, Any]) -> LostSensor:
+def read_lost_sensor(name: str, given: dict[str, object]) -> LostSensor:
     """The lost sensor of a table [faults.NAME]; raises ArgumentError."""
     return read(LostSensor, f"faults.{name}", given, name=name)
 
 
-def without_lost(lost_sensors: Iterable[LostSensor], read: Readings, dataset: Any) -> Readings:
+def without_lost(lost_sensors: Iterable[LostSensor], read: Readings, dataset: xarray.Dataset) -> Readings:
     """The readings of a run without those of failed sensors; readings taken before a failure still arrive."""
     from coadjoint_vehicles.readings.taken import Readings
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import number, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, keys
@@ -24,7 +25,7 @@ SCALARS = ("depth", "altitude", "heading", "pitch", "roll", "speed")
 ENDS = ("surface", "bottom", "last way point")
 
 
-def _numbers(value: Any, name: str) -> np.ndarray:
+def _numbers(value: object, name: str) -> np.ndarray:
     try:
         found = np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -178,7 +179,7 @@ class MissionSection:
         more = {name: value for name, value in more.items() if value is not None}
         return LineOfSight(way_points=points, helm=controller, period=controller.period, delay=controller.delay, **more)
 
-    def require_start_before_end(self, start: Any, members: int) -> None:
+    def require_start_before_end(self, start: PyTree, members: int) -> None:
         """Raise ArgumentError where a mission that ends at the surface or the bottom starts beyond it.
 
         start: (3,) m, or one for each member.
@@ -194,7 +195,7 @@ class MissionSection:
                 f"{np.max(depth):g} m."
             )
 
-    def reached(self, final: Any) -> str:
+    def reached(self, final: PyTree) -> str:
         """Which of the ends ended it. final: (3,) m, where it ended."""
         gaps = {"surface": abs(final[2])}
         if self.bottom is not None:
@@ -202,7 +203,7 @@ class MissionSection:
         near = {end: float(gaps[end]) if end in gaps else 1e-3 for end in self.ends}
         return min(near, key=near.__getitem__)
 
-    def until(self, grid: Bottom | None, arrived: Any = None) -> Any:
+    def until(self, grid: Bottom | None, arrived: object = None) -> Any:
         """The event that ends the mission before its time, None without one; raises ArgumentError.
 
         grid: that of [water.bottom]. arrived: the event that the last way point is reached, where there are way points.
@@ -280,7 +281,7 @@ def arrival(controller: Any) -> Any:
     points, acceptance = np.asarray(controller.way_points), float(controller.acceptance)
     last = len(points) - 2
 
-    def gap(state: Any) -> Any:
+    def gap(state: PyTree) -> Any:
         here = leg(state.q, jnp.asarray(points[-2]), jnp.asarray(points[-1]))
         off = state.q[:2] - points[-1, :2]
         left = jnp.minimum(jnp.sqrt(off @ off + 1e-300) - acceptance, here.length - here.along)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SYMMETRIC = ("inertia", "added_mass")
 
 
-def _seed(value: Any, name: str) -> Any:
+def _seed(value: object, name: str) -> Any:
     return value if hasattr(value, "member") else whole(value, name, least=0)
 
 
@@ -31,7 +31,7 @@ class PerturbSection:
     given: Mapping[str, Any] = key("standard deviation of each parameter, a number or a share", rest=True, factory=dict)
 
 
-def perturbed(section: PerturbSection, members: int, system: System, kinds: Mapping[str, Any]) -> System:
+def perturbed(section: PerturbSection, members: int, system: System, kinds: Mapping[str, object]) -> System:
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has
@@ -44,7 +44,9 @@ def perturbed(section: PerturbSection, members: int, system: System, kinds: Mapp
     return system.replace(**_varied(deviations, system.parameters, members, random)) if deviations else system
 
 
-def _varied(deviations: Mapping[str, Any], values: Any, members: int, random: np.random.Generator) -> dict[str, Any]:
+def _varied(
+    deviations: Mapping[str, object], values: object, members: int, random: np.random.Generator
+) -> dict[str, Any]:
     """p + σ ζ of each member in the place of σ."""
     import coadjoint as co
 
@@ -71,7 +73,7 @@ def seeds(section: PerturbSection, members: int) -> Each | None:
     return each(section.seed * members + np.arange(members)) if members > 1 else None
 
 
-def _deviation(name: str, given: Any, value: np.ndarray) -> np.ndarray:
+def _deviation(name: str, given: object, value: np.ndarray) -> np.ndarray:
     """σ of a parameter, a number of its unit or a share of it."""
     text = given.strip() if isinstance(given, str) else ""
     try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
@@ -19,6 +19,8 @@ from coadjoint_vehicles.missions.sensors import counts, logs
 from coadjoint_vehicles.missions.summary import mission_summary, spread
 
 if TYPE_CHECKING:
+    import xarray
+
     from coadjoint.simulation import Run
     from coadjoint_vehicles.missions.sections import MissionOutputSection, MissionRunSection
 
@@ -33,7 +35,7 @@ MOST_BYTES = 1e9
 """The most bytes of the trajectories of all members."""
 
 
-def figures(output: MissionOutputSection, folder: Path, dataset: Any) -> list[str]:
+def figures(output: MissionOutputSection, folder: Path, dataset: xarray.Dataset) -> list[str]:
     """Draw the figures of [output]; of very many members an evenly spaced subset, to bound the time."""
     if output.figures is False:
         return []
@@ -45,7 +47,7 @@ def figures(output: MissionOutputSection, folder: Path, dataset: Any) -> list[st
     return save_figures([dataset], folder, names, output.format)
 
 
-def left_water(dataset: Any) -> list[str]:
+def left_water(dataset: xarray.Dataset) -> list[str]:
     """A warning where the craft, or members, left the water by more than their length; saved nodes only."""
     length = float(dataset.attrs["vehicle_length"])
     depth = np.asarray(dataset.q.values)[..., 2]
@@ -140,7 +142,7 @@ def flat(summary: dict[str, Any], prefix: str = "") -> dict[str, float]:
     return found
 
 
-def require_room(grid: MissionRunSection, start: Any) -> None:
+def require_room(grid: MissionRunSection, start: PyTree) -> None:
     """Raise ArgumentError where the trajectories of all members would be too large a file."""
     import jax
 

@@ -19,6 +19,8 @@ from coadjoint_vehicles.missions.lost_sensors import LostSensor, without_lost
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import xarray
+
     from coadjoint.simulation import Run
     from coadjoint_vehicles.model.vehicle import Vehicle
     from coadjoint_vehicles.water.bottom import Bottom
@@ -92,7 +94,7 @@ def observe(
         run.warnings.append(f"What [sensors] asks for could not be read: {error}")
 
 
-def logs(dataset: Any, folder: Path) -> None:
+def logs(dataset: xarray.Dataset, folder: Path) -> None:
     """Write `sensor_NAME.csv` for each sensor of a dataset to a folder."""
     from coadjoint.disk import write_text
     from coadjoint_vehicles.readings.taken import read_sensors, sensor_text
@@ -101,7 +103,7 @@ def logs(dataset: Any, folder: Path) -> None:
         write_text(folder / f"sensor_{name}.csv", sensor_text(dataset, name))
 
 
-def counts(dataset: Any) -> dict[str, Any]:
+def counts(dataset: xarray.Dataset) -> dict[str, Any]:
     """The summary of each sensor: the number of readings that arrived, and that were attempted."""
     from coadjoint_vehicles.readings.taken import PREFIX, read_sensors
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coadjoint_vehicles.logs.records import VehicleRecords
 
+if TYPE_CHECKING:
+    import xarray
 
-def mission_summary(dataset: Any) -> dict[str, Any]:
+
+def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
     """The figures of a vehicle's run from its saved nodes: SI units, angles in degrees.
 
     `energy_put_in` is ∫ P dt of each part, J, negative where it took energy out; `energy_of_actuators` the sum of those

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import each
@@ -136,7 +137,7 @@ def _made(axes: str, located: Located, given: Any, title: str, kinds: dict[str, 
         ) from error
 
 
-def _turned(key: str, value: Any, axes: Any) -> Any:
+def _turned(key: str, value: object, axes: PyTree) -> Any:
     """A field of a current in NED; standard deviations and phases change places and keep their signs."""
     from coadjoint_vehicles.axes import space_axes
 

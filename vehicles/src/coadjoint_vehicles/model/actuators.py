@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import named, starting_values, traced
@@ -59,7 +59,7 @@ class Rule(InternalRule):
         if self.controller is not None:
             require_declared(self.controller)
 
-    def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
+    def start(self, actuators: Mapping[str, object], t: float) -> dict[str, Any]:
         """The internal state at the start, with these actuators."""
         found: dict[str, Any] = {part.name: part.at_rest(actuators[part.name]) for part in self.vehicle.commanded}
         if self.controller is not None:
@@ -90,7 +90,7 @@ class Rule(InternalRule):
         return after
 
     def _followed(
-        self, part: Part, command: Any, motion: NodeMotion, h: Scalar, p: Any, there: dict[str, Array]
+        self, part: Part, command: PyTree, motion: NodeMotion, h: Scalar, p: Named, there: dict[str, Array]
     ) -> Any:
         """The course of a part under its command and its faults; None stays."""
         now, own = getattr(motion.internal, part.name), getattr(p, part.name)
@@ -198,7 +198,7 @@ class Rule(InternalRule):
         samples = sampled(motion, h, held, update, period=p.controller.period, delay=p.controller.delay)
         return samples, steered
 
-    def _checked(self, commands: Any) -> dict[str, Any]:
+    def _checked(self, commands: PyTree) -> dict[str, Any]:
         """The commands of a controller; raises ArgumentError for commands that the vehicle cannot follow."""
         if not isinstance(commands, dict):
             raise ArgumentError(
@@ -280,7 +280,7 @@ def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
     return jnp.arctan2(down[1], down[2]), pitch, jnp.arctan2(east[0], north[0])
 
 
-def _one_number(p: Any, name: str) -> float | None:
+def _one_number(p: Named, name: str) -> float | None:
     value = getattr(p, name, None)
     return float(value) if isinstance(value, (np.ndarray, np.generic, float)) and np.ndim(value) == 0 else None
 

@@ -17,7 +17,7 @@ FIXED = ("inertia", "added_mass", "allocation", "positions", "directions")
 """Arrays whose shape other code relies on: a diagonal cannot replace a matrix."""
 
 
-def require_possible(owner: Any, nominal: Mapping[str, Any], found: Mapping[str, Any], path: str = "") -> None:
+def require_possible(owner: object, nominal: Mapping[str, Any], found: Mapping[str, Any], path: str = "") -> None:
     """Raise ArgumentError unless the owner of numbers can be built with those that were found, for every member.
 
     nominal: the original numbers, in nested dictionaries for those of its parts. path: their place among the parameters
@@ -31,12 +31,12 @@ def require_possible(owner: Any, nominal: Mapping[str, Any], found: Mapping[str,
             raise ArgumentError(f"Of {which}: {error}" if which else str(error)) from error
 
 
-def rebuilt(owner: Any, nominal: Mapping[str, Any], found: Mapping[str, Any]) -> Any:
+def rebuilt(owner: object, nominal: Mapping[str, object], found: Mapping[str, object]) -> Any:
     """The owner of numbers with those that were found, none of which varies over members; arguments as above."""
     return _rebuilt(owner, _by_owner(_changed(owner, nominal, found, "")))
 
 
-def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> dict[tuple[str, ...], Any]:
+def _changed(owner: object, nominal: Mapping[str, object], found: Any, path: str) -> dict[tuple[str, ...], Any]:
     """The changed values, by path; raises ArgumentError for other shapes."""
     changed: dict[tuple[str, ...], Any] = {}
     for key, old in nominal.items():
@@ -51,7 +51,7 @@ def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> d
     return changed
 
 
-def part_of(owner: Any, name: str) -> Any:
+def part_of(owner: object, name: str) -> Any:
     """The owner of the group `name` of parameters: a thruster's curve, the controller at a helm, a current."""
     return getattr(owner, "owners", {}).get(name, getattr(owner, name, None))
 
@@ -64,12 +64,12 @@ def _by_owner(values: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
     return {key: _by_owner(value) if isinstance(value, Mapping) else value for key, value in found.items()}
 
 
-def _rebuilt(owner: Any, values: Mapping[str, Any]) -> Any:
+def _rebuilt(owner: object, values: Mapping[str, object]) -> Any:
     """The owner with these numbers; raises ArgumentError. Numbers that are not its fields need no check."""
     if not is_dataclass(owner):
         return owner
     own: dict[str, Any] = {field.name: getattr(owner, field.name) for field in fields(owner)}
-    new: dict[str, Any] = {}
+    new: dict[str, object] = {}
     for key, value in values.items():
         made = _rebuilt(part_of(owner, key), value) if isinstance(value, Mapping) else value
         if key in own and isinstance(own[key], (int, float, np.ndarray, Each)) != isinstance(value, Mapping):

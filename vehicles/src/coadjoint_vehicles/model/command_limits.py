@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import jax
 import numpy as np
@@ -20,7 +19,7 @@ SAMPLES = 1001
 """At how many times a command that is a function of time is looked at."""
 
 
-def require_in_range(part: Part, value: Any, own: Named) -> None:
+def require_in_range(part: Part, value: object, own: Named) -> None:
     """Raise ArgumentError for a start that the actuator cannot reach, as of degrees for radians.
 
     A range that is another for each member, or that is being differentiated, is not looked at.
@@ -37,7 +36,7 @@ def require_in_range(part: Part, value: Any, own: Named) -> None:
         )
 
 
-def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Any) -> Iterator[str]:
+def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Named) -> Iterator[str]:
     """A sentence for each part whose commands go beyond its range in a run from `begin` to `end`, s.
 
     inputs: of the run. Functions of the motion are not looked at.

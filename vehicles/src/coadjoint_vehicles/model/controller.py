@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import positive
-from coadjoint_vehicles.parts.measured import check_fields, measured, not_negative
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, check_fields, measured, not_negative
 from coadjoint_vehicles.parts.numbers import Numbers
 
 
@@ -40,7 +41,7 @@ class Feedback(NamedTuple):
     sink: Array
     t: Scalar
     inputs: Any
-    actual: Any
+    actual: PyTree
 
     @property
     def q(self) -> Array:
@@ -64,8 +65,8 @@ class Controller(Numbers, ABC):
 
     kind: ClassVar[str] = ""
     """Its word in vehicle and mission files."""
-    period: Any = measured(u.TIME, positive, default=0.1)
-    delay: Any = measured(u.TIME, not_negative, default=0.0)
+    period: Measured = measured(u.TIME, positive, default=0.1)
+    delay: Measured = measured(u.TIME, not_negative, default=0.0)
 
     def __post_init__(self) -> None:
         check_fields(self, f"controller `{type(self).__name__}")
@@ -85,10 +86,12 @@ class Controller(Numbers, ABC):
         """Its internal state, such as integrals, at the start."""
         return {}
 
-    def fitted(self, vehicle: Any) -> Controller:
+    def fitted(self, vehicle: object) -> Controller:
         """The controller for this vehicle, with values derived from its parts and mass; by default unchanged."""
         return self
 
     @abstractmethod
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Any
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         """Commands by the names of the parts, and the next internal state; jax.numpy only."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from coadjoint.errors import ArgumentError
+from coadjoint_vehicles.model.controller import Controller
 
 
-def require_declared(controller: Any) -> None:
+def require_declared(controller: Controller) -> None:
     """Raise ArgumentError unless a controller declares its set points and its memory by name."""
     name, inputs, memory = type(controller).__name__, controller.inputs, controller.memory
     if not isinstance(inputs, Mapping) or not all(isinstance(text, str) for pair in inputs.items() for text in pair):

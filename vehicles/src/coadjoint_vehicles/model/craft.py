@@ -63,7 +63,7 @@ class Craft:
         self.parameters = Parameters(**self._nominal)
         """All numbers: the body's own, `p.mass`, and those of each part, `p.rudder.area`, of `water`, `controller`."""
 
-    def replace(self, **values: Any) -> Craft:
+    def replace(self, **values: object) -> Craft:
         """A copy with some parameters replaced, each by one or by one of each member.
 
             craft.replace(mass=32.0, rudder={"area": co.each(areas)})

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array
 from coadjoint.mechanics import Force, Motion
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.part import Flow, Part, acting_at
 from coadjoint_vehicles.water.water import Water
 
@@ -56,7 +57,7 @@ class Surroundings:
         return Flow(nu - here, omega, density, self.down, depth, self.t, elsewhere)
 
 
-def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array, Array | float]]:
+def masses(parts: tuple[Part, ...], internal: Named, p: Named) -> Iterator[tuple[Array, Array, Array | float]]:
     """(mass, position, velocity in the hull) of the body and of the masses that its parts move."""
     yield p.mass, p.center_of_mass, 0.0
     for part in parts:
@@ -64,7 +65,7 @@ def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Arr
             yield from part.lumps(actual_of(part, internal), getattr(p, part.name))
 
 
-def volumes(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array]]:
+def volumes(parts: tuple[Part, ...], internal: Named, p: Named) -> Iterator[tuple[Array, Array]]:
     """(volume, position) of the body and of the volumes that its parts add."""
     yield p.volume, p.center_of_buoyancy
     for part in parts:
@@ -72,7 +73,7 @@ def volumes(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Ar
             yield from part.displaced(actual_of(part, internal), getattr(p, part.name))
 
 
-def actual_of(part: Part, internal: Any) -> Any:
+def actual_of(part: Part, internal: Named) -> Any:
     """The actual value of a part's actuator; None without one."""
     return None if part.command is None else getattr(internal, part.name)
 
@@ -106,7 +107,7 @@ def lagrangian(water: Water, parts: tuple[Part, ...], omega, n, nu, a, p, t, int
     return total
 
 
-def shear(water: Water, parts: tuple[Part, ...], motion: Motion, p: Any) -> Force:
+def shear(water: Water, parts: tuple[Part, ...], motion: Motion, p: Named) -> Force:
     """−Σ ρV (∇ × c) × ν_r at each centre of buoyancy: the lift that displaced water alone would have in ℓ."""
     around = Surroundings(water, motion.n, motion.a, motion.t, motion.internal, p)
     torque, force = jnp.zeros(3), jnp.zeros(3)

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import named
 from coadjoint.mechanics import Course, NodeMotion, jumped
 from coadjoint.models.quantities import number
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.part import Part
 
 BARELY = 1e-9
@@ -77,14 +78,14 @@ class Fault:
                 f"of the {part.title}`, but is {self.value}."
             )
 
-    def there(self, motion: NodeMotion, p: Any) -> Array:
+    def there(self, motion: NodeMotion, p: Named) -> Array:
         """1.0 at a node where it is there, else 0.0."""
         if self.when is not None:
             return jnp.where(jnp.asarray(self.when(motion, p)) >= 0, 1.0, 0.0)
         assert self.time is not None
         return jnp.where(motion.t >= self.time - BARELY, 1.0, 0.0)
 
-    def command(self, command: Any, there: Array) -> Any:
+    def command(self, command: PyTree, there: Array) -> Any:
         """The command of a part whose state is more than its command."""
         return jnp.where(there > 0.5, self.value, command)
 
@@ -100,7 +101,7 @@ class Fault:
         return Course(*(jnp.where(of, value, part) for part in (found.end, mean, begin)))
 
 
-def latched(faults: tuple[Fault, ...], motion: NodeMotion, p: Any) -> dict[str, Array]:
+def latched(faults: tuple[Fault, ...], motion: NodeMotion, p: Named) -> dict[str, Array]:
     """1.0 of each fault that is there or was before."""
     held = motion.internal.faults
     return {fault.name: jnp.maximum(getattr(held, fault.name), fault.there(motion, p)) for fault in faults}

@@ -19,6 +19,7 @@ from coadjoint.spaces import Named
 from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.controller_mistakes import called
 from coadjoint_vehicles.model.inputs_read import Read, require_read
+from coadjoint_vehicles.model.vehicle import Vehicle
 
 _NOT_TRACEABLE = (
     jax.errors.ConcretizationTypeError,
@@ -51,7 +52,9 @@ class FunctionController(Controller):
     def memory(self) -> dict[str, Any]:
         return dict(self.remembers or {})
 
-    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(
+        self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         if isinstance(feedback.inputs, Named):
             feedback = feedback._replace(inputs=Read(**feedback.inputs.asdict()))
         arguments = (feedback, own) if self.remembers is None else (feedback, memory, own)
@@ -73,7 +76,7 @@ _FAILED: dict[str, tuple[float, str]] = {}
 """By controller, the time and the message of its last failure in the current run."""
 
 
-def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> None:
+def _require_arguments(function: Callable[..., object], names: tuple[str, ...]) -> None:
     """Raise ArgumentError unless a function can be called with these."""
     if not callable(function):
         raise ArgumentError(f"Argument `function` of a controller must be a function ({', '.join(names)}).")
@@ -90,7 +93,7 @@ def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> 
         ) from None
 
 
-def _tell(function: Callable[..., Any]) -> None:
+def _tell(function: Callable[..., object]) -> None:
     """Warn, once for each function, that it goes round the native kernel."""
     name = getattr(function, "__name__", type(function).__name__)
     if (name, id(function)) not in _TOLD:
@@ -123,7 +126,7 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
     size = sum(leaf.size for leaf in leaves)
     _FAILED.pop(name, None)
 
-    def call(bits: Any) -> np.ndarray:
+    def call(bits: object) -> np.ndarray:
         numbers = given.unflatten(_split(np.ascontiguousarray(bits).view(np.float64).ravel(), shapes))
         return _row(function, numbers, name, (structure, expected, size)).view(np.uint32).reshape(-1, 2)
 
@@ -135,7 +138,7 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
         return lax.bitcast_convert_type(jax.pure_callback(call, bits, asked, vmap_method="sequential"), jnp.float64)
 
     @outside.defjvp
-    def refuse(primals: Any, tangents: Any) -> Any:
+    def refuse(primals: object, tangents: object) -> Any:
         raise ArgumentError(
             f"{name} is called from outside JAX and has no derivatives: write it with jax.numpy, and jnp.where for "
             "`if`, to differentiate a run through it."
@@ -173,7 +176,7 @@ def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
     ]
 
 
-def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+def _at_rest(arguments: tuple[object, ...]) -> tuple[Any, ...]:
     """The same structure in numbers: level and at rest, and parameters unchanged, or 1 where they are traced."""
     feedback, *others = arguments
     still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), feedback)
@@ -184,7 +187,7 @@ def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     )
 
 
-def _numbers(found: Any) -> Any:
+def _numbers(found: object) -> Any:
     """Dictionaries of float64 arrays, without types unknown to JAX."""
     if isinstance(found, tuple):
         return tuple(_numbers(part) for part in found)

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.spaces import Named
 
@@ -18,7 +19,7 @@ class Read(Named):
     __slots__ = ("_seen",)
     _seen: set[str]
 
-    def __init__(self, **values: Any):
+    def __init__(self, **values: object):
         super().__init__(**values)
         object.__setattr__(self, "_seen", set())
 
@@ -43,7 +44,7 @@ class Read(Named):
         self._seen.update(self._values)
         return super().asdict()
 
-    def replace(self, **values: Any) -> Named:
+    def replace(self, **values: object) -> Named:
         return Named(**self.asdict()).replace(**values)
 
     def tree_flatten_with_keys(self):
@@ -60,7 +61,7 @@ class Read(Named):
         return [name for name in self._values if name not in self._seen]
 
 
-def require_read(function: Callable[..., Any], inputs: Any, others: Iterable[str], who: str) -> None:
+def require_read(function: Callable[..., object], inputs: PyTree, others: Iterable[str], who: str) -> None:
     """Raise ArgumentError where a function has left out an input of the run that is not for `others`, either.
 
     An input whose name occurs in the function's code may be read later.

@@ -18,7 +18,7 @@ from coadjoint_vehicles.water.profiles import Profile
 from coadjoint_vehicles.water.water import Water
 
 
-def measures(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> dict[str, Any]:
+def measures(vehicle: Vehicle, parameters: Named, owners: Mapping[str, object]) -> dict[str, object]:
     """The dimension of each parameter of a craft, in dictionaries as its parameters are; None if none applies.
 
     owners: the parts of the craft that groups of parameters belong to, by the names of the groups.
@@ -30,7 +30,7 @@ def measures(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> 
     }
 
 
-def _measures(parameters: Named, owner: Any) -> dict[str, Any]:
+def _measures(parameters: Named, owner: object) -> dict[str, object]:
     own = dimensions(owner) if is_dataclass(owner) else {}
     own = OF_WATER if isinstance(owner, (Water, Density, Profile)) else own
     return {
@@ -39,7 +39,7 @@ def _measures(parameters: Named, owner: Any) -> dict[str, Any]:
     }
 
 
-def dimensions(of: Any) -> dict[str, Dimension | None]:
+def dimensions(of: object) -> dict[str, Dimension | None]:
     """The dimensions of the fields of a class, or of an instance; None if none applies."""
     return {name: found.dimension for name, found in keys(of).items()}
 

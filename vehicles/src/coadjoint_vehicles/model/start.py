@@ -8,17 +8,26 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, starting_values
 from coadjoint.groups import attitude
 from coadjoint.mechanics.members import Each, count_members, each, stacked
 from coadjoint.models.quantities import angles, number, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles import axes as turned
 from coadjoint_vehicles.water.water import Water
 
 
 def starting_motion(
-    water: Water, own: Any, position: Any, velocity: Any, euler_zyx: Any, angular_velocity: Any, t: float, axes: Any
+    water: Water,
+    own: Named,
+    position: PyTree,
+    velocity: object,
+    euler_zyx: object,
+    angular_velocity: object,
+    t: float,
+    axes: PyTree,
 ) -> dict[str, Any]:
     """R, q, q̇ = R v + c(q, t) and ω as `System.state` takes them; with `co.each` where an argument has it."""
     given = {
@@ -61,14 +70,14 @@ def through_water(speed: Any, velocity: Any) -> Any:
     return _vectors((0.0, 0.0, 0.0) if velocity is None else velocity, "velocity")
 
 
-def _attitude(angles: Any, axes: Any) -> Any:
+def _attitude(angles: object, axes: PyTree) -> Any:
     """R of yaw, pitch and roll, or each of the members'."""
     found = turned.euler_zyx(angles.values if isinstance(angles, Each) else angles, axes)
     R = attitude.zyx(found[..., 0], found[..., 1], found[..., 2])
     return each(R) if isinstance(angles, Each) else R
 
 
-def _angles(given: Any) -> Any:
+def _angles(given: object) -> Any:
     """Yaw, pitch and roll, (3,), or those of each member; raises ArgumentError."""
     found = _vectors(given, "euler_zyx")
     angles(found.values if isinstance(found, Each) else found, "euler_zyx")

@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.mechanics import Force, Motion
+from coadjoint.spaces import Named
 from coadjoint_vehicles.model import energies
 from coadjoint_vehicles.model.actuators import Rule
 from coadjoint_vehicles.model.energies import Surroundings, actual_of
@@ -57,7 +58,7 @@ class Push:
 class PassivePush(Push):
     """That of a part that only takes energy from the vehicle, which it does in uniform, still water."""
 
-    def passive(self, p: Any) -> bool:
+    def passive(self, p: Named) -> bool:
         """Whether it does."""
         return not np.any(p.water.velocity)
 

@@ -15,7 +15,7 @@ from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model.controller import Controller
-from coadjoint_vehicles.parts.measured import check_fields, measured, not_negative, place
+from coadjoint_vehicles.parts.measured import Measured, check_fields, measured, not_negative, place
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.sensors.sensor import Sensor, different
 
@@ -33,7 +33,7 @@ class Quantity(NamedTuple):
     uncertainty: Any = None
 
 
-def _six_semidefinite(value: Any, name: str) -> Any:
+def _six_semidefinite(value: object, name: str) -> Any:
     return positive_semidefinite(value, name, size=6)
 
 
@@ -52,18 +52,18 @@ class Vehicle:
     name: str
     description: str = ""
     note: str = ""
-    mass: Any = measured(u.MASS, positive)
-    inertia: Any = measured(u.INERTIA, positive_definite)
-    added_mass: Any = measured(None, _six_semidefinite)
-    center_of_mass: Any = place(default=(0.0, 0.0, 0.0))
-    center_of_buoyancy: Any = place(default=(0.0, 0.0, 0.0))
-    volume: Any = measured(u.VOLUME, not_negative, default=None)
-    gravity: Any = measured(u.ACCELERATION, not_negative, default=9.81)
-    fluid_density: Any = measured(u.DENSITY, positive, default=1026.0)
-    length: Any = measured(u.LENGTH, positive, default=None)
-    diameter: Any = measured(u.LENGTH, positive, default=None)
-    width: Any = measured(u.LENGTH, positive, default=None)
-    height: Any = measured(u.LENGTH, positive, default=None)
+    mass: Measured = measured(u.MASS, positive)
+    inertia: Measured = measured(u.INERTIA, positive_definite)
+    added_mass: Measured = measured(None, _six_semidefinite)
+    center_of_mass: Measured = place(default=(0.0, 0.0, 0.0))
+    center_of_buoyancy: Measured = place(default=(0.0, 0.0, 0.0))
+    volume: Measured = measured(u.VOLUME, not_negative, default=None)
+    gravity: Measured = measured(u.ACCELERATION, not_negative, default=9.81)
+    fluid_density: Measured = measured(u.DENSITY, positive, default=1026.0)
+    length: Measured = measured(u.LENGTH, positive, default=None)
+    diameter: Measured = measured(u.LENGTH, positive, default=None)
+    width: Measured = measured(u.LENGTH, positive, default=None)
+    height: Measured = measured(u.LENGTH, positive, default=None)
     parts: tuple[Part, ...] = ()
     sensors: tuple[Sensor, ...] = ()
     controller: Controller | None = None

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import number, positive
-from coadjoint_vehicles.parts.measured import measured, not_negative, place, share, way
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative, place, share, way
 from coadjoint_vehicles.parts.part import Command, Flow, Part, acting_at
 
 
@@ -35,22 +36,22 @@ class Airfoil(Part):
 
     passive: ClassVar[bool] = True
     kind: ClassVar[str] = "airfoil"
-    position: Any = place()
-    chord: Any = way()
-    normal: Any = way()
-    area: Any = measured(u.AREA, not_negative)
-    lift_slope: Any = measured(u.PER_ANGLE, positive)
-    stall: Any = measured(u.ANGLE, positive)
-    drag_slope: Any = measured(u.PER_ANGLE, number, default=0.0)
-    drag_square: Any = measured(u.NUMBER, not_negative, default=0.0)
-    stalled_lift_slope: Any = measured(u.PER_ANGLE, number, default=0.0)
-    stalled_drag_slope: Any = measured(u.PER_ANGLE, number, default=0.0)
-    zero_lift: Any = measured(u.ANGLE, number, default=0.0)
-    swept: Any = measured(u.NUMBER, share, default=0.0)
-    reversible: Any = measured(u.NUMBER, share, default=1.0)
-    limit: Any = measured(u.ANGLE, positive, default=None)
-    lag: Any = measured(u.TIME, not_negative, default=None)
-    rate: Any = measured(u.ANGULAR_VELOCITY, positive, default=None)
+    position: Measured = place()
+    chord: Measured = way()
+    normal: Measured = way()
+    area: Measured = measured(u.AREA, not_negative)
+    lift_slope: Measured = measured(u.PER_ANGLE, positive)
+    stall: Measured = measured(u.ANGLE, positive)
+    drag_slope: Measured = measured(u.PER_ANGLE, number, default=0.0)
+    drag_square: Measured = measured(u.NUMBER, not_negative, default=0.0)
+    stalled_lift_slope: Measured = measured(u.PER_ANGLE, number, default=0.0)
+    stalled_drag_slope: Measured = measured(u.PER_ANGLE, number, default=0.0)
+    zero_lift: Measured = measured(u.ANGLE, number, default=0.0)
+    swept: Measured = measured(u.NUMBER, share, default=0.0)
+    reversible: Measured = measured(u.NUMBER, share, default=1.0)
+    limit: Measured = measured(u.ANGLE, positive, default=None)
+    lag: Measured = measured(u.TIME, not_negative, default=None)
+    rate: Measured = measured(u.ANGULAR_VELOCITY, positive, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -64,7 +65,7 @@ class Airfoil(Part):
     def command(self) -> Command | None:
         return None if self.limit is None else Command("rad")
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         w = flow.at(own.position)
         along, across = w @ own.chord, w @ own.normal
         square = along**2 + across**2
@@ -78,7 +79,7 @@ class Airfoil(Part):
         return acting_at(own.position, size * pushed)
 
 
-def _coefficients(along: Array, across: Array, angle: Array, own: Any) -> tuple[Array, Array]:
+def _coefficients(along: Array, across: Array, angle: Array, own: Named) -> tuple[Array, Array]:
     """(C_L, C_D) of a foil turned by `angle`; both 0 where it does not meet the flow."""
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
     chord, normal = along * cosine - across * sine, across * cosine + along * sine

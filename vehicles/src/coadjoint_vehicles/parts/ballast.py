@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import positive
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.bounded_travel import BoundedTravel
-from coadjoint_vehicles.parts.measured import lag_or_none, measured, place
+from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, place
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +26,11 @@ class Ballast(BoundedTravel):
 
     kind: ClassVar[str] = "ballast"
     unit: ClassVar[str] = "m³"
-    position: Any = place()
-    low: Any = measured(u.VOLUME)
-    high: Any = measured(u.VOLUME)
-    rate: Any = measured(u.VOLUME_RATE, positive)
-    lag: Any = measured(u.TIME, lag_or_none, default=None)
+    position: Measured = place()
+    low: Measured = measured(u.VOLUME)
+    high: Measured = measured(u.VOLUME)
+    rate: Measured = measured(u.VOLUME_RATE, positive)
+    lag: Measured = measured(u.TIME, lag_or_none, default=None)
 
-    def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+    def displaced(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array], ...]:
         return ((actual, own.position),)

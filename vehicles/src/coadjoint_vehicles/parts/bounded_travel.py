@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import Force
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
 
 
@@ -33,13 +34,13 @@ class BoundedTravel(Part):
     def command(self) -> Command:
         return Command(self.unit, start=float(np.clip(0.0, self.low, self.high)))
 
-    def wanted(self, command: Array, own: Any) -> Array:
+    def wanted(self, command: Array, own: Named) -> Array:
         """Where it goes: clip(command, low, high)."""
         return jnp.clip(command, own.low, own.high)
 
-    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> Any:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> Any:
         """x over h, co.mechanics.Course: ẋ = clip((wanted − x)/τ, ±rate), exact for a command that is held."""
         return towards(actual, self.wanted(command, own), h, own)
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         return Force()

@@ -9,14 +9,15 @@ import jax.numpy as jnp
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
 from coadjoint.mechanics import Force
-from coadjoint_vehicles.parts.measured import measured, numbers, six
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, numbers, six
 from coadjoint_vehicles.parts.part import Flow, Part, speed_of
 
 
-def _six(value: Any, name: str) -> Any:
+def _six(value: object, name: str) -> Any:
     found = float64(value, f"Argument `{name}`")
     checks.shape(found, name, (6, 6), (6,))
     return found
@@ -33,12 +34,12 @@ class Damping(Part):
 
     passive: ClassVar[bool] = True
     kind: ClassVar[str] = "damping"
-    linear: Any = measured(None, _six, turn=six, default=None)
-    quadratic: Any = measured(None, _six, turn=six, default=None)
-    forward: Any = measured(None, _six, turn=six, default=None)
-    fading: Any = measured(u.SLOWNESS, numbers(6), default=None)
+    linear: Measured = measured(None, _six, turn=six, default=None)
+    quadratic: Measured = measured(None, _six, turn=six, default=None)
+    forward: Measured = measured(None, _six, turn=six, default=None)
+    fading: Measured = measured(u.SLOWNESS, numbers(6), default=None)
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         V = jnp.concatenate([flow.velocity, flow.omega])
         total = jnp.zeros(6)
         if "linear" in own:

@@ -10,12 +10,13 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import Force
 from coadjoint.mechanics.members import Each
 from coadjoint.models.quantities import number, positive
-from coadjoint_vehicles.parts.measured import measured, not_negative
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative
 from coadjoint_vehicles.parts.part import Command, Flow, Part
 
 AXES = "XYZKMN"
@@ -61,10 +62,10 @@ class Derivatives(Part):
 
     kind: ClassVar[str] = "derivatives"
     coefficients: Mapping[str, Any]
-    length: Any = measured(u.LENGTH, positive, default=None)
-    limit: Any = measured(u.ANGLE, positive, default=None)
-    lag: Any = measured(u.TIME, not_negative, default=None)
-    rate: Any = measured(u.ANGULAR_VELOCITY, positive, default=None)
+    length: Measured = measured(u.LENGTH, positive, default=None)
+    limit: Measured = measured(u.ANGLE, positive, default=None)
+    lag: Measured = measured(u.TIME, not_negative, default=None)
+    rate: Measured = measured(u.ANGULAR_VELOCITY, positive, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,7 +107,7 @@ class Derivatives(Part):
     def command(self) -> Command | None:
         return None if self.limit is None else Command("rad")
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         V = jnp.concatenate([flow.velocity, flow.omega])
         totals = [jnp.zeros(()) for _ in AXES]
         for name, monomial in zip(self.coefficients, self.monomials, strict=True):
@@ -116,7 +117,7 @@ class Derivatives(Part):
         return Force(force=jnp.stack(totals[:3]), torque=jnp.stack(totals[3:]))
 
 
-def _monomial(name: Any, part: str, moved: bool) -> Monomial:
+def _monomial(name: object, part: str, moved: bool) -> Monomial:
     """Y_v|r|_rudder as a monomial; raises ArgumentError."""
     axis, _, rest = name.partition("_") if isinstance(name, str) else ("", "", "")
     product, *deflected = rest.split(f"_{part}")

@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
-from coadjoint_vehicles.parts.measured import measured, not_negative, place, way
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative, place, way
 from coadjoint_vehicles.parts.part import AHEAD, Command, Flow, Part, acting_at, speed_of
 
 
@@ -33,15 +34,15 @@ class Fin(Part):
 
     passive: ClassVar[bool] = True
     kind: ClassVar[str] = "fin"
-    position: Any = place()
-    normal: Any = way()
-    area: Any = measured(u.AREA, not_negative)
-    lift_slope: Any = measured(u.PER_ANGLE, positive)
-    stall: Any = measured(u.ANGLE, positive)
-    drag: Any = measured(u.NUMBER, not_negative, default=None)
-    limit: Any = measured(u.ANGLE, positive, default=None)
-    lag: Any = measured(u.TIME, not_negative, default=None)
-    rate: Any = measured(u.ANGULAR_VELOCITY, positive, default=None)
+    position: Measured = place()
+    normal: Measured = way()
+    area: Measured = measured(u.AREA, not_negative)
+    lift_slope: Measured = measured(u.PER_ANGLE, positive)
+    stall: Measured = measured(u.ANGLE, positive)
+    drag: Measured = measured(u.NUMBER, not_negative, default=None)
+    limit: Measured = measured(u.ANGLE, positive, default=None)
+    lag: Measured = measured(u.TIME, not_negative, default=None)
+    rate: Measured = measured(u.ANGULAR_VELOCITY, positive, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -58,7 +59,7 @@ class Fin(Part):
     def command(self) -> Command | None:
         return None if self.limit is None else Command("rad")
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         along = AHEAD - own.normal[0] * own.normal
         chord = along / jnp.sqrt(along @ along)
         w = flow.at(own.position)
@@ -66,7 +67,7 @@ class Fin(Part):
         return acting_at(own.position, 0.5 * flow.density * own.area * (forces[0] * chord + forces[1] * own.normal))
 
 
-def _in_plane(along: Array, across: Array, angle: Array, own: Any) -> tuple[Array, Array]:
+def _in_plane(along: Array, across: Array, angle: Array, own: Named) -> tuple[Array, Array]:
     """Force/(½ρA) along the hull and across it, of a fin turned by `angle` so that it meets more flow from across."""
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
     chord, normal = along * cosine - across * sine, across * cosine + along * sine

@@ -16,6 +16,7 @@ import numpy as np
 from coadjoint.arrays import Array
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.numbers import Numbers
 
 
@@ -47,7 +48,7 @@ class ForceCurve(Numbers, ABC):
         return None
 
     @abstractmethod
-    def force(self, command: Array, own: Any) -> Array:
+    def force(self, command: Array, own: Named) -> Array:
         """F(u), N, of commands of any shape."""
 
     @abstractmethod
@@ -59,7 +60,7 @@ class ForceCurve(Numbers, ABC):
         return
 
 
-def _numbers(value: Any, key: str, kind: str, shape: tuple[Any, ...]) -> Any:
+def _numbers(value: object, key: str, kind: str, shape: tuple[object, ...]) -> Any:
     found = float64(value, f"`{key}` of a {kind} force curve")
     if np.ndim(found) != len(shape) or (shape and np.shape(found)[0] == 0):
         expected = "a list of numbers" if shape else "one number"
@@ -67,7 +68,7 @@ def _numbers(value: Any, key: str, kind: str, shape: tuple[Any, ...]) -> Any:
     return found
 
 
-def _set(curve: ForceCurve, **values: Any) -> None:
+def _set(curve: ForceCurve, **values: object) -> None:
     for key, value in values.items():
         object.__setattr__(curve, key, value)
 
@@ -84,7 +85,7 @@ class Linear(ForceCurve):
         if self.slope <= 0:
             raise ArgumentError(f"The slope of a linear force curve must be positive, but is {self.slope:g}.")
 
-    def force(self, command: Array, own: Any) -> Array:
+    def force(self, command: Array, own: Named) -> Array:
         return own.slope * command
 
     def command(self, force: Array, own: Any, limit: Any) -> Array:
@@ -123,7 +124,7 @@ class Quadratic(ForceCurve):
                 f"{self.astern:g}; a reversed thruster has a reversed direction."
             )
 
-    def force(self, command: Array, own: Any) -> Array:
+    def force(self, command: Array, own: Named) -> Array:
         return jnp.where(command > 0, own.ahead, own.astern) * jnp.abs(command) * command
 
     def command(self, force: Array, own: Any, limit: Any) -> Array:
@@ -142,7 +143,7 @@ class Polynomial(ForceCurve):
     def __post_init__(self) -> None:
         _set(self, coefficients=_numbers(self.coefficients, "coefficients", "polynomial", (None,)))
 
-    def force(self, command: Array, own: Any) -> Array:
+    def force(self, command: Array, own: Named) -> Array:
         total = jnp.zeros(jnp.shape(command))
         for k in reversed(range(len(self.coefficients))):
             total = (total + own.coefficients[k]) * command
@@ -163,7 +164,7 @@ class Polynomial(ForceCurve):
             u = jnp.clip(u + step, low, high)
         return u
 
-    def _slope(self, u: Array, own: Any) -> Array:
+    def _slope(self, u: Array, own: Named) -> Array:
         total = jnp.zeros(jnp.shape(u))
         for k in reversed(range(len(self.coefficients))):
             total = total * u + (k + 1) * own.coefficients[k]
@@ -246,7 +247,7 @@ class Table(ForceCurve):
     def _rest(self) -> int:
         return int(np.argmin(np.abs(self.forces)))
 
-    def force(self, command: Array, own: Any) -> Array:
+    def force(self, command: Array, own: Named) -> Array:
         z, u, F = self._rest, own.commands, own.forces
         total = jnp.zeros(jnp.shape(command)) + F[z]
         for i in range(len(self.commands) - 1):

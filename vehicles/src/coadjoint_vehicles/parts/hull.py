@@ -10,9 +10,10 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.mechanics import Force
-from coadjoint_vehicles.parts.measured import measured, not_negative
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative
 from coadjoint_vehicles.parts.part import AHEAD, Flow, Part
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -20,7 +21,7 @@ TURNING = 1e-30
 """rad²/s²: below it the flow across the hull is the same everywhere."""
 
 
-def _one_or_two(value: Any, name: str) -> Any:
+def _one_or_two(value: object, name: str) -> Any:
     return checks.array(value, name, (), (2,))
 
 
@@ -39,15 +40,15 @@ class Hull(Part):
 
     passive: ClassVar[bool] = True
     kind: ClassVar[str] = "hull"
-    axial_drag: Any = measured(u.NUMBER, not_negative)
-    axial_area: Any = measured(u.AREA, not_negative)
-    crossflow_drag: Any = measured(u.NUMBER, _one_or_two)
-    width: Any = measured(u.LENGTH, not_negative)
-    height: Any = measured(u.LENGTH, not_negative)
-    length: Any = measured(u.LENGTH, not_negative)
-    center: Any = measured(u.LENGTH, default=0.0)
+    axial_drag: Measured = measured(u.NUMBER, not_negative)
+    axial_area: Measured = measured(u.AREA, not_negative)
+    crossflow_drag: Measured = measured(u.NUMBER, _one_or_two)
+    width: Measured = measured(u.LENGTH, not_negative)
+    height: Measured = measured(u.LENGTH, not_negative)
+    length: Measured = measured(u.LENGTH, not_negative)
+    center: Measured = measured(u.LENGTH, default=0.0)
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         v, omega = flow.velocity, flow.omega
         half = 0.5 * flow.density
         x, weights = _strips(v + jnp.cross(omega, own.center * AHEAD), omega, 0.5 * own.length)
@@ -68,7 +69,7 @@ class Hull(Part):
         )
 
 
-def _strips(v: Array, omega: Array, end: Any) -> tuple[Array, Array]:
+def _strips(v: Array, omega: Array, end: PyTree) -> tuple[Array, Array]:
     """Places from the middle of the hull and lengths of its strips; v: velocity of the middle, end: half the length.
 
     They part at the pivot (v_z ω_y − v_y ω_z)/(ω_y² + ω_z²), or at the end that is nearer to it: |w|w is smooth away

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics import Force
-from coadjoint_vehicles.parts.measured import measured, numbers
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, numbers
 from coadjoint_vehicles.parts.part import Flow, Part
 
 
@@ -27,14 +29,14 @@ class LiftingBody(Part):
 
     passive: ClassVar[bool] = True
     kind: ClassVar[str] = "lifting_body"
-    drag: Any = measured(None, numbers(2))
-    lift: Any = measured(None, numbers(2))
-    pitch: Any = measured(None, numbers(3))
-    side: Any = measured(None, default=0.0)
-    roll: Any = measured(None, numbers(2), default=(0.0, 0.0))
-    yaw: Any = measured(None, numbers(2), default=(0.0, 0.0))
+    drag: Measured = measured(None, numbers(2))
+    lift: Measured = measured(None, numbers(2))
+    pitch: Measured = measured(None, numbers(3))
+    side: Measured = measured(None, default=0.0)
+    roll: Measured = measured(None, numbers(2), default=(0.0, 0.0))
+    yaw: Measured = measured(None, numbers(2), default=(0.0, 0.0))
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         v, omega = flow.velocity, flow.omega
         ahead = v[0] ** 2 + v[2] ** 2
         moving = ahead > 0

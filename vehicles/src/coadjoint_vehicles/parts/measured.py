@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import MISSING, fields
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import direction, number, vector
@@ -17,6 +18,22 @@ from coadjoint.sections import checked, key, keys
 from coadjoint.units import LENGTH, NUMBER, Dimension
 from coadjoint_vehicles import axes as border
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike
+
+    from coadjoint.mechanics.members import Each
+
+    class Measured:
+        """A field that takes numbers, those of members as `co.each(…)`, or None where it may be left out."""
+
+        def __get__(self, of: object, kind: type) -> PyTree: ...
+
+        def __set__(self, of: object, value: ArrayLike | Mapping[str, ArrayLike] | Each | None) -> None: ...
+else:  # read by type checkers alone
+    Measured = Any
+
 
 def measured(
     dimension: Dimension | None,
@@ -24,9 +41,9 @@ def measured(
     *,
     turn: Callable[[Any, Any], Any] | None = None,
     words: tuple[str, ...] = (),
-    default: Any = MISSING,
+    default: object = MISSING,
 ) -> Any:
-    """A field with its dimension, `area: Any = measured(AREA, not_negative)`, as `sections.key` declares it.
+    """A field with its dimension, `area: Measured = measured(AREA, not_negative)`, as `sections.key` declares it.
 
     dimension: None where the numbers measure several things, in SI units. check: (value, name) → the value, or
     ArgumentError. turn: (value, axes) → the value in forward, starboard, down. words: those that the field may be.
@@ -34,7 +51,7 @@ def measured(
     return key("", dimension, check=check, turn=turn, words=words, default=default)
 
 
-def share(value: Any, name: str) -> Any:
+def share(value: object, name: str) -> Any:
     """A number from 0 to 1; raises ArgumentError."""
     found = not_negative(value, name)
     if not traced(found) and found > 1:
@@ -42,7 +59,7 @@ def share(value: Any, name: str) -> Any:
     return found
 
 
-def lag_or_none(value: Any, name: str) -> Any:
+def lag_or_none(value: object, name: str) -> Any:
     """A time of at least 0, None for 0; raises ArgumentError."""
     return not_negative(value, name) or None
 

@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.mechanics import Course
 from coadjoint.models.quantities import positive
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.bounded_travel import BoundedTravel
-from coadjoint_vehicles.parts.measured import lag_or_none, measured, place, way
+from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, place, way
 from coadjoint_vehicles.parts.part import towards
 
 
@@ -30,27 +31,27 @@ class MovingMass(BoundedTravel):
 
     kind: ClassVar[str] = "moving_mass"
     unit: ClassVar[str] = "m"
-    mass: Any = measured(u.MASS, positive)
-    position: Any = place()
-    axis: Any = way()
-    low: Any = measured(u.LENGTH)
-    high: Any = measured(u.LENGTH)
-    rate: Any = measured(u.SPEED, positive)
-    lag: Any = measured(u.TIME, lag_or_none, default=None)
+    mass: Measured = measured(u.MASS, positive)
+    position: Measured = place()
+    axis: Measured = way()
+    low: Measured = measured(u.LENGTH)
+    high: Measured = measured(u.LENGTH)
+    rate: Measured = measured(u.SPEED, positive)
+    lag: Measured = measured(u.TIME, lag_or_none, default=None)
 
     @property
     def units(self) -> dict[str, str]:
         return {"position": "m", "speed": "m/s"}
 
-    def at_rest(self, where: Any) -> dict[str, Any]:
+    def at_rest(self, where: object) -> dict[str, Any]:
         return {"position": where, "speed": 0.0}
 
-    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> dict[str, Any]:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> dict[str, Any]:
         found = towards(actual.position, wanted := self.wanted(command, own), h, own)
         begin, end = (self._speed(wanted - x, own) for x in (actual.position, found.end))
         return {"position": found, "speed": Course(end, (found.end - actual.position) / h, begin)}
 
-    def _speed(self, gap: Array, own: Any) -> Array:
+    def _speed(self, gap: Array, own: Named) -> Array:
         """ẋ = clip((wanted − x)/τ, ±rate)."""
         if "lag" not in own:
             return own.rate * jnp.sign(gap)
@@ -58,5 +59,5 @@ class MovingMass(BoundedTravel):
         slow = jnp.clip(gap / jnp.where(late, own.lag, 1.0), -own.rate, own.rate)
         return jnp.where(late, slow, own.rate * jnp.sign(gap))
 
-    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
+    def lumps(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array, Array], ...]:
         return ((own.mass, own.position + actual.position * own.axis, actual.speed * own.axis),)

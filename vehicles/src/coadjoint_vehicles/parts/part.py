@@ -10,9 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import Course, Force
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.measured import check_fields
 from coadjoint_vehicles.parts.numbers import Numbers
 
@@ -36,7 +37,7 @@ class Flow(NamedTuple):
     t: Array
     elsewhere: Callable[[Array], Array] | None = None
 
-    def at(self, position: Any) -> Array:
+    def at(self, position: PyTree) -> Array:
         """v + ω × r minus the extra current at r: the velocity of the body's point r through the water."""
         moving = self.velocity + jnp.cross(self.omega, position)
         return moving if self.elsewhere is None else moving - self.elsewhere(position)
@@ -89,7 +90,7 @@ class Part(Numbers, ABC):
         """The command that a controller may set; None for a part without one."""
         return None
 
-    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> Any:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> Any:
         """The actuator over h, co.mechanics.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact
         for u held.
 
@@ -98,15 +99,15 @@ class Part(Numbers, ABC):
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
         return towards(actual, wanted, h, own)
 
-    def follow(self, actual: Any, command: Array, h: Scalar, own: Any, passing: Passing) -> Any:
+    def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> Any:
         """As `advance`, for a part that needs to know how the craft goes at the node."""
         return self.advance(actual, command, h, own)
 
     @abstractmethod
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
 
-    def travel(self, own: Any) -> tuple[Any, Any] | None:
+    def travel(self, own: Named) -> tuple[Any, Any] | None:
         """The range of the actuator, (lowest, highest), None without one."""
         if "low" in own:
             return own.low, own.high
@@ -119,19 +120,19 @@ class Part(Numbers, ABC):
         """Units of the keys of the actuator's internal state, where that is a dictionary."""
         return None
 
-    def at_rest(self, where: Any) -> Any:
+    def at_rest(self, where: object) -> Any:
         """The actuator's internal state at rest where this command has taken it."""
         return where
 
-    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
+    def lumps(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array, Array], ...]:
         """((mass, position, velocity in the hull), …): masses that this part moves, kg, m, m/s, beyond the body's."""
         return ()
 
-    def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+    def displaced(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array], ...]:
         """((volume, position), …): volume that this part adds to the body's, m³ and m."""
         return ()
 
-    def released(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+    def released(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array], ...]:
         """((momentum in space, place on the body), …), N s and m, of the masses that have left this part."""
         return ()
 
@@ -140,13 +141,13 @@ class Part(Numbers, ABC):
         """Whether it has lumps or displaces water."""
         return type(self).lumps is not Part.lumps or type(self).displaced is not Part.displaced
 
-    def set(self, **values: Any) -> None:
+    def set(self, **values: object) -> None:
         """Give checked values to fields; for `__post_init__` of the kinds of parts."""
         for key, value in values.items():
             object.__setattr__(self, key, value)
 
 
-def towards(x: Array, wanted: Array, h: Scalar, own: Any) -> Course:
+def towards(x: Array, wanted: Array, h: Scalar, own: Named) -> Course:
     """The course over h of ẋ = clip((u − x)/τ, ±r) with u held, in closed form: at the rate r, then by the lag τ.
 
     x, wanted: u, of one shape. h: s. own: τ = own.lag (s) and r = own.rate (per s), where it has them; without both, x
@@ -171,7 +172,7 @@ def towards(x: Array, wanted: Array, h: Scalar, own: Any) -> Course:
     return Course(end, x + (gap - total / h), begin)
 
 
-def acting_at(position: Any, force: Array) -> Force:
+def acting_at(position: PyTree, force: Array) -> Force:
     """A force at r as force and torque about O: (r × F, F)."""
     return Force(torque=jnp.cross(position, force), force=force)
 

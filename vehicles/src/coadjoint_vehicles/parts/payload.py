@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.mechanics import Force, jumped
 from coadjoint.models.quantities import positive
-from coadjoint_vehicles.parts.measured import measured, not_negative, place
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative, place
 from coadjoint_vehicles.parts.part import Command, Flow, Part, Passing
 
 
@@ -31,9 +32,9 @@ class Payload(Part):
     """
 
     kind: ClassVar[str] = "payload"
-    mass: Any = measured(u.MASS, positive)
-    position: Any = place()
-    volume: Any = measured(u.VOLUME, not_negative, default=0.0)
+    mass: Measured = measured(u.MASS, positive)
+    position: Measured = place()
+    volume: Measured = measured(u.VOLUME, not_negative, default=0.0)
 
     @property
     def command(self) -> Command:
@@ -43,10 +44,10 @@ class Payload(Part):
     def units(self) -> dict[str, str]:
         return {"dropped": "1", "momentum": "N s"}
 
-    def at_rest(self, where: Any) -> dict[str, Any]:
+    def at_rest(self, where: object) -> dict[str, Any]:
         return {"dropped": where, "momentum": np.zeros(3)}
 
-    def follow(self, actual: Any, command: Array, h: Scalar, own: Any, passing: Passing) -> Any:
+    def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> Any:
         going = (command >= 0.5) & (actual.dropped < 0.5)
         velocity = passing.turn @ (passing.velocity + jnp.cross(passing.omega, own.position))
         return {
@@ -54,14 +55,14 @@ class Payload(Part):
             "momentum": jumped(jnp.where(going, own.mass * velocity, actual.momentum)),
         }
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         return Force(torque=jnp.zeros(3), force=jnp.zeros(3))
 
-    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
+    def lumps(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array, Array], ...]:
         return (((1 - actual.dropped) * own.mass, own.position, jnp.zeros(3)),)
 
-    def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+    def displaced(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array], ...]:
         return (((1 - actual.dropped) * own.volume, own.position),)
 
-    def released(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+    def released(self, actual: PyTree, own: Named) -> tuple[tuple[Array, Array], ...]:
         return ((actual.momentum, own.position),)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
-from coadjoint_vehicles.parts.measured import measured, not_negative, numbers, place, share, way
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured, not_negative, numbers, place, share, way
 from coadjoint_vehicles.parts.part import Command, Flow, Part
 
 
@@ -28,23 +30,23 @@ class Propeller(Part):
     """
 
     kind: ClassVar[str] = "propeller"
-    diameter: Any = measured(u.LENGTH, positive)
-    thrust: Any = measured(u.NUMBER, numbers(2))
-    torque: Any = measured(u.NUMBER, numbers(2))
-    thrust_deduction: Any = measured(u.NUMBER)
-    wake_fraction: Any = measured(u.NUMBER)
-    torque_fraction: Any = measured(u.NUMBER)
-    limit: Any = measured(u.REVOLUTIONS, positive)
-    lag: Any = measured(u.TIME, not_negative, default=None)
-    position: Any = place(default=(0.0, 0.0, 0.0))
-    axis: Any = way(default=(1.0, 0.0, 0.0))
-    effectiveness: Any = measured(u.NUMBER, share, default=1.0)
+    diameter: Measured = measured(u.LENGTH, positive)
+    thrust: Measured = measured(u.NUMBER, numbers(2))
+    torque: Measured = measured(u.NUMBER, numbers(2))
+    thrust_deduction: Measured = measured(u.NUMBER)
+    wake_fraction: Measured = measured(u.NUMBER)
+    torque_fraction: Measured = measured(u.NUMBER)
+    limit: Measured = measured(u.REVOLUTIONS, positive)
+    lag: Measured = measured(u.TIME, not_negative, default=None)
+    position: Measured = place(default=(0.0, 0.0, 0.0))
+    axis: Measured = way(default=(1.0, 0.0, 0.0))
+    effectiveness: Measured = measured(u.NUMBER, share, default=1.0)
 
     @property
     def command(self) -> Command:
         return Command("1/s")
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         D, n = own.diameter, actual
         ahead = (1 - own.wake_fraction) * jnp.maximum(flow.at(own.position) @ own.axis, 0.0)
         J = jnp.where(n > 0, ahead / D, 0.0)

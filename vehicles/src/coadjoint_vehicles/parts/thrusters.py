@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, named, traced
@@ -19,7 +19,7 @@ from coadjoint.models.quantities import direction, positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.parts.force_curves import Polynomial
-from coadjoint_vehicles.parts.measured import lag_or_none, measured
+from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
 from coadjoint_vehicles.parts.published_curves import force_curve
 
@@ -49,16 +49,16 @@ class Thrusters(Part):
 
     kind: ClassVar[str] = "thrusters"
     curve: Any
-    positions: Any = measured(u.LENGTH, None, turn=border.body_vector, default=None)
-    directions: Any = measured(u.NUMBER, None, turn=border.body_vector, default=None)
-    torque: Any = measured(u.LENGTH, None, default=None)
-    allocation: Any = measured(None, None, turn=_columns, default=None)
+    positions: Measured = measured(u.LENGTH, None, turn=border.body_vector, default=None)
+    directions: Measured = measured(u.NUMBER, None, turn=border.body_vector, default=None)
+    torque: Measured = measured(u.LENGTH, None, default=None)
+    allocation: Measured = measured(None, None, turn=_columns, default=None)
     unit: str = "1"
-    limit: Any = measured(COMMANDED, None, default=None)
-    lag: Any = measured(u.TIME, lag_or_none, default=None)
-    dead_band: Any = measured(COMMANDED, lag_or_none, default=None)
-    density: Any = measured(u.DENSITY, positive, default=None)
-    effectiveness: Any = measured(u.NUMBER, None, default=1.0)
+    limit: Measured = measured(COMMANDED, None, default=None)
+    lag: Measured = measured(u.TIME, lag_or_none, default=None)
+    dead_band: Measured = measured(COMMANDED, lag_or_none, default=None)
+    density: Measured = measured(u.DENSITY, positive, default=None)
+    effectiveness: Measured = measured(u.NUMBER, None, default=1.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -74,7 +74,7 @@ class Thrusters(Part):
                     f"{self.limit[1]:g} about the neutral {self.curve.neutral:g}, but is {self.dead_band:g}."
                 )
 
-    def _geometry(self, of: str) -> dict[str, Any]:
+    def _geometry(self, of: str) -> dict[str, object]:
         """The checked positions, directions and torque, or the checked allocation matrix."""
         if (self.allocation is None) == (self.positions is None or self.directions is None):
             raise ArgumentError(
@@ -131,11 +131,11 @@ class Thrusters(Part):
     def parameters(self) -> dict[str, Any]:
         return {**super().parameters(), "curve": self.curve.parameters()}
 
-    def matrix(self, own: Any) -> Array:
+    def matrix(self, own: Named) -> Array:
         """B, (6, n), from the geometry or as given, of thrusters that have all or a part of their force."""
         return self._whole_matrix(own) * own.effectiveness
 
-    def _whole_matrix(self, own: Any) -> Array:
+    def _whole_matrix(self, own: Named) -> Array:
         if self.allocation is not None:
             return own.allocation
         torques = jnp.cross(own.positions, own.directions)
@@ -143,21 +143,21 @@ class Thrusters(Part):
             torques = torques + jnp.broadcast_to(own.torque, (self.count,))[:, None] * own.directions
         return jnp.concatenate([own.directions, torques], axis=1).T
 
-    def thrusts(self, actual: Array, own: Any, density: Any = None) -> Array:
+    def thrusts(self, actual: Array, own: Named, density: object = None) -> Array:
         """f(u), (n,) N, with the dead band, in water of a density, kg/m³ (None: that of the curve)."""
         found = self.curve.force(actual, own.curve)
         if "dead_band" in own:
             found = jnp.where(jnp.abs(actual - self.curve.neutral) < own.dead_band, 0.0, found)
         return found * (density / own.density) if "density" in own and density is not None else found
 
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+    def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         both = self.matrix(own) @ self.thrusts(actual, own, flow.density)
         return Force(torque=both[3:], force=both[:3])
 
-    def advance(self, actual: Any, command: Array, h: Scalar, own: Any) -> Any:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> Any:
         return towards(actual, jnp.clip(command, *_ends(own)) if "limit" in own else command, h, own)
 
-    def commands_for(self, thrusts: Array, own: Any) -> Array:
+    def commands_for(self, thrusts: Array, own: Named) -> Array:
         """The commands whose thrusts are nearest to these, (n,) N."""
         limit = _ends(own)
         u, rest = self.curve.command(thrusts, own.curve, limit), self.curve.neutral
@@ -168,7 +168,7 @@ class Thrusters(Part):
             u = jnp.where(jnp.abs(u - rest) > own.dead_band, u, jnp.where(pushes, edge, rest))
         return jnp.clip(u, *limit)
 
-    def allocate(self, wrench: Any) -> Array:
+    def allocate(self, wrench: object) -> Array:
         """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m: the thrusts of least |f|² that give it.
 
         f = B⁺w; if one of them exceeds the limit of its thruster, all are scaled down alike, f ← s f with
@@ -207,7 +207,7 @@ class Thrusters(Part):
         return float(low), float(high)
 
 
-def _ends(own: Any) -> tuple[Any, Any]:
+def _ends(own: Named) -> tuple[Any, Any]:
     """The lowest and the highest command; one number replaced for both is the largest."""
     if "limit" not in own:
         return -jnp.inf, jnp.inf

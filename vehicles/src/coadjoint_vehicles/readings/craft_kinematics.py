@@ -67,11 +67,11 @@ def between(first: Kinematics, last: Kinematics, t: Scalar) -> Kinematics:
     h = jnp.where(h > 0, h, 1.0)
     s = jnp.clip((t - first.t) / h, 0.0, 1.0)
 
-    def cubic(x: Any, dx: Any, y: Any, dy: Any) -> Array:
+    def cubic(x: Array, dx: Array, y: Array, dy: Array) -> Array:
         left, right = (1 + 2 * s) * (1 - s) ** 2, s**2 * (3 - 2 * s)
         return left * x + right * y + h * s * (1 - s) * ((1 - s) * dx - s * dy)
 
-    def line(x: Any, y: Any) -> Array:
+    def line(x: Array, y: Array) -> Array:
         return x + s * (y - x)
 
     ends = (first, last)

@@ -124,7 +124,7 @@ def _blocks(run: Run) -> Iterator[tuple[State, int]]:
         left = left - count if count == BLOCK else -1
 
 
-def in_blocks(function: Callable[..., Any], rows: Any) -> Any:
+def in_blocks(function: Callable[..., object], rows: object) -> Any:
     """function(rows) of trees with a leading axis, `BLOCK` rows at a time, the last block filled up."""
     count = len(jax.tree.leaves(rows)[0])
     made, found = None, []

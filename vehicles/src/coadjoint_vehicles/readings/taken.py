@@ -112,14 +112,14 @@ class Readings(Mapping[str, SensorReading]):
         dataset.attrs["sensors_seed"] = self.seed
 
 
-def read_sensors(dataset: Any) -> list[str]:
+def read_sensors(dataset: xarray.Dataset) -> list[str]:
     """The names of the sensors whose readings a dataset has."""
     ends = (PREFIX, "_arrival")
     found = [str(name) for name in dataset.data_vars if str(name).startswith(ends[0]) and str(name).endswith(ends[1])]
     return [name[len(ends[0]) : -len(ends[1])] for name in found]
 
 
-def sensor_text(dataset: Any, name: str) -> str:
+def sensor_text(dataset: xarray.Dataset, name: str) -> str:
     """The readings of one sensor in a dataset as CSV: time_s, arrival_s and a column for each number."""
     key, names, units, parts = PREFIX + name, [], [], []
     arrival = dataset[f"{key}_arrival"]
@@ -131,7 +131,7 @@ def sensor_text(dataset: Any, name: str) -> str:
     return _text(dataset[f"{key}_time"].values, arrival.values, names, units, np.concatenate(parts, axis=1))
 
 
-def _text(time: Any, arrival: Any, names: Sequence[str], units: Sequence[str], values: np.ndarray) -> str:
+def _text(time: object, arrival: object, names: Sequence[str], units: Sequence[str], values: np.ndarray) -> str:
     columns = {"time_s": time, "arrival_s": arrival}
     for name, unit, column in zip(names, units, values.T, strict=True):
         turned = "rad" in unit

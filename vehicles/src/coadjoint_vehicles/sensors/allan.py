@@ -10,7 +10,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 
 
-def allan_deviation(values: Any, rate: float, times: Any) -> np.ndarray:
+def allan_deviation(values: object, rate: float, times: object) -> np.ndarray:
     """σ(τ) of readings of a constant, (len(times), m), from all overlapping pairs of neighbouring means over τ.
 
         σ²(τ) = ½ ⟨(ȳ_{k+n} − ȳ_k)²⟩, τ = n/rate
@@ -42,7 +42,7 @@ def allan_deviation(values: Any, rate: float, times: Any) -> np.ndarray:
     return np.array(found)
 
 
-def expected_allan_deviation(errors: Errors, channel: Channel, rate: float, times: Any) -> np.ndarray:
+def expected_allan_deviation(errors: Errors, channel: Channel, rate: float, times: object) -> np.ndarray:
     """σ(τ) of the errors of a channel, (len(times), m): white noise, Gauss–Markov bias and random walk.
 
         σ² = N²/τ + (2σ_b²T/τ)(1 − (T/2τ)(3 − 4e^{−τ/T} + e^{−2τ/T})) + K²τ/3, T = bias_time
@@ -59,7 +59,7 @@ def expected_allan_deviation(errors: Errors, channel: Channel, rate: float, time
     return np.sqrt(variance)
 
 
-def _times(times: Any) -> np.ndarray:
+def _times(times: object) -> np.ndarray:
     found = np.atleast_1d(np.asarray(times, dtype=float))
     if found.ndim != 1 or not np.all(np.isfinite(found) & (found > 0)):
         raise ArgumentError(f"The times of an Allan deviation must be positive numbers of seconds, not {shown(times)}.")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.models.quantities import not_negative, positive
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
 from coadjoint_vehicles.sensors.sensor import Sensor, needs
@@ -30,17 +31,17 @@ class Altimeter(Sensor):
     kind: ClassVar[str] = "altimeter"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("range", ("range",), u.LENGTH, "m"),)
     required: ClassVar[tuple[str, ...]] = ("bottom",)
-    lowest: Any = measured(u.LENGTH, not_negative, default=None)
-    highest: Any = measured(u.LENGTH, positive, default=None)
+    lowest: Measured = measured(u.LENGTH, not_negative, default=None)
+    highest: Measured = measured(u.LENGTH, positive, default=None)
     range: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         bottom = needs(motion, "bottom", f"{self.title}`")
         steep = motion.down @ turned(own.euler_zyx)[:, 2]
         steep = jnp.where(steep > LEVEL, steep, 1.0)
         return jnp.stack([(bottom - motion.place(own.position)[2]) / steep])
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         way = self.reading(motion, own)[0]
         meets = (motion.down @ turned(own.euler_zyx)[:, 2] > LEVEL) & (way >= 0)
         meets = meets & (way >= own.lowest) if "lowest" in own else meets

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.arrays import Array
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
 from coadjoint_vehicles.sensors.message import Message, MessageField
@@ -27,15 +28,15 @@ class Compass(Sensor):
 
     kind: ClassVar[str] = "compass"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("heading", ("heading",), u.ANGLE, "rad", angle=True),)
-    declination: Any = measured(u.ANGLE, turn, default=0.0)
-    largest_tilt: Any = measured(u.ANGLE, tilt, default=None)
+    declination: Measured = measured(u.ANGLE, turn, default=0.0)
+    largest_tilt: Measured = measured(u.ANGLE, tilt, default=None)
     heading: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         ahead = jnp.asarray(motion.rotation) @ turned(own.euler_zyx)[:, 0]
         return jnp.stack([wrapped(jnp.arctan2(ahead[1], ahead[0]) - own.declination)])
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         return upright(motion, own)
 
 
@@ -57,11 +58,11 @@ class Ahrs(Sensor):
         (MessageField("orientation", "attitude", ("tilt", "heading")),),
         unknown=("angular_velocity_covariance", "linear_acceleration_covariance"),
     )
-    declination: Any = measured(u.ANGLE, turn, default=0.0)
+    declination: Measured = measured(u.ANGLE, turn, default=0.0)
     tilt: Errors = field(default_factory=Errors)
     heading: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         R = jnp.asarray(motion.rotation) @ turned(own.euler_zyx)
         roll = jnp.arctan2(R[2, 1], R[2, 2])
         pitch = jnp.arctan2(-R[2, 0], jnp.sqrt(R[2, 1] ** 2 + R[2, 2] ** 2))
@@ -69,7 +70,7 @@ class Ahrs(Sensor):
         return jnp.stack([roll, pitch, heading])
 
 
-def upright(motion: Kinematics, own: Any) -> Array:
+def upright(motion: Kinematics, own: Named) -> Array:
     """Whether the z axis of a sensor is within `largest_tilt` of down, one truth value; always where it has none."""
     if "largest_tilt" not in own:
         return jnp.asarray(True)

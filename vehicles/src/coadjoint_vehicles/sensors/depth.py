@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.models.quantities import positive
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics
 from coadjoint_vehicles.sensors.message import Message, MessageField
@@ -30,16 +31,16 @@ class Depth(Sensor):
     message: ClassVar[Message | None] = Message(
         "sensor_msgs/FluidPressure", (MessageField("fluid_pressure", "pressure", ("depth",)),)
     )
-    density: Any = measured(u.DENSITY, positive, default=None)
-    limit: Any = measured(u.LENGTH, positive, default=None)
+    density: Measured = measured(u.DENSITY, positive, default=None)
+    limit: Measured = measured(u.LENGTH, positive, default=None)
     depth: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         z = motion.place(own.position)[2]
         if "density" in own and motion.head is not None and motion.density is not None:
             z = (motion.head + motion.density * (z - motion.position[2])) / own.density
         return jnp.stack([z])
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         z = motion.place(own.position)[2]
         return z <= own.limit if "limit" in own else jnp.asarray(True)

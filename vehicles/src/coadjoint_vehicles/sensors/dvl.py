@@ -11,7 +11,8 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.models.quantities import not_negative, positive
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.sensors.compass import upright
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
@@ -19,7 +20,7 @@ from coadjoint_vehicles.sensors.message import Message, MessageField
 from coadjoint_vehicles.sensors.sensor import Sensor, along_beams, angle_within, tilt, turn
 
 
-def _acute(value: Any, name: str) -> Any:
+def _acute(value: object, name: str) -> Any:
     return angle_within(0.5 * np.pi, "a right angle, π/2")(positive(value, name), name)
 
 
@@ -42,19 +43,19 @@ class Dvl(Sensor):
         (MessageField("twist.twist.linear", "vector", ("velocity",)),),
         silent=("twist.twist.angular",),
     )
-    track: Any = measured(None, None, words=("bottom", "water"), default="bottom")
-    lowest: Any = measured(u.LENGTH, not_negative, default=None)
-    highest: Any = measured(u.LENGTH, positive, default=None)
-    largest_tilt: Any = measured(u.ANGLE, tilt, default=None)
+    track: Measured = measured(None, None, words=("bottom", "water"), default="bottom")
+    lowest: Measured = measured(u.LENGTH, not_negative, default=None)
+    highest: Measured = measured(u.LENGTH, positive, default=None)
+    largest_tilt: Measured = measured(u.ANGLE, tilt, default=None)
     velocity: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         v = motion.velocity_at(own.position)
         if self.track == "water":
             v = v - jnp.asarray(motion.rotation).T @ jnp.asarray(motion.current)
         return turned(own.euler_zyx).T @ v
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         locked = upright(motion, own)
         if self.track == "bottom" and motion.bottom is not None:
             altitude = motion.bottom - motion.place(own.position)[2]
@@ -77,8 +78,8 @@ class DvlBeams(Dvl):
         Channel("velocity", tuple(f"beam_{i}" for i in range(1, 5)), u.SPEED, "m/s"),
     )
     message: ClassVar[Message | None] = None
-    beam_angle: Any = measured(u.ANGLE, _acute)
-    azimuth: Any = measured(u.ANGLE, turn, default=0.0)
+    beam_angle: Measured = measured(u.ANGLE, _acute)
+    azimuth: Measured = measured(u.ANGLE, turn, default=0.0)
 
     def beams(self, own: Any = None) -> Array:
         """The unit vectors b_i, (4, 3), in its own axes."""
@@ -89,5 +90,5 @@ class DvlBeams(Dvl):
         along = numbers.cos(own.beam_angle) * np.ones(4)
         return numbers.stack([across * numbers.cos(phi), across * numbers.sin(phi), along], axis=1)  # pyright: ignore[reportReturnType]
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         return along_beams(self.beams(own), super().reading(motion, own))

@@ -84,7 +84,7 @@ def dimensions(channel: Channel) -> dict[str, Dimension]:
     }
 
 
-def checked(errors: Any, channel: Channel, whose: str) -> Errors:
+def checked(errors: object, channel: Channel, whose: str) -> Errors:
     """The errors of a channel as float64 numbers; raises ArgumentError, naming the field and `whose` it is."""
     checks.instance(errors, f"Argument `{channel.name}` of the {whose}", Errors, "Errors(…)")
     found: dict[str, Any] = {}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.models.quantities import number
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics
 from coadjoint_vehicles.sensors.message import Message, MessageField
@@ -25,11 +26,11 @@ class Gps(Sensor):
     kind: ClassVar[str] = "gps"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("fix", ("north", "east"), u.LENGTH, "m"),)
     message: ClassVar[Message | None] = Message("sensor_msgs/NavSatFix", (MessageField("", "fix", ("fix",)),))
-    deepest: Any = measured(u.LENGTH, number, default=0.0)
+    deepest: Measured = measured(u.LENGTH, number, default=0.0)
     fix: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         return motion.place(own.position)[:2]
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         return motion.place(own.position)[2] <= own.deepest

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.arrays import Array
+from coadjoint.spaces import Named
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
 from coadjoint_vehicles.sensors.message import Message, MessageField
@@ -40,6 +41,6 @@ class Imu(Sensor):
     gyroscope: Errors = field(default_factory=Errors)
     accelerometer: Errors = field(default_factory=Errors)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         back = turned(own.euler_zyx).T
         return jnp.concatenate([back @ jnp.asarray(motion.omega), back @ motion.specific_force(own.position)])

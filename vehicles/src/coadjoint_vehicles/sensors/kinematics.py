@@ -39,15 +39,15 @@ class Kinematics(NamedTuple):
         """Rᵀe_z, the direction of down in body axes, (3,)."""
         return jnp.asarray(self.rotation)[2]
 
-    def place(self, point: Any) -> Array:
+    def place(self, point: object) -> Array:
         """q + Rr in space, (3,) m, of the point r of the body, (3,) m."""
         return self.position + jnp.asarray(self.rotation) @ jnp.asarray(point)
 
-    def velocity_at(self, point: Any) -> Array:
+    def velocity_at(self, point: object) -> Array:
         """ν + ω × r over ground, (3,) m/s, body axes, of the point r of the body, (3,) m."""
         return jnp.asarray(self.velocity) + jnp.cross(jnp.asarray(self.omega), jnp.asarray(point))
 
-    def specific_force(self, point: Any) -> Array:
+    def specific_force(self, point: object) -> Array:
         """f = Rᵀq̈ + ω̇ × r + ω × (ω × r) − g Rᵀe_z, (3,) m/s², body axes, at the point r of the body, (3,) m.
 
         At rest and level f = (0, 0, −g). Raises ArgumentError where the motion has no accelerations.
@@ -62,7 +62,7 @@ class Kinematics(NamedTuple):
         return self.acceleration + turning - self.gravity * self.down
 
 
-def at_node(motion: NodeMotion, **more: Any) -> Kinematics:
+def at_node(motion: NodeMotion, **more: object) -> Kinematics:
     """The kinematics of a `co.mechanics.NodeMotion` of a craft, as functions of `co.control.Measured` get it.
 
         function=lambda motion: dvl.measured(at_node(motion))

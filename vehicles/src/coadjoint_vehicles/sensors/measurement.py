@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation import Measurement
 from coadjoint.spaces import Named
@@ -19,8 +20,8 @@ def measurement(
     sensor: Sensor,
     *,
     gate: float | None = None,
-    covariance: Any = None,
-    bottom: Any = None,
+    covariance: object = None,
+    bottom: object = None,
     kinematics: Callable[..., Kinematics] | None = None,
     biased: Sequence[str] = (),
 ) -> Measurement:
@@ -46,13 +47,13 @@ def measurement(
         checks.known(name, [channel.name for channel in sensor.channels], "channel", f"The {sensor.title}`")
     own = Named(**sensor.parameters())
 
-    def exact(motion: Any, p: Any) -> Any:
+    def exact(motion: PyTree, p: Named) -> Any:
         if kinematics is None:
             return sensor.reading(_of_motion(sensor, motion, p, bottom), own)
         found = kinematics(motion, p)
         return sensor.reading(found if bottom is None else found._replace(bottom=bottom), own)
 
-    def with_biases(motion: Any, p: Any, biases: Any) -> Any:
+    def with_biases(motion: PyTree, p: Named, biases: object) -> Any:
         return exact(motion, p) + jnp.concatenate(
             [_bias(sensor, channel, biased, biases) for channel in sensor.channels]
         )
@@ -74,7 +75,7 @@ def _bias(sensor: Sensor, channel: Any, biased: Sequence[str], biases: Any) -> A
     return getattr(biases, name)
 
 
-def _of_motion(sensor: Sensor, motion: Any, p: Any, bottom: Any) -> Kinematics:
+def _of_motion(sensor: Sensor, motion: PyTree, p: Named, bottom: object) -> Kinematics:
     """The kinematics of a motion with the parameters of a craft in still or uniform water."""
     more = {} if bottom is None else {"bottom": bottom}
     plain = set(p.water) <= {"velocity"}

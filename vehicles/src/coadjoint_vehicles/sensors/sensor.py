@@ -13,13 +13,13 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.extending import evaluate, traced
 from coadjoint.models.quantities import angles, not_negative, number, positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.axes import body_axes
-from coadjoint_vehicles.parts.measured import check_fields, measured, place, share
+from coadjoint_vehicles.parts.measured import Measured, check_fields, measured, place, share
 from coadjoint_vehicles.parts.numbers import Numbers
 from coadjoint_vehicles.sensors.errors import Channel, Errors, checked
 from coadjoint_vehicles.sensors.kinematics import Kinematics
@@ -29,7 +29,7 @@ from coadjoint_vehicles.sensors.message import Message
 def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
     """The check of angles, rad, of at most `most` in size, which sentences call `words`."""
 
-    def check(value: Any, name: str) -> Any:
+    def check(value: object, name: str) -> Any:
         found = angles(value, name)
         if not traced(found) and np.any(np.abs(found) > most * (1 + 1e-12)):
             raise ArgumentError(
@@ -41,21 +41,21 @@ def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
     return check
 
 
-def _pose(value: Any, name: str) -> Any:
+def _pose(value: object, name: str) -> Any:
     return angle_within(2 * np.pi, "a turn, 2π")(vector(value, name), name)
 
 
-def tilt(value: Any, name: str) -> Any:
+def tilt(value: object, name: str) -> Any:
     """A positive angle of at most π, rad; raises ArgumentError."""
     return angle_within(np.pi, "half a turn, π")(positive(value, name), name)
 
 
-def turn(value: Any, name: str) -> Any:
+def turn(value: object, name: str) -> Any:
     """One angle of at most a turn, rad; raises ArgumentError."""
     return angle_within(2 * np.pi, "a turn, 2π")(number(value, name), name)
 
 
-def _turned_pose(value: Any, axes: Any) -> Any:
+def _turned_pose(value: object, axes: PyTree) -> Any:
     """Yaw, pitch and roll from the body's axes, where both, the sensor's and the body's, are other ones."""
     yaw_pitch_roll = np.asarray(value, dtype=float)
     if yaw_pitch_roll.shape != (3,):
@@ -83,12 +83,12 @@ class Sensor(Numbers, ABC):
     required: ClassVar[tuple[str, ...]] = ()
     """Fields of the motion that may be None and without which it cannot read, such as the depth of the `bottom`."""
     name: str
-    rate: Any = measured(u.FREQUENCY, positive)
-    latency: Any = measured(u.TIME, not_negative, default=0.0)
-    position: Any = place(default=(0.0, 0.0, 0.0))
-    euler_zyx: Any = measured(u.ANGLE, _pose, turn=_turned_pose, default=(0.0, 0.0, 0.0))
-    dropout: Any = measured(u.NUMBER, share, default=0.0)
-    outliers: Any = measured(u.NUMBER, share, default=0.0)
+    rate: Measured = measured(u.FREQUENCY, positive)
+    latency: Measured = measured(u.TIME, not_negative, default=0.0)
+    position: Measured = place(default=(0.0, 0.0, 0.0))
+    euler_zyx: Measured = measured(u.ANGLE, _pose, turn=_turned_pose, default=(0.0, 0.0, 0.0))
+    dropout: Measured = measured(u.NUMBER, share, default=0.0)
+    outliers: Measured = measured(u.NUMBER, share, default=0.0)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
@@ -164,7 +164,7 @@ class Sensor(Numbers, ABC):
         own = Named(**own) if isinstance(own, dict) else own
         return evaluate(lambda motion, own: function(_as_arrays(motion), own), motion, own)
 
-    def residual(self, reading: Any, expected: Any) -> Array:
+    def residual(self, reading: object, expected: object) -> Array:
         """reading − expected, (m,), angles by the shorter way: in [−π, π). Raises ArgumentError for other shapes."""
 
         def difference(reading: Any, expected: Any) -> Any:
@@ -174,10 +174,10 @@ class Sensor(Numbers, ABC):
         return evaluate(difference, vector(reading, "reading", self.size), vector(expected, "expected", self.size))
 
     @abstractmethod
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         """Its reading, (m,), of a motion and with its numbers; jax.numpy only."""
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         """Whether the motion is within its limits; jax.numpy only."""
         return jnp.asarray(True)
 
@@ -211,6 +211,6 @@ def _as_arrays(motion: Kinematics) -> Kinematics:
     return Kinematics(*(None if value is None else jnp.asarray(value, dtype=float) for value in motion))
 
 
-def along_beams(directions: Any, vector: Array) -> Array:
+def along_beams(directions: object, vector: Array) -> Array:
     """The components of a vector (3,) along unit vectors (k, 3)."""
     return jax.vmap(lambda direction: direction @ vector)(jnp.asarray(directions))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.models.quantities import positive, vector
-from coadjoint_vehicles.parts.measured import measured
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.parts.part import speed_of
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
@@ -33,23 +34,23 @@ class Usbl(Sensor):
         Channel("range", ("range",), u.LENGTH, "m"),
         Channel("direction", ("bearing", "elevation"), u.ANGLE, "rad", angle=True),
     )
-    beacon: Any = measured(u.LENGTH, vector)
-    seen_from: Any = measured(None, None, words=("vehicle", "beacon"), default="vehicle")
-    farthest: Any = measured(u.LENGTH, positive, default=None)
+    beacon: Measured = measured(u.LENGTH, vector)
+    seen_from: Measured = measured(None, None, words=("vehicle", "beacon"), default="vehicle")
+    farthest: Measured = measured(u.LENGTH, positive, default=None)
     range: Errors = field(default_factory=Errors)
     direction: Errors = field(default_factory=Errors)
 
-    def between(self, motion: Kinematics, own: Any) -> Array:
+    def between(self, motion: Kinematics, own: Named) -> Array:
         """d, (3,) m; jax.numpy only."""
         d = own.beacon - motion.place(own.position)
         if self.seen_from == "beacon":
             return -d
         return turned(own.euler_zyx).T @ (jnp.asarray(motion.rotation).T @ d)
 
-    def reading(self, motion: Kinematics, own: Any) -> Array:
+    def reading(self, motion: Kinematics, own: Named) -> Array:
         d = self.between(motion, own)
         return jnp.stack([speed_of(d), jnp.arctan2(d[1], d[0]), jnp.arctan2(-d[2], speed_of(d[:2]))])
 
-    def within(self, motion: Kinematics, own: Any) -> Array:
+    def within(self, motion: Kinematics, own: Named) -> Array:
         near = speed_of(self.between(motion, own))
         return near <= own.farthest if "farthest" in own else jnp.asarray(True)

@@ -32,7 +32,7 @@ def fields(reading: Reading) -> dict[str, Any]:
     return {name: _plain(value) for name, value in found.items()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
@@ -52,7 +52,7 @@ class Service:
     def __init__(self, served: Served, start: Callable[..., State], clock: Callable[[], float] = time.monotonic):
         self.served, self.start = served, start
         self.counts: Counter[str] = Counter()
-        self._last: Any = None
+        self._last: object = None
         self._answer, self._wrong = b"", False
         self._clock = clock
         self._errors: deque[float] = deque(maxlen=MOST_ERRORS)
@@ -114,7 +114,7 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is not a number of JSON.")
 
 
-def _parsed(data: bytes) -> dict[str, Any]:
+def _parsed(data: bytes) -> dict[str, object]:
     try:
         found = json.loads(data, parse_constant=_no_number)
     except (ValueError, RecursionError):
@@ -124,7 +124,7 @@ def _parsed(data: bytes) -> dict[str, Any]:
     return found
 
 
-def _require_known(given: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+def _require_known(given: Mapping[str, object], known: Sequence[str], what: str) -> None:
     unknown = [key for key in given if key not in known]
     if unknown:
         raise ArgumentError(f"{what} has the keys {', '.join(known)}, but not {shown(', '.join(unknown))[1:-1]}.")
@@ -140,7 +140,7 @@ def _number(request: Mapping[str, Any]) -> int | str | None:
     )
 
 
-def _started(start: Callable[..., State], given: Mapping[str, Any]) -> State:
+def _started(start: Callable[..., State], given: Mapping[str, object]) -> State:
     known = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actuators")
     _require_known(given, known, "`reset`")
     return start(**{"speed": None, **given}) if "velocity" in given else start(**given)

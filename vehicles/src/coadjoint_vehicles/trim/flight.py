@@ -50,7 +50,7 @@ class SteadyFlight:
         vehicle: Vehicle,
         *,
         climb: float = 0.0,
-        hold: Mapping[str, Any] | None = None,
+        hold: Mapping[str, object] | None = None,
         free: Sequence[str] | None = None,
         turning: bool = False,
         depth: float = 0.0,
@@ -251,7 +251,7 @@ def _of_buoyancy(extra: float) -> str:
     return f"The vehicle is {abs(extra):.3g} N {word} than the water that it displaces ({sign} buoyant)."
 
 
-def _at_rest(state: State, _: Any) -> Any:
+def _at_rest(state: State, _: object) -> Any:
     return jnp.concatenate([state.nu, state.xi])
 
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.extending import named
 from coadjoint.stability import SteadyMotion
 from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.part import Part
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,12 @@ def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
     )
 
 
-def travel(part: Any) -> tuple[Any, Any] | None:
+def travel(part: Part) -> tuple[Any, Any] | None:
     """The range of an actuator, (lowest, highest), None without one."""
     return part.travel(named(part.parameters()))
 
 
-def _over(part: Any, actual: Any) -> tuple[float, float] | None:
+def _over(part: Part, actual: PyTree) -> tuple[float, float] | None:
     """(value, limit) of the component furthest beyond its range, None if all are within."""
     within = travel(part)
     if within is None:

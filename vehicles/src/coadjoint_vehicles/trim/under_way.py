@@ -9,13 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import brent, evaluate, legendre, named, tabulate
 from coadjoint.groups import SE3
 from coadjoint.mechanics import State
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model.craft import Craft
+from coadjoint_vehicles.model.vehicle import Vehicle
 
 UNSTABLE = 0.7
 """The part of its fastest turn that a vehicle is asked for where fins must hold against the turn."""
@@ -47,7 +48,7 @@ class Level:
         )
         return coadjoint(self.mass, motion) + jnp.concatenate([force, torque])
 
-    def surge(self, speed: float, commands: Any = None) -> float:
+    def surge(self, speed: float, commands: PyTree = None) -> float:
         """The first row of `push` going straight ahead, N; actuators are at rest by default."""
         return float(self.rates(speed * np.eye(6)[0], self.rest if commands is None else commands)[0])
 
@@ -70,14 +71,14 @@ class Level:
     def slopes(self, motion: np.ndarray, commands: np.ndarray) -> np.ndarray:
         """∂`push`/∂(motion, commands), (6, 6 + commands)."""
 
-        def along(at: Any, direction: Any) -> Any:
+        def along(at: object, direction: object) -> Any:
             return jax.jvp(self.push, at, direction)[1]
 
         at = motion, commands
         one = tabulate(along, at, at)
         return np.transpose([one(at, (e[:6], e[6:])) for e in np.eye(6 + len(commands))])
 
-    def _at(self, motion: Any, commands: Any) -> State:
+    def _at(self, motion: PyTree, commands: Any) -> State:
         found, begin = {}, 0
         for part in self.vehicle.commanded:
             end = begin + size(part)
@@ -86,7 +87,7 @@ class Level:
         return self._start.replace(nu=motion[:3], xi=motion[3:], internal=Named(**found) if found else None)
 
 
-def coadjoint(M: Any, motion: Array) -> Array:
+def coadjoint(M: Array, motion: Array) -> Array:
     """ad*_V MV on SE(3) of V = (v, ω), (6,): Coriolis terms and the Munk moment of a mass matrix."""
     momentum = M @ motion
     rate = SE3().ad_dual(jnp.roll(motion, 3), jnp.roll(momentum, 3))
@@ -114,7 +115,7 @@ class UnderWay(NamedTuple):
     level: Level
 
 
-def under_way(vehicle: Any, speed: float) -> UnderWay:
+def under_way(vehicle: Vehicle, speed: float) -> UnderWay:
     """The vehicle linearised at a speed through the water (m/s), with the propulsion that keeps it.
 
     Raises ArgumentError where no propulsion does.

@@ -34,7 +34,9 @@ class Bottom:
     the place. Raises ArgumentError for an invalid grid.
     """
 
-    def __init__(self, north: Any, east: Any, depth: Any, between: Literal["bilinear", "bicubic"] = "bilinear"):
+    def __init__(
+        self, north: object, east: object, depth: object, between: Literal["bilinear", "bicubic"] = "bilinear"
+    ):
         checks.choice(between, "between", ("bilinear", "bicubic"))
         self.north, self.east = _axis(north, "north"), _axis(east, "east")
         found = np.asarray(depth, dtype=float)
@@ -151,7 +153,7 @@ class Bottom:
         return total
 
 
-def _axis(given: Any, name: str) -> np.ndarray:
+def _axis(given: object, name: str) -> np.ndarray:
     found = np.asarray(given, dtype=float)
     steps = np.diff(found) if found.ndim == 1 else np.zeros(0)
     if len(steps) < 1 or not np.all(np.isfinite(found)) or not np.all(steps > 0):
@@ -163,7 +165,7 @@ def _axis(given: Any, name: str) -> np.ndarray:
     return found
 
 
-def _cell(axis: np.ndarray, at: Any) -> tuple[Array, Array]:
+def _cell(axis: np.ndarray, at: object) -> tuple[Array, Array]:
     """(the node before a place, how far it is to the next, from 0 to 1), held at the ends."""
     x = (at - axis[0]) / (axis[1] - axis[0])
     x = jnp.clip(x, 0.0, len(axis) - 1.0)
@@ -181,7 +183,7 @@ def _cubic(s: Array) -> tuple[Array, ...]:
     )
 
 
-def _sign(positive: Any, name: str, path: Any) -> float:
+def _sign(positive: object, name: str, path: str | os.PathLike[str]) -> float:
     """The factor from values to depths; raises FileError for `z` without a direction."""
     if positive is None and name == "z":
         raise FileError(
@@ -195,7 +197,7 @@ def _sign(positive: Any, name: str, path: Any) -> float:
     return -1.0 if said == "up" else 1.0
 
 
-def _require_metres(units: Any, name: str, path: Any) -> None:
+def _require_metres(units: object, name: str, path: str | os.PathLike[str]) -> None:
     if units is not None and str(units).strip().lower() not in METRES:
         raise FileError(f"The file {path} must hold {name} in m, but its units are {units!r:.40}: convert it.")
 

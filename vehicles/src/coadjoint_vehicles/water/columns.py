@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Columns(NamedTuple):
                 raise self.refuse(row, column, f"{value:g} comes after {last:g}: sort the rows {order}.")
 
 
-def read(path: Any, required: Sequence[str], optional: Sequence[str] = ()) -> Columns:
+def read(path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] = ()) -> Columns:
     """The numbers of a CSV file with these columns; raises FileError for others, and as `read_sheet`."""
     sheet = read_sheet(path)
     where, known = f"{path}, line {sheet.line}", (*required, *optional)

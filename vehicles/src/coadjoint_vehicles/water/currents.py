@@ -28,7 +28,7 @@ TIDES = {
 """Periods of tidal constituents, s (NOAA, harmonic constituents)."""
 
 
-def _arguments(function: Callable[..., Any]) -> int:
+def _arguments(function: Callable[..., object]) -> int:
     """How many arguments a function takes that it must be given, or that are the time."""
     known = inspect.signature(function).parameters.values()
     return sum(given.default is given.empty or given.name == "t" for given in known)
@@ -101,7 +101,7 @@ class TidalCurrent(Water):
     that goes round. mean: (3,) m/s. Raises ArgumentError for unknown names, periods ≤ 0 and wrong shapes.
     """
 
-    constituents: Sequence[Any]
+    constituents: Sequence[object]
     amplitudes: Any
     phases: Any = None
     mean: Any = (0.0, 0.0, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import number, positive
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.numbers import Numbers
 from coadjoint_vehicles.water.columns import DOWN, read
 
@@ -27,11 +29,11 @@ class Density(Numbers, ABC):
     """ρ(depth), kg/m³, constant above the surface, and its integral from the surface."""
 
     @abstractmethod
-    def density(self, depth: Array, own: Any) -> Array:
+    def density(self, depth: Array, own: Named) -> Array:
         """ρ, kg/m³."""
 
     @abstractmethod
-    def pressure_head(self, depth: Array, own: Any) -> Array:
+    def pressure_head(self, depth: Array, own: Named) -> Array:
         """∫₀^depth ρ dz, kg/m²."""
 
 
@@ -52,10 +54,10 @@ class LinearDensity(Density):
         object.__setattr__(self, "surface", surface)
         object.__setattr__(self, "gradient", gradient)
 
-    def density(self, depth: Array, own: Any) -> Array:
+    def density(self, depth: Array, own: Named) -> Array:
         return own.surface + own.gradient * jnp.maximum(depth, 0.0)
 
-    def pressure_head(self, depth: Array, own: Any) -> Array:
+    def pressure_head(self, depth: Array, own: Named) -> Array:
         return own.surface * depth + 0.5 * own.gradient * jnp.maximum(depth, 0.0) ** 2
 
 
@@ -71,11 +73,11 @@ class ExponentialDensity(Density):
         for name in ("surface", "deep", "scale"):
             object.__setattr__(self, name, positive(getattr(self, name), name))
 
-    def density(self, depth: Array, own: Any) -> Array:
+    def density(self, depth: Array, own: Named) -> Array:
         below = jnp.maximum(depth, 0.0)
         return own.deep + (own.surface - own.deep) * jnp.exp(-below / own.scale)
 
-    def pressure_head(self, depth: Array, own: Any) -> Array:
+    def pressure_head(self, depth: Array, own: Named) -> Array:
         below = jnp.maximum(depth, 0.0)
         bent = (own.surface - own.deep) * (-own.scale * jnp.expm1(-below / own.scale) - below)
         return own.surface * depth + bent
@@ -110,7 +112,7 @@ class DensityTable(Density):
         object.__setattr__(self, "densities", densities)
 
     @classmethod
-    def from_csv(cls, path: Any) -> DensityTable:
+    def from_csv(cls, path: str | os.PathLike[str]) -> DensityTable:
         """The table of a CSV file with the columns depth (m) and density (kg/m³); raises as `CurrentTable.from_csv`."""
         table = read(path, ("depth", "density"))
         depth, density = table.values["depth"], table.values["density"]
@@ -120,13 +122,13 @@ class DensityTable(Density):
         return cls(depth, density)
 
     @staticmethod
-    def _bends(own: Any) -> Array:
+    def _bends(own: Named) -> Array:
         slopes = jnp.diff(own.densities) / jnp.diff(own.depths)
         ends = jnp.zeros(1)
         return jnp.diff(jnp.concatenate([ends, slopes, ends]))
 
-    def density(self, depth: Array, own: Any) -> Array:
+    def density(self, depth: Array, own: Named) -> Array:
         return own.densities[0] + self._bends(own) @ jnp.maximum(depth - own.depths, 0.0)
 
-    def pressure_head(self, depth: Array, own: Any) -> Array:
+    def pressure_head(self, depth: Array, own: Named) -> Array:
         return own.densities[0] * depth + 0.5 * self._bends(own) @ jnp.maximum(depth - own.depths, 0.0) ** 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -11,7 +10,9 @@ from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, CoadjointError
 
 
-def returned(function: Callable[..., Any], arguments: tuple[Any, ...], shape: tuple[int, ...], what: str) -> Array:
+def returned(
+    function: Callable[..., object], arguments: tuple[object, ...], shape: tuple[int, ...], what: str
+) -> Array:
     """The value of a function, of this shape; raises ArgumentError if it fails or has another shape."""
     try:
         value = jnp.asarray(function(*arguments), dtype=float)

@@ -10,12 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate
 from coadjoint.mechanics import jumped
 from coadjoint.mechanics.members import Each
 from coadjoint.models.quantities import positive, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.water.random_numbers import normal, stream
 from coadjoint_vehicles.water.water import Water
 
@@ -59,16 +60,16 @@ class GaussMarkovCurrent(Water):
         return self._begun
 
     @cached_property
-    def _begun(self) -> dict[str, Any]:
+    def _begun(self) -> dict[str, PyTree]:
         many = isinstance(self.seed, Each)
         states = np.array([stream(seed) for seed in (self.seed.values if many else [self.seed])])
         z, states = (np.asarray(part) for part in evaluate(jax.vmap(lambda state: normal(state, 3)), states))
         return {"z": Each(z), "random": Each(states)} if many else {"z": z[0], "random": states[0]}
 
-    def seeded(self, seed: Any) -> GaussMarkovCurrent:
+    def seeded(self, seed: object) -> GaussMarkovCurrent:
         return replace(self, seed=seed)
 
-    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
         zeta, random = normal(internal.random, 3)
         kept = jnp.exp(-h / own.correlation_time)
         return {

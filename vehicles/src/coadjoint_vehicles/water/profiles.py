@@ -13,6 +13,7 @@ from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.numbers import Numbers
 from coadjoint_vehicles.water.water import UniformWater, Water
 
@@ -50,7 +51,7 @@ class Profile(Numbers, ABC):
     """The current at a depth as a part of that at the surface: 1 there and above, 0 below the bottom."""
 
     @abstractmethod
-    def part(self, depth: Array, own: Any) -> Array:
+    def part(self, depth: Array, own: Named) -> Array:
         """c(depth)/c(0)."""
 
 
@@ -63,7 +64,7 @@ class LinearProfile(Profile):
     def __post_init__(self) -> None:
         object.__setattr__(self, "reach", positive(self.reach, "reach"))
 
-    def part(self, depth: Array, own: Any) -> Array:
+    def part(self, depth: Array, own: Named) -> Array:
         return jnp.clip(1 - depth / own.reach, 0.0, 1.0)
 
 
@@ -81,7 +82,7 @@ class PowerLaw(Profile):
         object.__setattr__(self, "bottom", positive(self.bottom, "bottom"))
         object.__setattr__(self, "exponent", positive(self.exponent, "exponent"))
 
-    def part(self, depth: Array, own: Any) -> Array:
+    def part(self, depth: Array, own: Named) -> Array:
         height = jnp.clip(1 - depth / own.bottom, 0.0, 1.0)
         above = jnp.maximum(height, VISCOUS)
         return jnp.where(height > VISCOUS, above**own.exponent, VISCOUS**own.exponent * height / VISCOUS)
@@ -101,7 +102,7 @@ class Logarithmic(Profile):
         object.__setattr__(self, "bottom", positive(self.bottom, "bottom"))
         object.__setattr__(self, "roughness", positive(self.roughness, "roughness"))
 
-    def part(self, depth: Array, own: Any) -> Array:
+    def part(self, depth: Array, own: Named) -> Array:
         height = jnp.clip(own.bottom - depth, 0.0, own.bottom)
         return jnp.log1p(height / own.roughness) / jnp.log1p(own.bottom / own.roughness)
 
@@ -115,7 +116,7 @@ class Sheared(Water):
 
     uniform = False
 
-    def __init__(self, surface: Any, profile: Profile):
+    def __init__(self, surface: object, profile: Profile):
         surface = surface if isinstance(surface, Water) else UniformWater(vector(surface, "surface"))
         if not surface.uniform:
             raise ArgumentError(
@@ -146,7 +147,7 @@ class Sheared(Water):
     def start(self) -> dict[str, Any]:
         return self.surface.start()
 
-    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
         return self.surface.advance(internal, h, own.surface)
 
     def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:

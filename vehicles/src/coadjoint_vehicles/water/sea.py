@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import Each
+from coadjoint.spaces import Named
 from coadjoint_vehicles.water.density import Density
 from coadjoint_vehicles.water.water import Water
 
@@ -80,7 +81,7 @@ class Sea(Water):
         currents = {name: c.seeded(own[name]) if name in own else c for name, c in self.currents.items()}
         return Sea(density=self.own_density, **currents)
 
-    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
         return {
             name: self.currents[name].advance(getattr(internal, name), h, getattr(own, name)) for name in self.start()
         }
@@ -93,12 +94,12 @@ class Sea(Water):
             total = total + current.current(position, t, memory, getattr(own, name))
         return total
 
-    def density(self, depth: Array, own: Any) -> Array:
+    def density(self, depth: Array, own: Named) -> Array:
         if self.own_density is None:
             return super().density(depth, own)
         return self.own_density.density(depth, own.density)
 
-    def pressure_head(self, depth: Array, own: Any) -> Array:
+    def pressure_head(self, depth: Array, own: Named) -> Array:
         if self.own_density is None:
             return super().pressure_head(depth, own)
         return self.own_density.pressure_head(depth, own.density)
@@ -125,7 +126,7 @@ def _require_different_seeds(start: dict[str, Any]) -> None:
             )
 
 
-def _leaves(tree: Any, name: str = "") -> list[tuple[str, Any]]:
+def _leaves(tree: PyTree, name: str = "") -> list[tuple[str, Any]]:
     """Everything in nested dictionaries, by names such as `gusts.random`."""
     if not isinstance(tree, dict):
         return [(name, tree)]

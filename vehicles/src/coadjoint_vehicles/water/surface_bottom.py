@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +17,7 @@ from coadjoint_vehicles.water.functions import returned
 Event = Callable[[State], Array]
 
 
-def at_surface(depth: Any = 0.0) -> Event:
+def at_surface(depth: object = 0.0) -> Event:
     """The event that the origin of the body comes to the surface, or up to a `depth` (m): `until=at_surface()`.
 
     A run may start there. Positive below.
@@ -27,14 +26,14 @@ def at_surface(depth: Any = 0.0) -> Event:
     return lambda state: state.q[2] - above
 
 
-def altitude(bottom: Any) -> Event:
+def altitude(bottom: object) -> Event:
     """The height of the origin of the body above the bottom, m, as a function of the state.
 
     bottom: its depth in m, a number or a function (north, east) → depth in terms of jax.numpy. Raises ArgumentError.
     """
     if callable(bottom):
 
-        def depth_at(north: Any, east: Any) -> Array:
+        def depth_at(north: object, east: object) -> Array:
             return returned(bottom, (north, east), (), "The bottom as a function (north, east)")
 
         evaluate(depth_at, np.float64(0.0), np.float64(0.0))  # raises where it cannot be traced
@@ -45,7 +44,7 @@ def altitude(bottom: Any) -> Event:
     return lambda state: depth - state.q[2]
 
 
-def at_bottom(bottom: Any, clearance: Any = 0.0) -> Event:
+def at_bottom(bottom: object, clearance: object = 0.0) -> Event:
     """The event that the origin of the body comes as near to the bottom as `clearance` (m): `until=at_bottom(40.0)`.
 
     bottom: as in `altitude`. Positive above.

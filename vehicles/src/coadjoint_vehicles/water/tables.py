@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,7 +59,7 @@ class CurrentTable(Water):
         return self.times is None
 
     @classmethod
-    def from_csv(cls, path: Any) -> CurrentTable:
+    def from_csv(cls, path: str | os.PathLike[str]) -> CurrentTable:
         """The table of a CSV file with the columns time (s) and depth (m), one or both, north, east [and down] (m/s).
 
         Rows are sorted by time, then by depth; each time has the same depths. Raises FileError with file, line and

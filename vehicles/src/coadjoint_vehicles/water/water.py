@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import vector
+from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.numbers import Numbers
 
 STRATIFIED = "A water with its own density gives both `density` and `pressure_head`, but `{}` has no `{}`."
@@ -44,11 +45,11 @@ class Water(Numbers, ABC):
         """The internal state of the water at the start, as of a random current; {} if it has none."""
         return {}
 
-    def seeded(self, seed: Any) -> Water:
+    def seeded(self, seed: object) -> Water:
         """The same water with random numbers of another seed, or co.each of seeds; unchanged if it is not random."""
         return self
 
-    def advance(self, internal: Any, h: Scalar, own: Any) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
         """The internal state after h."""
         return {}
 
@@ -56,11 +57,11 @@ class Water(Numbers, ABC):
     def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
         """c(q, t), the velocity of the water, (3,) m/s."""
 
-    def density(self, depth: Array, own: Any) -> Array:
+    def density(self, depth: Array, own: Named) -> Array:
         """ρ, kg/m³, of water that is `stratified`; where a class has none, it is the vehicle's."""
         raise ArgumentError(STRATIFIED.format(type(self).__name__, "density"))
 
-    def pressure_head(self, depth: Array, own: Any) -> Array:
+    def pressure_head(self, depth: Array, own: Named) -> Array:
         """∫₀^depth ρ dz, kg/m², of water that is `stratified`: in buoyancy it is multiplied by g and the volume."""
         raise ArgumentError(STRATIFIED.format(type(self).__name__, "pressure_head"))
 

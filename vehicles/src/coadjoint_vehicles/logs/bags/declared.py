@@ -42,13 +42,13 @@ LARGEST = 1e9
 _number = partial(checks.number, least=-LARGEST, most=LARGEST)
 
 
-def _three(value: Any, name: str) -> np.ndarray:
+def _three(value: object, name: str) -> np.ndarray:
     if not isinstance(value, list) or len(value) != 3:
         raise ArgumentError(f"{name} must be three numbers, but is {value!r:.40}.")
     return np.array([_number(one, f"Each number of {name}") for one in value])
 
 
-def _columns(value: Any, name: str) -> dict[str, Number]:
+def _columns(value: object, name: str) -> dict[str, Number]:
     """The number of each column, by the names of quantities."""
     found: dict[str, Number] = {}
     if not isinstance(value, Mapping):
@@ -67,14 +67,14 @@ def _columns(value: Any, name: str) -> dict[str, Number]:
     return found
 
 
-def _origin(value: Any, name: str) -> tuple[float, float]:
+def _origin(value: object, name: str) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise ArgumentError(f"{name} must be [latitude, longitude] in degrees, but is {value!r:.40}.")
     latitude = checks.number(value[0], f"The latitude of {name}", -MOST_NORTH, MOST_NORTH)
     return latitude, checks.number(value[1], f"The longitude of {name}", -360.0, 360.0)
 
 
-def _paths(value: Any, name: str) -> tuple[str, ...]:
+def _paths(value: object, name: str) -> tuple[str, ...]:
     if not value:
         raise ArgumentError(f'{name} must be a list of paths, as in ["data[0]", "data[1]"], but is empty.')
     return checks.texts(value, name, 'a list of paths, as in ["data[0]", "data[1]"]')
@@ -187,12 +187,12 @@ def declared(given: str | os.PathLike[str] | Mapping[str, Any] | None, axes: Axe
     return Declared(tuple(sensors), tuple(commands))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """Rows of Python's and of NumPy's as lists, which a TOML file has."""
     return np.asarray(value).tolist() if isinstance(value, (tuple, np.ndarray)) else value
 
 
-def _rows(kind: type[T], name: str, table: Mapping[str, Any], where: str) -> list[T]:
+def _rows(kind: type[T], name: str, table: Mapping[str, object], where: str) -> list[T]:
     """The tables of a name as sections; raises FileError."""
     rows = table.get(name, [])
     if not isinstance(rows, Sequence) or isinstance(rows, str) or not all(isinstance(row, Mapping) for row in rows):
@@ -206,7 +206,7 @@ def _rows(kind: type[T], name: str, table: Mapping[str, Any], where: str) -> lis
         raise FileError(f"{where}: {error}") from error
 
 
-def _require_keys(row: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+def _require_keys(row: Mapping[str, object], known: Sequence[str], where: str) -> None:
     if unknown := [key for key in row if key not in known]:
         near = checks.nearest(unknown[0], known, 0.0)
         raise FileError(f"{where} has no key `{unknown[0]}`, the nearest is `{near}`; it has {', '.join(known)}.")

@@ -99,10 +99,10 @@ class _Writer(NamedTuple):
         (roll, pitch), yaw = tilt.T, heading[:, 0]
         return quaternion(path, quaternions(np.asarray(attitude.zyx(yaw, pitch, roll)), self.axes))
 
-    def pressure(self, path: str, depth: np.ndarray) -> dict[str, Any]:
+    def pressure(self, path: str, depth: np.ndarray) -> dict[str, object]:
         return {path: self.water.surface + self.water.density * GRAVITY * depth[:, 0]}
 
-    def fix(self, path: str, place: np.ndarray) -> dict[str, Any]:
+    def fix(self, path: str, place: np.ndarray) -> dict[str, object]:
         """Latitude and longitude where an origin is known."""
         assert self.origin is not None
         latitude, longitude = fixes(np.pad(place, ((0, 0), (0, 1))), self.origin)
@@ -130,7 +130,7 @@ class _Writer(NamedTuple):
         return message.type, found
 
 
-def _own(name: str, kind: str, channels: Mapping[str, Any]) -> tuple[str, str, dict[str, Any]]:
+def _own(name: str, kind: str, channels: Mapping[str, object]) -> tuple[str, str, dict[str, Any]]:
     """Type, definition and fields of a sensor that declares no message: its numbers by their names."""
     parts = [(str(one), column) for values in channels.values() for one, column in _columns(values)]
     fields = {_word(one, f"value_{place}"): column for place, (one, column) in enumerate(parts)}

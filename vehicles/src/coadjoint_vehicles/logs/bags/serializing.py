@@ -13,7 +13,7 @@ from coadjoint_vehicles.logs.bags.definitions import NUMBERS, SEQUENCE, STRING, 
 _HEAD = b"\x00\x01\x00\x00"
 
 
-def serialized(definition: Definition, count: int, values: Mapping[str, Any]) -> list[bytes]:
+def serialized(definition: Definition, count: int, values: Mapping[str, object]) -> list[bytes]:
     """`count` messages of a type, in the order of bytes of most machines.
 
     values: by path, numbers (count,) or one for all; of several (count, k) or (k,); a text; and of a sequence of
@@ -64,7 +64,7 @@ def _message(
 
 
 def _numbers(
-    kind: str, many: int | None, given: Any, count: int, pieces: list[tuple[int, np.ndarray | bytes]], at: int
+    kind: str, many: int | None, given: object, count: int, pieces: list[tuple[int, np.ndarray | bytes]], at: int
 ) -> int:
     size = int(kind[1])
     if given is None:

@@ -6,7 +6,6 @@ import sqlite3
 from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from coadjoint.errors import FileError, error_line
@@ -90,7 +89,7 @@ def _within(most: int) -> Callable[[], bool]:
     return lambda: next(looks) * EACH > most
 
 
-def _require_texts(path: Path, table: str, row: Sequence[Any]) -> None:
+def _require_texts(path: Path, table: str, row: Sequence[object]) -> None:
     for value in row:
         if not isinstance(value, str):
             raise FileError(f"The bag {path} is damaged: a row of its table `{table}` holds {value!r:.40} for a text.")

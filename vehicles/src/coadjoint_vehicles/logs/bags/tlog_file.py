@@ -97,7 +97,7 @@ class _Messages:
         self.names = [n for n in first.get_fieldnames() if isinstance(getattr(first, n), (int, float))]
         self.numbers, self.times = array("d"), array("q")
 
-    def add(self, time: int, message: Any) -> None:
+    def add(self, time: int, message: object) -> None:
         self.numbers.extend(float(getattr(message, n)) for n in self.names)
         self.times.append(1000 * time)
 
