@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.run import native, xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step_model import StepModel
@@ -27,7 +28,8 @@ def model(method, **more):
     start = system.state(xi=[0.3, -0.2, 0.5], internal={"rotor": [0.1]})
     program = StepProgram(replace_parameters(system, None), method)
     constants = Constants(system.parameters, None)
-    return StepModel(program, constants, method.begin(system, start, H), course=True, **more), system, start
+    made = StepModel(program, constants, method.begin(system, start, H), **{"course": True, **more})
+    return made, system, start
 
 
 def moving(found):
@@ -62,6 +64,22 @@ def test_steps_of_rows_are_those_of_a_run_with_the_tangent_of_differences():
     places = moving(found)
     exact = found.tangent(row, np.full(1, H))[0]
     np.testing.assert_allclose(exact[np.ix_(places, places)], differences(found, row)[places], atol=1e-11)
+
+
+def test_steps_by_xla_take_the_loop_that_a_run_has_compiled(monkeypatch):
+    """XLA compiles once more for constants of other types, as for arrays in place of numbers."""
+    seen = []
+
+    def run(program, constants, *rest):
+        seen.append(constants)
+        return native.run(program, constants, *rest)
+
+    monkeypatch.setattr(xla, "run", run)
+    (plain, *_), (by_xla, *_) = (model(co.Midpoint(), course=False, backend=name) for name in ("native", "xla"))
+    rows = np.repeat(plain.pack(jax.tree.map(lambda leaf: np.asarray(leaf)[None], plain._begun)), 2, axis=0)
+    for found, other in zip(by_xla(rows, np.full(2, H)), plain(rows, np.full(2, H)), strict=True):
+        np.testing.assert_array_equal(found, other)
+    assert len(seen) == 2 and all(one is by_xla.constants for one in seen)
 
 
 @pytest.mark.long

@@ -106,7 +106,7 @@ class StepModel:
         """The states of rows (…, size)."""
         return self.layout.unpack(rows)
 
-    # StepsTaken.
+    # Steps.
 
     def kernel(self, width: int) -> native.Kernel:
         """The machine code for lanes of that width; raises Untraceable where the step cannot be traced."""
@@ -127,15 +127,11 @@ class StepModel:
         members: (rows,), of which member the constants of each row are. p: those of each row, (rows, numbers), in
         place of them.
         """
-        if p is None:
-            whose = np.zeros(len(rows), int) if members is None else np.asarray(members)
-            whose = np.minimum(whose, len(self.p) - 1)
-            p = self.p if len(self.p) == 1 else self.p[whose]
-        elif self.axes is not None:
+        if p is not None and self.axes is not None:
             raise ValueError("Rows of a model with members have the constants of their members.")
         if self.backend == "xla":
             return self._by_xla(rows, h, steps, members, p)
-        after, records, status = self._native(rows, h, 1, steps, p)
+        after, records, status = self._native(rows, h, 1, steps, self._own(rows, members) if p is None else p)
         record, course = np.split(records[:, 0], [self.size], axis=1)
         parts = len(self.program.substeps) if self._course else 1
         return StepsTaken(after, record, status[:, 1], course.reshape(len(rows), parts, -1) if self._course else course)
@@ -150,11 +146,17 @@ class StepModel:
         """The records of `steps` steps from every row, (rows, steps, size); NaN from a step that fails on. Native."""
         if self.backend == "xla":
             raise ValueError("Records of all steps are made by native code only.")
-        whose = np.minimum(np.zeros(len(rows), int) if members is None else np.asarray(members), len(self.p) - 1)
-        p = self.p if len(self.p) == 1 else self.p[whose]
-        _, records, status = self._native(rows, np.full(len(rows), h), steps, 1, p)
+        _, records, status = self._native(rows, np.full(len(rows), h), steps, 1, self._own(rows, members))
         records[np.arange(steps) >= status[:, :1]] = np.nan
         return records
+
+    def _whose(self, rows: np.ndarray, members: Sequence[int] | None) -> np.ndarray:
+        """The member of every row, 0 where the constants have none."""
+        return np.minimum(np.zeros(len(rows), int) if members is None else np.asarray(members), len(self.p) - 1)
+
+    def _own(self, rows: np.ndarray, members: Sequence[int] | None) -> np.ndarray:
+        """The constants of every row, (rows, numbers), or (1, numbers) where all have the same."""
+        return self.p if len(self.p) == 1 else self.p[self._whose(rows, members)]
 
     def _native(
         self, rows: np.ndarray, h: np.ndarray, kept: int, every: int, p: np.ndarray
@@ -178,16 +180,16 @@ class StepModel:
         return of_lanes(s, len(rows)), of_lanes(records, len(rows)), of_lanes(status, len(rows))
 
     def _by_xla(
-        self, rows: np.ndarray, h: np.ndarray, steps: int, members: Sequence[int] | None, p: np.ndarray
+        self, rows: np.ndarray, h: np.ndarray, steps: int, members: Sequence[int] | None, p: np.ndarray | None
     ) -> StepsTaken:
         if self._course:
-            return self._by_xla_with_course(rows, h, steps, p)
+            return self._by_xla_with_course(rows, h, steps, self._own(rows, members) if p is None else p)
         if self.axes is not None:
-            whose = np.zeros(len(rows), int) if members is None else np.asarray(members)
-            return self._by_xla_of_members(rows, h, steps, np.minimum(whose, len(self.p) - 1))
+            return self._by_xla_of_members(rows, h, steps, self._whose(rows, members))
         after, records, codes = np.array(rows), np.array(rows), np.zeros(len(rows), int)
         for i, row in enumerate(rows):
-            constants = self._shape.unpack(p[min(i, len(p) - 1)])
+            # The constants as they are: a run has compiled its loop for their types.
+            constants = self.constants if p is None else self._shape.unpack(p[i])
             found = xla.run(self.program, constants, self._full_state(row), float(h[i]), 1, steps, self.monitors)
             codes[i], after[i] = int(found.code), pack(self._bare(found.final))[1]
             if found.steps:
