@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from coadjoint.models import general_form as general_form
     from coadjoint.models import heavy_top as heavy_top
     from coadjoint.models import manakov as manakov
+    from coadjoint.models import multibody as multibody
     from coadjoint.models import paper_form as paper_form
     from coadjoint.models import point_vortices as point_vortices
     from coadjoint.models import pseudo_rigid as pseudo_rigid

@@ -1,0 +1,242 @@
+"""Mechanisms: a system of rigid bodies and joints, made of a description of its reference configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint import checks
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups import SO3, Power
+from coadjoint.mechanics.constrained_start import projector_of
+from coadjoint.mechanics.constraints import Constraint, Holonomic, Nonholonomic
+from coadjoint.mechanics.members import Quantity
+from coadjoint.mechanics.reactions import count
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.multibody.bodies import Body
+from coadjoint.models.multibody.bonds import Bond, Energy, Held
+from coadjoint.models.multibody.data import joint_data
+from coadjoint.models.multibody.joints import KINDS, Joint
+from coadjoint.models.multibody.placing import Placing
+from coadjoint.models.quantities import vector
+from coadjoint.spaces import Defining, RelativePoses
+from coadjoint.spaces.links import GROUND
+
+if TYPE_CHECKING:
+    import xarray
+
+SPACE = "ground"
+TAKEN = ("mass", "inertia")
+UNITS = {
+    "xi": "rad/s",
+    "mu": "kg m²/s",
+    "n": "m",
+    "nu": "m/s",
+    "q": "m",
+    "qdot": "m/s",
+    "pi": "kg m/s",
+    "energy": "J",
+    "discrete_energy": "J",
+}
+
+
+class Mechanism:
+    """N rigid bodies on joints in maximal coordinates: SO(3)ᴺ with the mass centres q ∈ ℝ³ᴺ, trees and loops alike.
+
+        pendulum = multibody.Mechanism(
+            bodies={"rod": multibody.Body(mass=1.0, inertia=(0.1, 0.1, 0.01), position=(0, 0, -0.5))},
+            joints={"hinge": multibody.Joint("revolute", "ground", "rod", at=(0, 0, 0), axis=(0, 1, 0))},
+        )
+        run = co.simulate(pendulum.system, pendulum.state(coordinates={"hinge": 1.0}), dt=0.01, duration=10.0)
+
+    ℓ = ½ Σ ω·Jω + ½ Σ m|ν|² + Σ m n·γ − springs, where gravity γ and the relative attitudes of jointed bodies are
+    advected. A joint is a constraint of `system` under its name, so that its reaction is `reaction_NAME` of a run's
+    dataset; a rolling wheel has its contact as a second one, `NAME_contact`.
+
+    Arguments:
+        bodies: name → Body.
+        joints: name → Joint.
+        gravity: the acceleration in space, (3,), m/s², by default (0, 0, −9.81).
+        name: for certificates and figures.
+
+    The parameters of `system` are mass, inertia, and for each joint its points on both bodies, from the mass centres,
+    and its numbers, as in `system.replace(hinge={"damping": 0.2})`.
+    Raises ArgumentError for names that do not fit together.
+    """
+
+    system: System
+
+    def __init__(
+        self,
+        *,
+        bodies: Mapping[str, Body],
+        joints: Mapping[str, Joint],
+        gravity: Quantity = (0.0, 0.0, -9.81),
+        name: str = "mechanism",
+    ):
+        self.bodies = _named(bodies, "bodies", Body, "multibody.Body(mass=…, inertia=…)", SPACE)
+        self.joints = _named(joints, "joints", Joint, 'multibody.Joint("revolute", …)', *TAKEN)
+        if not self.bodies:
+            raise ArgumentError("A mechanism needs at least one body.")
+        self.gravity = np.asarray(vector(gravity, "gravity"))
+        self.name = checks.text(name, "name")
+        self.links = {SPACE: GROUND, **{body: k for k, body in enumerate(self.bodies)}}
+        for key, joint in self.joints.items():
+            self._require_ends(key, joint)
+        ends = [(self.links[j.first], self.links[j.second]) for j in self.joints.values() if j.kind != "gear"]
+        self.pairs = tuple(dict.fromkeys(ends)) or ((GROUND, 0),)
+        self.bonds: dict[str, Bond] = {}
+        for key in sorted(self.joints, key=lambda key: self.joints[key].kind == "gear"):
+            self.bonds[key] = self._bond(key, self.joints[key])
+        self.bonds = {key: self.bonds[key] for key in self.joints}
+        self.system = self._system({})
+
+    def _require_ends(self, key: str, joint: Joint) -> None:
+        """Raise ArgumentError unless a joint is between two bodies that exist, or of a gear two joints that turn."""
+        what = f"The joint `{key}`"
+        if joint.first == joint.second:
+            raise ArgumentError(f"{what} must connect two, but both ends are `{joint.first}`.")
+        known = self.joints if joint.kind == "gear" else self.links
+        for end in (joint.first, joint.second):
+            checks.known(end, known, "joint" if joint.kind == "gear" else "body", what)
+            if joint.kind == "gear" and "angle" not in KINDS[self.joints[end].kind].coordinates:
+                raise ArgumentError(
+                    f"{what} couples two joints with an angle, but `{end}` is {shown(self.joints[end].kind)}."
+                )
+
+    def _bond(self, key: str, joint: Joint) -> Bond:
+        if joint.teeth is not None:
+            wheels = self.bonds[joint.first], self.bonds[joint.second]
+            return Bond(key, joint.kind, GROUND, GROUND, 0, wheels=wheels, teeth=joint.teeth)
+        ends = self.links[joint.first], self.links[joint.second]
+        attitudes = self._reference(joint.first)[0], self._reference(joint.second)[0]
+        axes = tuple(tuple(map(tuple, (R.T @ A).tolist())) for R, A in zip(attitudes, joint.axes(), strict=True))
+        ball = joint.kind == "rolling" and joint.axis is None
+        return Bond(key, joint.kind, *ends, self.pairs.index(ends), axes, ball=ball)
+
+    def _reference(self, body: str) -> tuple[np.ndarray, np.ndarray]:
+        """R and the mass centre of a body in the reference configuration; of the ground 1 and 0."""
+        if body == SPACE:
+            return np.eye(3), np.zeros(3)
+        return self.bodies[body].rotation, self.bodies[body].place
+
+    def _parameters(self) -> dict[str, Any]:
+        found: dict[str, Any] = {
+            "mass": [body.mass for body in self.bodies.values()],
+            "inertia": np.stack([body.inertia for body in self.bodies.values()]),
+        }
+        for key, joint in self.joints.items():
+            if joint.kind != "gear":
+                found[key] = self._numbers(joint)
+        return found
+
+    def _numbers(self, joint: Joint) -> dict[str, Any]:
+        """The parameters of a joint."""
+        (R, x), (S, y) = self._reference(joint.first), self._reference(joint.second)
+        first, second = joint.at, joint.at if joint.to is None else joint.to
+        own = {name: getattr(joint, name) for name in ("pitch", "radius", "stiffness", "damping")}
+        own = {name: value for name, value in own.items() if value is not None}
+        if joint.kind == "rolling":
+            lean = 1.0 if joint.axis is None else np.sqrt(1 - (joint.axis @ joint.normal) ** 2)
+            if lean < 1e-6:
+                raise ArgumentError("The axis of a rolling disk must not be along the normal: the disk lies flat.")
+            first = joint.at - joint.radius * lean * joint.normal
+        if joint.kind == "distance":
+            own["length"] = np.linalg.norm(second - first) if joint.length is None else joint.length
+            if own["length"] == 0:
+                raise ArgumentError("The points of a `distance` joint must be apart: take a spherical joint.")
+        if joint.stiffness is not None:
+            own["rest"] = joint.rest or 0.0
+        return {"first": R.T @ (first - x), "second": S.T @ (second - y), **own}
+
+    def _system(self, held: Mapping[str, Constraint]) -> System:
+        joints = [(self.bonds[key], joint) for key, joint in self.joints.items()]
+        springs = tuple(bond for bond, joint in joints if joint.stiffness is not None)
+        forces = {f"{bond.name}_damper": bond.damper for bond, joint in joints if joint.damping is not None}
+        forces |= {f"{bond.name}_motor": bond.motor for bond, joint in joints if joint.motor}
+        constraints: dict[str, Constraint] = {}
+        for bond, joint in joints:
+            if joint.kind == "rolling":
+                constraints[f"{bond.name}_contact"] = Holonomic(bond.gap)
+                constraints[bond.name] = Nonholonomic(bond.rolling)
+            else:
+                constraints[bond.name] = Holonomic(bond.gap)
+        return System(
+            Power(SO3(), len(self.bodies), "all"),
+            Energy(springs).lagrangian,
+            additional=Defining(),
+            advected={"pose": RelativePoses(self.pairs), "gravity": Defining()},
+            parameters=self._parameters(),
+            forces=forces or None,
+            constraints={**constraints, **held} or None,
+            units=UNITS,
+            name=self.name,
+        )
+
+    def state(
+        self,
+        *,
+        coordinates: Mapping[str, Any] | None = None,
+        speeds: Mapping[str, Any] | None = None,
+        poses: Mapping[str, tuple[Quantity, Quantity]] | None = None,
+        rates: Mapping[str, Quantity] | None = None,
+        velocities: Mapping[str, Quantity] | None = None,
+    ) -> State:
+        """The state with these coordinates and speeds of joints, and poses of bodies; what is left out follows.
+
+        Bodies are placed along the joints, from the ground, in the reference configuration where nothing is given, and
+        then moved the least onto all joints (`System.project`); given coordinates and speeds stay.
+
+        Arguments:
+            coordinates, speeds: joint → an angle, rad, or a distance, m, and its rate; of `cylindrical`
+                the angle and the distance, (2,).
+            poses: body → (R, x), its attitude (3, 3) and the origin of its frame (3,), m, in space.
+            rates, velocities: body → ω in its frame, (3,), rad/s, and the velocity of its mass centre in space, m/s.
+
+        Raises ArgumentError for unknown names, and where no such state is near.
+        """
+        placing = Placing(self, coordinates or {}, speeds or {}, poses or {}, rates or {}, velocities or {})
+        g, q, xi, qdot = placing.found()
+        a0 = {"pose": None, "gravity": self.gravity}
+        start = self.system.state(g=g, q=q, xi=xi, qdot=qdot, a0=a0)
+        if not placing.needs_projection:
+            return start
+        held = {
+            f"{key}_held": Holonomic(Held(self.bonds[key], values).gap)
+            for key, values in placing.coordinates_and_speeds.items()
+        }
+        place = self._system(held).project(start) if held else self.system.project(start)
+        return self.system.state(g=place.g, q=place.q, xi=place.xi, qdot=place.qdot, a0=a0)
+
+    def freedoms(self, state: State) -> int:
+        """The number of independent velocities at a state: 6N less the rank of all rows of constraints."""
+        free = 6 * len(self.bodies)
+        if not self.joints:
+            return free
+        projector = projector_of(self.system, state)
+        return free - (count(self.system) if projector is None else round(float(np.trace(projector))))
+
+    def joint_data(self, records: State) -> xarray.Dataset:
+        """The coordinates and speeds of the joints at the records of a run, with turns counted.
+
+            turned = linkage.joint_data(run.records)
+
+        A variable NAME with the joint's coordinate, rad or m, and NAME_speed, for joints with one; NAME_angle,
+        NAME_distance and their speeds for those with two. Turns are counted by the mean speed between two records,
+        which must give the change of an angle to within half a turn. Arguments: records: of a run of this mechanism.
+        """
+        return joint_data(self.bonds, records, self.system)
+
+
+def _named(given: Any, name: str, kind: type, words: str, *taken: str) -> dict[str, Any]:
+    """A dictionary of bodies or joints; raises ArgumentError for anything else."""
+    if not isinstance(given, Mapping) or not all(isinstance(one, kind) for one in given.values()):
+        raise ArgumentError(f"Argument `{name}` must be a dictionary of names and {words}, but is {shown(given)}.")
+    for key in given:
+        if not isinstance(key, str) or not key.isidentifier() or key in taken:
+            other = f", other than {', '.join(taken)}," if taken else ""
+            raise ArgumentError(f"The names in `{name}` must be words such as `crank`{other} but one is {shown(key)}.")
+    return dict(given)

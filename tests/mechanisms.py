@@ -1,0 +1,126 @@
+"""Mechanisms of the tests: a body on each kind of joint, and linkages with closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coadjoint.models.multibody import Body, Joint, Mechanism
+
+MASS, MOMENTS, ARM, PITCH = 1.3, (0.10, 0.12, 0.05), 0.5, 0.4
+
+
+def rod(**placed) -> Body:
+    return Body(mass=MASS, inertia=MOMENTS, **placed)
+
+
+def pendulum(**options) -> Mechanism:
+    """A rod hung from a hinge, ARM above its centre, that turns about y."""
+    hinge = Joint("revolute", "ground", "rod", at=(0, 0, 0), axis=(0, 1, 0), **options)
+    return Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints={"hinge": hinge})
+
+
+JOINTS = {
+    "fixed": {},
+    "revolute": {"axis": (0, 1, 0)},
+    "prismatic": {"axis": (0, 0, 2), "stiffness": 30.0},
+    "cylindrical": {"axis": (0, 0, 1)},
+    "planar": {"axis": (0, 1, 0)},
+    "spherical": {},
+    "universal": {"axis": (1, 0, 0), "across": (0, 1, 0)},
+    "distance": {"to": (0, 0, -ARM)},
+    "screw": {"axis": (0, 0, 1), "pitch": PITCH},
+}
+"""Of each kind between the ground and a body, but for those that need more than one body or velocities."""
+FREEDOMS = dict(zip(JOINTS, (0, 1, 1, 2, 3, 3, 2, 5, 1), strict=True))
+
+
+def one_of_each() -> Mechanism:
+    """A body on each of JOINTS, hung ARM below the point of the joint; none acts on another."""
+    bodies = {f"on_{kind}": rod(position=(0, 0, -ARM)) for kind in JOINTS}
+    joints = {kind: Joint(kind, "ground", f"on_{kind}", at=(0, 0, 0), **more) for kind, more in JOINTS.items()}
+    return Mechanism(bodies=bodies, joints=joints)
+
+
+def bar(start, end) -> dict:
+    """A slender bar between two points, its mass 1 kg, along the first axis of its frame."""
+    start, end = np.array(start, float), np.array(end, float)
+    length = np.linalg.norm(end - start)
+    along = (end - start) / length
+    across = np.eye(3)[np.argmin(np.abs(along))]
+    across = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
+    frame = np.stack([along, across, np.cross(along, across)], axis=1)
+    J = length**2 / 12
+    return {"mass": 1.0, "inertia": (1e-3, J + 1e-3, J + 1e-3), "position": (start + end) / 2, "rotation": frame}
+
+
+CORNERS = {"A": (0.0, 0.0, 0.0), "B": (0.0, 0.0, 0.3), "C": (0.75, 0.0, 0.6), "D": (0.9, 0.0, 0.0)}
+
+
+def four_bar(**options) -> Mechanism:
+    """A crank, a coupler and a rocker on four hinges about y: a loop with three redundant rows."""
+    A, B, C, D = CORNERS.values()
+    hinge = {"axis": (0, 1, 0)}
+    return Mechanism(
+        bodies={"crank": Body(**bar(A, B)), "coupler": Body(**bar(B, C)), "rocker": Body(**bar(C, D))},
+        joints={
+            "A": Joint("revolute", "ground", "crank", at=A, **hinge, **options),
+            "B": Joint("revolute", "crank", "coupler", at=B, **hinge),
+            "C": Joint("revolute", "coupler", "rocker", at=C, **hinge),
+            "D": Joint("revolute", "ground", "rocker", at=D, **hinge),
+        },
+    )
+
+
+HEXAGON = np.array([(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)], float)
+"""The corners of a closed path along the edges of a cube."""
+
+
+def bricard() -> Mechanism:
+    """Bricard's linkage: five bars and the ground on six hinges, each at right angles to both of its bars."""
+    names = ["ground", *(f"bar_{k}" for k in range(1, 6))]
+    bodies = {name: Body(**bar(HEXAGON[k], HEXAGON[(k + 1) % 6])) for k, name in enumerate(names) if k}
+    joints = {}
+    for k in range(6):
+        before, after = HEXAGON[k] - HEXAGON[k - 1], HEXAGON[(k + 1) % 6] - HEXAGON[k]
+        axis = np.cross(before, after)
+        joints[f"hinge_{k}"] = Joint("revolute", names[k - 1], names[k], at=HEXAGON[k], axis=axis)
+    return Mechanism(bodies=bodies, joints=joints)
+
+
+def gears(first: int, second: int, **options) -> Mechanism:
+    """Two wheels on parallel shafts, whose teeth mesh."""
+    shaft = {"axis": (0, 0, 1)}
+    return Mechanism(
+        bodies={"small": rod(), "large": rod(position=(1, 0, 0))},
+        joints={
+            "one": Joint("revolute", "ground", "small", at=(0, 0, 0), **shaft, **options),
+            "two": Joint("revolute", "ground", "large", at=(1, 0, 0), **shaft),
+            "mesh": Joint("gear", "one", "two", teeth=(first, second)),
+        },
+    )
+
+
+def shafts(bend: float) -> Mechanism:
+    """Two shafts that cross at an angle, rad, with a universal joint between them."""
+    output = np.array([np.cos(bend), np.sin(bend), 0])
+    return Mechanism(
+        bodies={"input": rod(position=(-1, 0, 0)), "output": rod(position=output)},
+        joints={
+            "drive": Joint("revolute", "ground", "input", at=(-1, 0, 0), axis=(1, 0, 0)),
+            "cross": Joint("universal", "input", "output", at=(0, 0, 0), axis=(0, 1, 0), across=(0, 0, 1)),
+            "driven": Joint("revolute", "ground", "output", at=output, axis=output),
+        },
+    )
+
+
+RADIUS, LEAN, TURNING = 0.3, 1.2, 1.5
+THIN, THICK = 2.0 * RADIUS**2 / 4, 2.0 * RADIUS**2 / 2
+
+
+def disk() -> Mechanism:
+    """A disk of 2 kg that leans by LEAN from the vertical of its axis, on the plane z = 0 at the origin."""
+    R = np.array([[1, 0, 0], [0, np.cos(LEAN), -np.sin(LEAN)], [0, np.sin(LEAN), np.cos(LEAN)]])
+    center = R @ [0, RADIUS, 0]
+    body = Body(mass=2.0, inertia=(THIN, THIN, THICK), position=center, rotation=R)
+    wheel = Joint("rolling", "ground", "disk", at=center, axis=R[:, 2], radius=RADIUS, normal=(0, 0, 1))
+    return Mechanism(bodies={"disk": body}, joints={"wheel": wheel})

@@ -1,0 +1,154 @@
+"""Each kind of joint leaves the freedoms that it should, and its reaction has no power."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import coadjoint as co
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.reactions import site
+from coadjoint.models.multibody import Body, Joint, Mechanism
+from coadjoint.models.multibody.data import counted
+from mechanisms import ARM, FREEDOMS, JOINTS, MASS, MOMENTS, pendulum, rod
+
+
+def test_each_kind_of_joint_leaves_its_freedoms_and_its_reaction_has_no_power():
+    """A·(ξ, ν) = φ̇ of each kind on one body: its rank, and the reaction Aᵀλ."""
+    joints = {kind: Joint(kind, "ground", "rod", at=(0, 0, 0), **more) for kind, more in JOINTS.items()}
+    system = Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints=joints).system
+    state = system.state(q=[0, 0, -ARM], a0={"pose": None, "gravity": [0, 0, -9.81]})
+
+    def of(s):
+        at, found = site(s), []
+        for one in system.constraints:
+            rows = jax.jacfwd(lambda v, one=one: one.rate(system, at, v[:3], v[3:]))(jnp.zeros(6))
+            push = [jnp.concatenate(one.reaction(system, at, row)) for row in np.eye(one.size)]
+            found.append((one.value(system, at), rows, jnp.stack(push)))
+        return found
+
+    for (kind, free), (gap, rows, push) in zip(FREEDOMS.items(), evaluate(of, state), strict=True):
+        assert np.max(np.abs(gap)) < 1e-15, kind
+        assert len(rows) == np.linalg.matrix_rank(rows) == 6 - free, kind
+        assert push == pytest.approx(rows, abs=1e-14), kind
+
+
+def test_a_pendulum_on_a_hinge_swings_as_in_minimal_coordinates():
+    swing = pendulum()
+    start = swing.state(coordinates={"hinge": 1.0}, speeds={"hinge": 12.0})
+    run = co.simulate(swing.system, start, dt=0.01, steps=100, save_every=10, accuracy=False)
+    turned = swing.joint_data(run.records)
+    moment, weight = MOMENTS[1] + MASS * ARM**2, 9.81 * MASS * ARM
+    exact = solve_ivp(lambda t, x: [x[1], -weight * np.sin(x[0]) / moment], (0, 1), [1, 12], rtol=1e-10, atol=1e-10)
+    assert turned.hinge.values[0] == pytest.approx(1.0, abs=1e-15)
+    assert exact.y[0, -1] > 2 * np.pi
+    assert turned.hinge.values[-1] == pytest.approx(exact.y[0, -1], abs=0.02)
+    assert turned.hinge_speed.values[-1] == pytest.approx(exact.y[1, -1], abs=0.05)
+
+
+def test_bodies_are_placed_along_joints_with_their_velocities():
+    """A crank with a slider on it that screws through: places and velocities against differences of places."""
+    joints = {
+        "crank": Joint("revolute", "ground", "arm", at=(0, 0, 0), axis=(0, 1, 0)),
+        "slider": Joint("prismatic", "head", "arm", at=(0, 0, -1), axis=(0, 0, 1)),
+        "screw": Joint("screw", "head", "nut", at=(0, 0, -1), axis=(1, 0, 0), pitch=0.5),
+    }
+    bodies = {"arm": rod(position=(0, 0, -ARM)), "head": rod(position=(0, 0, -1)), "nut": rod(position=(0.2, 0, -1))}
+    arm = Mechanism(bodies=bodies, joints=joints)
+    speeds = {"crank": 2.0, "slider": -0.5, "screw": 3.0}
+
+    def at(t):
+        return arm.state(coordinates={"crank": 0.7 + 2 * t, "slider": 0.1 - 0.5 * t, "screw": 4 + 3 * t}, speeds=speeds)
+
+    before, now, after = (at(t) for t in (-1e-5, 0.0, 1e-5))
+    arm.system.check(now)
+    assert now.qdot == pytest.approx((after.q - before.q) / 2e-5, abs=1e-8)
+    turning = np.einsum("nji,njk->nik", now.g, (after.g - before.g) / 2e-5)
+    found = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
+    assert now.xi.reshape(3, 3) == pytest.approx(found, abs=1e-8)
+
+
+def test_turns_are_counted_by_the_mean_speed():
+    t = np.linspace(0, 3, 31)
+    angle, speed = 2 * t + 5 * t**2, 2 + 10 * t
+    wrapped = np.arctan2(np.sin(angle), np.cos(angle))
+    assert counted(t, wrapped, speed) == pytest.approx(angle, abs=1e-12)
+
+
+WRONG = {
+    "no body": (lambda: Mechanism(bodies={}, joints={}), "at least one body"),
+    "a body that is a number": (lambda: Mechanism(bodies={"a": 1.0}, joints={}), "must be a dictionary of names and"),
+    "a name that is no word": (lambda: Mechanism(bodies={"a b": rod()}, joints={}), "must be words such as `crank`"),
+    "a body called ground": (lambda: Mechanism(bodies={"ground": rod()}, joints={}), "other than ground"),
+    "a joint called mass": (lambda: hung(mass=Joint("fixed", "ground", "rod", at=(0, 0, 0))), "other than mass"),
+    "no mass": (lambda: Body(mass=0.0, inertia=(1, 1, 1)), "`mass` must be positive"),
+    "no inertia": (lambda: Body(mass=1.0, inertia=(1, 1, 0)), "must be positive definite"),
+    "moments of no body": (lambda: Body(mass=1.0, inertia=(1, 1, 3)), "must satisfy J₁ [+] J₂ ≥ J₃"),
+    "a frame that is stretched": (lambda: Body(mass=1.0, inertia=(1, 1, 1), rotation=2 * np.eye(3)), "be a rotation"),
+    "an unknown kind": (lambda: Joint("hinge", "ground", "rod"), '"revolute"'),
+    "no axis": (lambda: Joint("revolute", "ground", "rod", at=(0, 0, 0)), "needs the argument `axis`"),
+    "no direction": (lambda: hinge(axis=(0, 0, 0)), "must be a direction, but is zero"),
+    "an option of others": (lambda: hinge(pitch=0.1), "takes no argument `pitch`"),
+    "a spring where nothing slides": (
+        lambda: Joint("spherical", "ground", "rod", at=(0, 0, 0), stiffness=1.0),
+        "takes no argument `stiffness`",
+    ),
+    "a negative spring": (lambda: hinge(stiffness=-1.0), "`stiffness` must be a finite number from 0"),
+    "a rest without a spring": (lambda: hinge(rest=0.1), "give its `stiffness`, too"),
+    "a motor that is a number": (lambda: hinge(motor=1), "`motor` must be True or False"),
+    "a screw without pitch": (
+        lambda: Joint("screw", "ground", "rod", at=(0, 0, 0), axis=(0, 0, 1), pitch=0.0),
+        "must not be 0",
+    ),
+    "axes that are not across": (
+        lambda: Joint("universal", "ground", "rod", at=(0, 0, 0), axis=(0, 0, 1), across=(0, 1, 1)),
+        "at a right angle to `axis`",
+    ),
+    "half a tooth": (lambda: Joint("gear", "one", "two", teeth=(1.5, 2)), "two whole numbers other than 0"),
+    "points that coincide": (
+        lambda: hung(rope=Joint("distance", "ground", "rod", at=(0, 0, 0), to=(0, 0, 0))),
+        "must be apart",
+    ),
+    "a disk that lies flat": (
+        lambda: hung(wheel=Joint("rolling", "ground", "rod", at=(0, 0, 1), axis=(0, 0, 1), normal=(0, 0, 1), radius=1)),
+        "the disk lies flat",
+    ),
+    "an unknown body": (lambda: hung(pin=hinge("ground", "rud")), "rod"),
+    "a body on itself": (lambda: hung(pin=hinge("rod", "rod")), "both ends are `rod`"),
+    "a gear on a body": (lambda: hung(mesh=Joint("gear", "rod", "ground", teeth=(1, 2))), "mesh"),
+    "a gear on a joint that slides": (
+        lambda: hung(
+            one=hinge(),
+            two=Joint("prismatic", "ground", "rod", at=(0, 0, 0), axis=(0, 0, 1)),
+            mesh=Joint("gear", "one", "two", teeth=(1, 2)),
+        ),
+        "couples two joints with an angle, but `two` is 'prismatic'",
+    ),
+    "an unknown joint": (lambda: pendulum().state(coordinates={"hing": 1.0}), "hinge"),
+    "a coordinate of a ball joint": (
+        lambda: hung(ball=Joint("spherical", "ground", "rod", at=(0, 0, 0))).state(speeds={"ball": 1.0}),
+        "has no coordinates of its own",
+    ),
+    "two angles of a hinge": (lambda: pendulum().state(coordinates={"hinge": (1.0, 2.0)}), "coordinates` of `hinge"),
+    "a pose of a body that is not there": (lambda: pendulum().state(poses={"rid": (np.eye(3), (0, 0, 0))}), "rod"),
+    "half a pose": (lambda: pendulum().state(poses={"rod": np.eye(3)}), r"must be a pair \(R, x\)"),
+}
+
+
+def hinge(first="ground", second="rod", **options):
+    return Joint("revolute", first, second, **{"at": (0, 0, 0), "axis": (0, 1, 0), **options})
+
+
+def hung(**joints) -> Mechanism:
+    return Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints=joints)
+
+
+@pytest.mark.cases(32)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_mechanism_raises_an_error_that_says_why(wrong: str):
+    make, sentence = WRONG[wrong]
+    with pytest.raises(co.errors.ArgumentError, match=sentence):
+        make()
