@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, Power
-from coadjoint.mechanics.constrained_start import projector_of
+from coadjoint.mechanics.constrained_start import checked_start
 from coadjoint.mechanics.constraints import Constraint, Holonomic, Nonholonomic
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.reactions import count
@@ -216,7 +216,7 @@ class Mechanism:
         free = 6 * len(self.bodies)
         if not self.joints:
             return free
-        projector = projector_of(self.system, state)
+        projector = checked_start(self.system, state)
         return free - (count(self.system) if projector is None else round(float(np.trace(projector))))
 
     def joint_data(self, records: State) -> xarray.Dataset:
