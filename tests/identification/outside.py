@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-import coadjoint
+import coadjoint_vehicles
 
-FILES = Path(coadjoint.__file__).parent / "vehicles" / "files" / "data"
+FILES = Path(coadjoint_vehicles.__file__).parent / "files" / "data"
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 FACTORS = {"mm": 1e-3, "deg": np.pi / 180, "rpm": 1 / 60, "L": 1e-3}
 T200 = np.array([

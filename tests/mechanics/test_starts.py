@@ -230,7 +230,7 @@ def test_what_stays_when_a_payload_is_dropped_is_said_and_stands_on_the_card(fli
         run = co.simulate(sphere_of(1.0), start, dt=0.1, steps=10, keep=keep, progress=False)
         np.testing.assert_allclose(run.records.nu[:, 0], speed, rtol=1e-13)
         np.testing.assert_allclose(run.records.pi[:, 0], speed, rtol=1e-13)
-        assert f"goes on with the {keep} of a record; `mass` changed" in str(run)
+        assert f"continues with the {keep} of a record; `mass` changed" in str(run)
 
 
 def test_a_run_that_goes_on_with_other_parameters_refuses_to_guess(flight):

@@ -34,8 +34,9 @@ def test_both_kernels_give_the_same_chunk(monkeypatch):
     s = start(H, [1.0, -2.0, 3.0])
     ours, theirs = (backend.run(name, VehicleProgram(), PAPER, s, H, 5, 20) for name in ("native", "xla"))
     assert_close(everything(ours), everything(theirs))
-    for name in ("steps", "code", "iterations", "iterations_max"):
+    for name in ("steps", "code"):
         assert getattr(ours, name) == getattr(theirs, name)
+    assert 0 < ours.iterations <= 2 * theirs.iterations, "chords shrink by a factor"
     assert set(ours.extrema) == set(theirs.extrema)
 
 
@@ -51,8 +52,9 @@ def test_both_kernels_give_the_same_ensemble():
     well = slice(0, 2)
     for ours, theirs in zip(everything(native), everything(xla), strict=True):
         assert_close(jax.tree.map(lambda x: x[well], ours), jax.tree.map(lambda x: x[well], theirs))
-    for name in ("steps", "rows", "code", "iterations"):
+    for name in ("steps", "rows", "code"):
         np.testing.assert_array_equal(getattr(native, name), getattr(xla, name))
+    assert np.all(native.iterations <= 2 * np.asarray(xla.iterations))
 
 
 @dataclass(frozen=True)

@@ -123,6 +123,11 @@ def test_monitors_and_certificates_are_observed_at_every_step():
     assert native.run(VehicleProgram(), PAPER, start(H), H, 2, 5, monitors=False).extrema == {}
 
 
+def test_monitors_change_no_digit_of_a_motion():
+    watched, bare = (native.run(VehicleProgram(), SKEW, start(H, p=SKEW), H, 2, 100, on) for on in (True, False))
+    assert_close((watched.records, watched.final), (bare.records, bare.final), 0.0)
+
+
 def test_the_kelvin_noether_quantity_is_kept():
     chunk = native.run(VehicleProgram(), PAPER, start(H), H, 50, 1000)
     low, high = chunk.extrema["kelvin_noether"]

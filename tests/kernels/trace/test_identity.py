@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+import coadjoint_vehicles
 from coadjoint.kernels.trace import library
 from coadjoint.kernels.trace.identity import Shapes, Traced, identity
 from coadjoint.mechanics.identity import parts
@@ -134,7 +135,8 @@ print(library(), edited())
 
 @pytest.mark.long
 def test_identities_are_those_of_other_processes_and_edited_files_make_another_library(tmp_path):
-    shutil.copytree(library.ROOT, tmp_path / "coadjoint", ignore=shutil.ignore_patterns("__pycache__"))
+    for package in (library.ROOT, Path(coadjoint_vehicles.__file__).parent):
+        shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
 
     def seen():
         command = [sys.executable, "-B", "-c", SEEN, str(tmp_path)]
@@ -145,8 +147,8 @@ def test_identities_are_those_of_other_processes_and_edited_files_make_another_l
         return told[0]
 
     first = seen()
-    for file in ("methods/midpoint.py", "vehicles/files/data/remus_100.toml"):
-        path = Path(tmp_path, "coadjoint", file)
+    for file in ("coadjoint/methods/midpoint.py", "coadjoint_vehicles/files/data/remus_100.toml"):
+        path = Path(tmp_path, file)
         path.write_text(path.read_text() + "\n#\n")
         before, first = first, seen()
         assert first not in (before, "None")

@@ -20,11 +20,8 @@ DOUBLE = ir.DoubleType()
 INT64 = ir.IntType(64)
 BIT = ir.IntType(1)
 
-FUSED = ("contract",)
-"""Products and sums may fuse; nothing is reassociated, and NaN and infinity keep their meaning."""
-
 FREE = ("contract", "reassoc", "nsz")
-"""For what affects only Newton's convergence, the derivatives and the linear solve: sums may be reordered as well."""
+"""For what affects only Newton's convergence, the derivatives and the linear solve: sums may be fused and reordered."""
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARISONS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
@@ -142,8 +139,9 @@ class Emitter:
         if isinstance(node.value, Table):
             return self._entry(node.value, args[0])
         if op in _ARITHMETIC:
-            flags = FUSED if self._exact is None or node in self._exact else FREE
-            return getattr(builder, _ARITHMETIC[op])(*args, flags=flags)
+            if self._exact is not None and node not in self._exact:
+                return getattr(builder, _ARITHMETIC[op])(*args, flags=FREE)
+            return self._fused(node) if op in ("add", "sub") else getattr(builder, _ARITHMETIC[op])(*args)
         if op == "neg":
             return builder.fneg(*args)
         if op == "select":
@@ -164,6 +162,20 @@ class Emitter:
         if op in _LIBM:
             return self._libm(_LIBM[op], *args)
         raise Untraceable(op)
+
+    def _fused(self, node: Expr) -> ir.Value:
+        """A sum or difference, as one operation with the first of its arguments that is a product.
+
+        LLVM would choose by the other users of the product, so that a monitor could change the last digit of a state.
+        """
+        b, (first, second) = self.builder, node.args
+        x, y, minus = self._known(first), self._known(second), node.op == "sub"
+        if first.op == "mul":
+            return self.intrinsic("fmuladd", *map(self._known, first.args), b.fneg(y) if minus else y)
+        if second.op == "mul":
+            u, v = map(self._known, second.args)
+            return self.intrinsic("fmuladd", b.fneg(u) if minus else u, v, x)
+        return (b.fsub if minus else b.fadd)(x, y)
 
     def _entry(self, table: Table, place: ir.Value) -> ir.Value:
         """The number at a place in a constant array of the module, in each lane its own."""

@@ -12,7 +12,8 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import FUSED, INT64, Emitter
+from coadjoint.kernels.emit.emitter import INT64, Emitter
+from coadjoint.kernels.emit.loops import FUSED
 
 LN2 = (0.6931471804855391, 7.440617110012397e-11)
 """ln 2 in two parts: an integer below 2²⁰ times the first is exact."""
