@@ -8,6 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.constrained_start import singular_place
 from coadjoint.methods.rattle import Rattle
 from pinned import PIN, RATES, pinned, reference, start
 
@@ -105,3 +106,26 @@ def test_a_run_that_continues_from_its_end_equals_an_undivided_one():
     first = co.simulate(system, start(system), dt=0.01, steps=20, **QUIET)
     rest = co.simulate(system, first.final, dt=0.01, steps=20, **QUIET)
     assert np.array_equal(rest.final.mu, whole.final.mu)
+
+
+def test_a_curve_that_crosses_itself_is_passed_and_its_crossing_is_known_as_singular():
+    """Viviani's curve: a sphere and a cylinder that touch at (1, 0, 0)."""
+    touching = {
+        "sphere": co.Holonomic(lambda n: n @ n - 1),
+        "cylinder": co.Holonomic(lambda n: (n[0] - 0.5) ** 2 + n[1] ** 2 - 0.25),
+    }
+    system = co.System(
+        co.SO2(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Trivial(3), constraints=touching
+    )
+
+    def at(t, speed=0.0):
+        place = [np.cos(t) ** 2, np.sin(t) * np.cos(t), np.sin(t)]
+        return system.state(q=place, qdot=speed * np.array([-np.sin(2 * t), np.cos(2 * t), np.cos(t)]))
+
+    run = co.simulate(system, at(0.8, -1.0), dt=0.01, duration=2.0, **QUIET)
+    assert run.final.q[2] < -0.3
+    assert (
+        np.abs([run.final.q @ run.final.q - 1, (run.final.q[0] - 0.5) ** 2 + run.final.q[1] ** 2 - 0.25]).max() < 1e-14
+    )
+    assert "singular place" in singular_place(system, at(1e-4), None)
+    assert singular_place(system, at(0.8), None) == ""

@@ -15,7 +15,8 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import member_of
-from coadjoint.mechanics.reactions import kicked, node_rates, parts, rate, site
+from coadjoint.mechanics.momentum_sizes import largest
+from coadjoint.mechanics.reactions import kicked, node_rates, parts, rate, rows_of, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -28,6 +29,9 @@ ON = 1e-9
 
 DEPENDENT = 1e-11
 """The smallest eigenvalue of A M⁻¹Aᵀ in units of its diagonal, relative to the largest, of an independent row."""
+
+SINGULAR = 1e-3
+"""The smallest of these eigenvalues, relative to the largest, at a step that failed in a singular place."""
 
 TRIPS = 40
 """Newton's iterations of a projection."""
@@ -43,7 +47,7 @@ def checked_start(system: ReducedFunctions, state: State) -> np.ndarray | None:
         read = one.value if one.holonomic else one.rows
         require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
     found = evaluate(lambda s, p: _surveyed(replace_parameters(system, p), s), state, system.parameters)
-    projector = _projector(system, found["mobility"])
+    projector = None if rows_of(system) is not None else _projector(system, found["mobility"])
     _require_on(system, found)
     return projector
 
@@ -57,7 +61,7 @@ def require_members_on_constraints(system: ReducedFunctions, parameters: Any, ax
     survey = jax.vmap(lambda p, s: _surveyed(replace_parameters(system, p), s), in_axes=(axes, 0))
     found = evaluate(survey, parameters, states)
     _require_on(system, found)
-    if any(_rank(matrix) < len(matrix) for matrix in found["mobility"]):
+    if any(_rank(matrix) < len(matrix) for matrix in found["mobility"] if len(matrix)):
         raise ArgumentError(
             "The members of an ensemble need independent constraints, but some rows follow from others at the start: "
             "leave these out."
@@ -83,6 +87,8 @@ def _require_on(system: ReducedFunctions, found: dict[str, Any]) -> None:
 
 def _surveyed(system: ReducedFunctions, state: State) -> dict[str, Any]:
     """|φ| of each constraint and |A·(ξ, ν) − b|, with the size of the terms in them, and A M⁻¹Aᵀ."""
+    if rows_of(system) is not None:
+        return _surveyed_links(system, state)
     at = site(state)
     places = []
     for one in system.constraints:
@@ -100,6 +106,19 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, Any]:
 
     size = jnp.abs(jax.jacfwd(rates)(v)) @ (jnp.abs(v) + 1e-3) + jnp.abs(rates(jnp.zeros_like(v)))
     return {"places": places, "rate": (jnp.abs(node.rate), size), "mobility": node.mobility}
+
+
+def _surveyed_links(system: ReducedFunctions, state: State) -> dict[str, Any]:
+    """`_surveyed` of many links, relative to the largest n, a, ξ and ν, without A M⁻¹Aᵀ."""
+    at, node = site(state), inverse_legendre.velocities(system, state)
+    size = 1e-3 + largest(state.n, state.a)
+    places = [
+        (jnp.abs(one.value(system, at)) if one.holonomic else jnp.zeros(one.size), jnp.full(one.size, size))
+        for one in system.constraints
+    ]
+    rates = jnp.abs(rate(system, at, node.xi, node.nu))
+    speed = size * (1e-3 + largest(node.xi, node.nu))
+    return {"places": places, "rate": (rates, jnp.full_like(rates, speed)), "mobility": jnp.zeros((0, 0))}
 
 
 def _projector(system: ReducedFunctions, matrix: np.ndarray) -> np.ndarray | None:
@@ -126,9 +145,29 @@ def _projector(system: ReducedFunctions, matrix: np.ndarray) -> np.ndarray | Non
 
 def _rank(matrix: np.ndarray) -> int:
     """The rank of A M⁻¹Aᵀ, whatever the units of its rows."""
-    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
-    sizes = np.abs(np.linalg.eigvalsh(scale[:, None] * (0.5 * (matrix + matrix.T)) * scale))
+    sizes = _sizes(matrix)
     return int(np.sum(sizes > DEPENDENT * np.max(sizes)))
+
+
+def _sizes(matrix: np.ndarray) -> np.ndarray:
+    """The sizes of the eigenvalues of A M⁻¹Aᵀ in units of its diagonal."""
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
+    return np.abs(np.linalg.eigvalsh(scale[:, None] * (0.5 * (matrix + matrix.T)) * scale))
+
+
+def singular_place(system: ReducedFunctions, state: State, projector: Array | None) -> str:
+    """A sentence if the rows of the constraints are nearly dependent at a state, which they were not at the start."""
+    if not system.constraints or rows_of(system) is not None:
+        return ""
+    found = evaluate(lambda s, p: node_rates(replace_parameters(system, p), s).mobility, state, system.parameters)
+    rank = len(found) if projector is None else round(float(np.trace(projector)))
+    sizes = np.sort(_sizes(found))[::-1]
+    if not np.all(np.isfinite(sizes)) or sizes[rank - 1] > SINGULAR * sizes[0]:
+        return ""
+    return (
+        " The rows of its constraints are all but dependent there, so that the motion comes to a singular place: start "
+        "elsewhere, or describe the place by other constraints."
+    )
 
 
 def warnings(system: ReducedFunctions, state: State) -> list[str]:

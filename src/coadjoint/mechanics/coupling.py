@@ -18,10 +18,21 @@ from coadjoint.mechanics.state import Places
 from coadjoint.spaces import Several, Space
 
 
-def structure(places: Places) -> Structure:
-    """The structure of equations for (ξ, y), (dim G + dim Q,): coupled links, or dense where every pair is coupled."""
+def structure(places: Places, more: tuple[int, ...] = ()) -> Structure:
+    """The structure of equations for (ξ, y), (dim G + dim Q,): coupled links, or dense where every pair is coupled.
+
+    more: the sizes of further parts of the unknowns.
+    """
     group, Q, _ = places
-    return structure_of_links(group, tuple(_dims(Q, group))) if isinstance(group, Power) else Dense()
+    return structure_of_links(group, (*_dims(Q, group), *more)) if isinstance(group, Power) else Dense()
+
+
+@lru_cache(maxsize=256)
+def rows_of_links(group: LieGroup, sizes: tuple[int, ...]) -> Coupled | None:
+    """The structure of equations for parts of these sizes alone, each of all of many links; None for others."""
+    if not large(group) or not isinstance(group, Power) or not isinstance(structure_of_links(group, sizes), Coupled):
+        return None
+    return Coupled(group.count, tuple(size // group.count for size in sizes), group.pairs)
 
 
 def _dims(Q: Space, group: LieGroup) -> list[int]:

@@ -9,14 +9,16 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array
 from coadjoint.mechanics.continuous import rates
-from coadjoint.mechanics.reactions import count, node_rate, reaction, site, solved
+from coadjoint.mechanics.reactions import count, node_rate, reaction, rows_of, site, solved
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
 
 def multipliers(system: System, state: State, projector: Array | None) -> Array:
     """λ (m,) of φ̈ = 0, or d/dt A·(ξ, ν) = ḃ, at a node with its own velocities; of redundant rows the least λ."""
-    change, nothing = acceleration(system, state), jnp.zeros(count(system))
+    change, nothing, how = acceleration(system, state), jnp.zeros(count(system)), rows_of(system)
+    if how is not None:
+        return how.jacobian_solve(change, nothing, -change(nothing))
     matrix, right = jax.jacfwd(change)(nothing), -change(nothing)
     if projector is None:
         return solved(matrix, right, None)

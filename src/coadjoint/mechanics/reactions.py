@@ -9,9 +9,11 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.arrays import Array
+from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.constraints import Bound, Site
+from coadjoint.mechanics.coupling import rows_of_links
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.state import State
 
@@ -101,17 +103,31 @@ def node_rates(system: ReducedFunctions, state: State, impulse: Array | None = N
 def closing(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
     """The impulse λ (m,) after which the velocities of the node satisfy all constraints.
 
-    One linear solve where these are affine in the momenta, else Newton's iteration. projector: of redundant rows, the
-    projection (m, m) onto those that are kept.
+    One linear solve where these are affine in the momenta, else Newton's iteration; of many links by blocks. projector:
+    of redundant rows, the projection (m, m) onto those that are kept.
     """
-    found = node_rates(system, state)
-    impulse = -solved(found.mobility, found.rate, projector)
-    if found.velocities.residual is None and not _curved(system, state):
-        return impulse
-    for _ in range(TRIPS - 1):
-        found = node_rates(system, state, impulse)
-        impulse = impulse - solved(found.mobility, found.rate, projector)
+    how = rows_of(system)
+
+    def improved(impulse: Array) -> tuple[Array, Array | None]:
+        if how is None:
+            found = node_rates(system, state, impulse)
+            return impulse - solved(found.mobility, found.rate, projector), found.velocities.residual
+        residual = inverse_legendre.velocities(system, state).residual
+        return impulse - how.jacobian_solve(left, impulse, left(impulse)), residual
+
+    def left(impulse: Array) -> Array:
+        return node_rate(system, kicked(system, state, impulse))
+
+    impulse, residual = improved(jnp.zeros(count(system)))
+    if residual is not None or _curved(system, state):
+        for _ in range(TRIPS - 1):
+            impulse, _ = improved(impulse)
     return impulse
+
+
+def rows_of(system: ReducedFunctions) -> Coupled | None:
+    """The structure of the rows of the constraints of many links; None where they are solved as a dense matrix."""
+    return rows_of_links(system.group, tuple(one.size for one in system.constraints))
 
 
 def _curved(system: ReducedFunctions, state: State) -> bool:

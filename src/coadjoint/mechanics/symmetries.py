@@ -9,6 +9,7 @@ import numpy as np
 from coadjoint.arrays import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.constraints import Site
+from coadjoint.mechanics.coupling import large
 from coadjoint.mechanics.noether import echelon, spatial_momentum
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -21,13 +22,13 @@ def symmetries(system: System, state: State) -> np.ndarray:
     """Motions δg = ηg, δq = η·q + u of space that leave ℓ and all φ unchanged, rows (η, u), (k, dim G + ambient).
 
     Those with u = 0 are left out: c₀·a₀ = 0 makes them Kelvin–Noether quantities. A pin at c leaves the turn about the
-    vertical through it, η = e_z, u = −e_z × c. Found at random places; none with forces, rows on velocities or a curved
-    space of additional dynamics.
+    vertical through it, η = e_z, u = −e_z × c. Found at random places; none with forces, rows on
+    velocities, a curved space of additional dynamics or many links.
     """
     group, Q, _ = system.places
     dim, wide = group.dim, Q.ambient(group)
     nothing = np.zeros((0, dim + wide))
-    if system.forces or not wide or not Q.flat or not all(one.holonomic for one in system.constraints):
+    if large(group) or system.forces or not wide or not Q.flat or not all(one.holonomic for one in system.constraints):
         return nothing
     random = np.random.default_rng(1918)
     count = dim + wide + 2

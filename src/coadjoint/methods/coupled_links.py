@@ -38,7 +38,7 @@ def require_coupling(system: System, equations: Callable[..., object], state: St
     if not system.verify or traced(state, system.parameters) or np.ndim(state.t):
         return
     random = np.random.default_rng(1826)
-    m = system.unknowns
+    m = how.count * sum(how.sizes)
     eta, z, v = 0.3 * random.normal(size=system.group.dim), random.normal(size=m), random.normal(size=m)
     h = np.float64(0.1)
 

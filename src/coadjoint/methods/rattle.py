@@ -15,7 +15,7 @@ from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
-from coadjoint.kernels.newton.coupled import Factors
+from coadjoint.kernels.newton.coupled import Coupled, Factors
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.evaluate import traced
@@ -24,10 +24,12 @@ from coadjoint.mechanics.constrained_start import (
     require_members_on_constraints,
 )
 from coadjoint.mechanics.constraints import Bound
+from coadjoint.mechanics.coupling import structure
 from coadjoint.mechanics.discrete import Node, Point
 from coadjoint.mechanics.reactions import closing, count, kicked, powers, site, source
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.coupled_links import require_coupling
 from coadjoint.methods.step import Step
 
 
@@ -45,6 +47,17 @@ class Reactions:
     end: Array
     projector: Array | None
     base: Any
+
+
+@dataclass(frozen=True)
+class _Joined(Coupled):
+    """Links with the multipliers of their joints, of which the round-off eps |n|/h grows with the square of N."""
+
+    near, rests = 1e-5, True
+
+    @property
+    def words(self) -> str:
+        return super().words.partition(";")[0]
 
 
 @dataclass(frozen=True)
@@ -76,7 +89,11 @@ class Rattle(Step):
         return (*self.base.blocks(system), count(system))
 
     def structure(self, system: System) -> Structure:
-        return Dense()
+        """That of the base with the multipliers of joints as further unknowns of links; each step computes factors."""
+        if not isinstance(self.base.structure(system), Coupled):
+            return Dense()
+        found = structure(system.places, tuple(one.size for one in system.constraints))
+        return _Joined(found.count, found.sizes, found.pairs) if isinstance(found, Coupled) else found
 
     def damping_rate(self, system: System) -> float:
         return self.base.damping_rate(system)
@@ -100,6 +117,12 @@ class Rattle(Step):
         bare = state.replace(memory=None)
         base = self.base.remember(system, bare)
         memory = None if isinstance(base.memory, Factors) else base.memory
+        how = self.structure(system)
+        if isinstance(how, Coupled):
+            nothing = Reactions(np.zeros(count(system)), np.zeros(count(system)), None, memory)
+            require_coupling(
+                system, lambda here, s, h, z: self.residual(here, s.replace(memory=nothing), h, z), bare, how
+            )
         kept = state.memory.end if isinstance(state.memory, Reactions) else np.zeros(count(system))
         projector = None if traced(state, system.parameters) else checked_start(system, bare)
         return state.replace(memory=Reactions(kept, kept, projector, memory))

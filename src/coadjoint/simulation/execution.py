@@ -12,7 +12,9 @@ from coadjoint.interrupts import forget, look
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger
+from coadjoint.mechanics.constrained_start import singular_place
 from coadjoint.mechanics.internal_state import failure
+from coadjoint.methods.rattle import kept
 from coadjoint.simulation.accuracy.resolution import accuracy_warnings, chosen_members, judged_run
 from coadjoint.simulation.accuracy.sample import Sampler
 from coadjoint.simulation.certificate import fixed_steps
@@ -104,6 +106,12 @@ def _solved(run: Result) -> str:
     return ""
 
 
+def _singular(run: Result) -> str:
+    """A sentence if the constraints of a run have come to a singular place."""
+    memory = kept(run.position.state)
+    return "" if memory is None else singular_place(run.system, run.position.state, memory.projector)
+
+
 def _sentence(run: Result) -> str:
     """The failure, its place, and the remedy."""
     index, code = run.good_steps, run.position.code
@@ -111,7 +119,7 @@ def _sentence(run: Result) -> str:
     where = f"Step {index} of {run.plan.steps} (t = {float(run.position.state.t):.6g} s)"
     if code is Code.NOT_CONVERGED:
         many = run.plan.program.stages[0].structure.limit
-        return f"{where} did not converge in {many} with dt = {run.plan.h:g}; {unsolved}{_solved(run)}."
+        return f"{where} did not converge in {many} with dt = {run.plan.h:g}; {unsolved}{_solved(run)}.{_singular(run)}"
     if code is Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}."
     if reason := not_finite(run.plan, run.position.state):

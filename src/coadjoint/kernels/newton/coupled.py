@@ -70,7 +70,8 @@ class Factors(NamedTuple):
 class _Iterate(NamedTuple):
     """age: iterations with these factors. near: whether the last increment was below NEAR. due: renew the factors.
 
-    renewals: how many times they were renewed in this stage.
+    renewals: how many times they were renewed in this stage. resting: the blocks that have come to round-off, () where
+    this is not remembered.
     """
 
     unknowns: Array
@@ -81,6 +82,7 @@ class _Iterate(NamedTuple):
     due: Array
     age: Array
     renewals: Array
+    resting: Any = ()
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,11 @@ class Coupled:
 
     limit = f"{MOST} Newton iterations"
     many_small = True
+    near = NEAR
+    """Increments below this, relative, may be round-off."""
+
+    rests = False
+    """Whether a block whose increments have stalled counts as solved from then on, though others still move."""
 
     @property
     def native(self) -> bool:
@@ -285,22 +292,26 @@ class Coupled:
             new = it.unknowns + increment
             sizes, scales = sizes_of(increment, parts), sizes_of(new, parts)
             finite = jnp.all(jnp.isfinite(sizes))
-            near = jnp.max(sizes) <= NEAR * jnp.max(scales) + floor
+            near = jnp.max(sizes) <= self.near * jnp.max(scales) + floor
             rates = jnp.where(age > 0, sizes / jnp.maximum(it.sizes, floor), jnp.inf)
             small = (sizes <= SETTLED * scales + floor) | (jnp.maximum(rates, 1e-8) * sizes <= LEFT_OVER * scales)
             stalled = near & was_near & (rates > STALLED)
+            rested = (it.resting | (stalled & fresh)) & near if self.rests else stalled & fresh
             # New factors that give NaN have failed.
-            settled = jnp.all(small | (stalled & fresh)) | (~finite & fresh & (age == 0))
+            settled = jnp.all(small | rested) | (~finite & fresh & (age == 0))
             lost = (jnp.max(rates) > 1.0) & ~near & (age > 0)
             lost = lost | jnp.any(stalled & ~small) & ~fresh | ~finite
             kept = jnp.where(finite | settled, jnp.where(lost & ~near, it.unknowns, new), start)
             due = ~settled & (lost | (age + 1 >= RENEWED))
-            return _Iterate(kept, it.iterations + 1, settled, sizes, near, due, age + 1, renewals), factors
+            return _Iterate(
+                kept, it.iterations + 1, settled, sizes, near, due, age + 1, renewals, rested if self.rests else ()
+            ), factors
 
         known, never = before.h == h, jnp.asarray(False)
         ahead = jnp.where(known, 2.0 * before.changes[0] - before.changes[1], 0.0)
         none = jnp.asarray(0)
-        first = _Iterate(start + ahead, none, never, sizes_of(start, parts), never, ~known, none, none)
+        resting = jnp.zeros(len(parts), bool) if self.rests else ()
+        first = _Iterate(start + ahead, none, never, sizes_of(start, parts), never, ~known, none, none, resting)
         return lax.while_loop(
             lambda carry: ~carry[0].settled & (carry[0].iterations < MOST), advance, (first, before[:3])
         )
