@@ -103,6 +103,10 @@ def cheap() -> dict[str, Callable[[], Any]]:
             co.Event(spin)],
         "values": lambda: [co.Parameters(a=1.0), co.Force(np.zeros(3), np.zeros(0)), co.mechanics.Course(1.0)],
         "groups": lambda: [co.Power(co.SO3(), 3), co.spaces.RelativePoses(((0, 1),)), co.spaces.GroupItself()],
+        "spaces": lambda: [co.spaces.ByInverse(co.Defining()), co.spaces.Links(co.Defining())],
+        "spline": lambda: co.groups.Spline(co.SO3(), np.arange(3.0), np.stack([np.eye(3)] * 3)),
+        "claims": lambda: co.Midpoint().claims,
+        "constraints": lambda: [co.Holonomic(spin), co.Nonholonomic(form)],
         "bundles": lambda: [co.mechanics.Connection(co.SO3(), 2, form), co.mechanics.DiscreteConnection(co.SO3(), 2,
             increment)],
         "noether": lambda: co.mechanics.KelvinNoether(np.eye(3)),
@@ -171,8 +175,8 @@ WATER: dict[str, Callable[[], Any]] = {
 }
 PLAIN = {
     "estimation": ("Consistency", "InertialState", "Innovation", "Filtered"),
-    "theory": ("Configuration", "Instant", "Link", "Momenta", "MomentumMaps", "PoissonLink", "Residual",
-               "SemidirectLink", "Transforms", "Variation"),
+    "theory": ("Configuration", "Instant", "Link", "Momenta", "MomentumEquation", "MomentumMaps", "PhaseVariation",
+               "PoissonLink", "Residual", "SemidirectLink", "Transforms", "Variation"),
     "stability": ("Mode", "StepModes", "EnergyCasimir", "Linearisation"),
     "identification": ("Estimate",),
     "vehicles": ("Command", "Feedback", "Flow"),

@@ -24,12 +24,17 @@ WAYS: dict[str, Callable[[Any], Any]] = {
     "deepcopy": copy.deepcopy,
     "cloudpickle": lambda one: pickle.loads(cloudpickle.dumps(one)),
 }
-BASES = {"coadjoint.difference_maps.DifferenceMap", "coadjoint.groups.LieGroup", "coadjoint.spaces.Space"}
+BASES = {
+    "coadjoint.difference_maps.DifferenceMap",
+    "coadjoint.groups.LieGroup",
+    "coadjoint.spaces.Representation",
+    "coadjoint.spaces.Space",
+}
 NOT_MADE = {
     "coadjoint.control.PhasedOptimum": "runs and numbers, from a solver",
     "coadjoint.identification.Identification": "runs and numbers, from a solver",
     "coadjoint.control.ExportedStep": "a function of CasADi, which pickles itself",
-    "coadjoint_vehicles.serving.Loop": "a socket, which belongs to its process",
+    "coadjoint.vehicles.serving.Loop": "a socket, which belongs to its process",
 }
 OTHERS = {"coadjoint.Stepper": "Stepping"}
 """What comes back is of another class: a saved stepper, whose functions are machine code."""

@@ -86,7 +86,7 @@ def test_warnings_about_ones_own_file_are_shown_and_what_is_wrong_refused(capsys
     assert "Which vehicle?" in told(capsys, "show", status=2)
     assert "coadjoint vehicles show remus_100" in told(capsys, "list", "remus_100", status=2)
     assert "leave --json out" in told(capsys, "mission", "remus_100", "--json", status=2)
-    assert "no JSON" in told(capsys, "show", "remus_100", "--json", "--toml", status=2)
+    assert "not JSON" in told(capsys, "show", "remus_100", "--json", "--toml", status=2)
 
 
 def test_terminal_speeds_are_where_thrust_is_drag() -> None:

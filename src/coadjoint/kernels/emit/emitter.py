@@ -175,7 +175,7 @@ class Emitter:
         if second.op == "mul":
             u, v = map(self._known, second.args)
             return self.intrinsic("fmuladd", b.fneg(u) if minus else u, v, x)
-        return (b.fsub if minus else b.fadd)(x, y)
+        return getattr(b, "fsub" if minus else "fadd")(x, y)
 
     def _entry(self, table: Table, place: ir.Value) -> ir.Value:
         """The number at a place in a constant array of the module, in each lane its own."""
