@@ -21,11 +21,8 @@ CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.f
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("processes", "share"),
-    [(2, 33), pytest.param(2, 1, marks=pytest.mark.long), pytest.param(3, 1, marks=pytest.mark.long)],
-)
-def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypatch, processes, share):
+@pytest.mark.parametrize("processes", [2, 3])
+def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypatch, processes):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)
     monkeypatch.setattr(os, "fsync", lambda handle: None)
@@ -38,7 +35,7 @@ def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypat
     (tmp_path / "whole").mkdir()
     operations = recorded(monkeypatch, lambda: run("whole"))
     expected, place = run("whole"), tmp_path / "shared"
-    kills = [None, *places(operations)[::share]]
+    kills = [None, *places(operations)]
     for number, kill in enumerate(kills):
         place.mkdir()
         others = [None if number % 2 else kills[-1 - number % len(kills)]] * (processes - 1)

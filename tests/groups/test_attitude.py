@@ -92,18 +92,14 @@ def test_euler_angles_reproduce_rotations_at_and_near_both_singular_attitudes(ra
             np.testing.assert_allclose(matrix(*back(R)), R, atol=ROUND_OFF + 2 * lost)
 
 
-@pytest.mark.parametrize(("theta", "sign"), [(0.0, 1), (np.pi, -1)])
-def test_zxz_angles_without_nutation_give_the_whole_turn_to_psi(theta, sign):
-    psi, found, phi = attitude.zxz_angles(attitude.zxz(0.7, theta, 0.4))
-    np.testing.assert_allclose([psi, found, phi], [0.7 + sign * 0.4, theta, 0.0], atol=ROUND_OFF)
-    assert phi == 0.0
-
-
-@pytest.mark.parametrize(("pitch", "sign"), [(HALF, -1), (-HALF, 1)])
-def test_zyx_angles_in_gimbal_lock_give_the_whole_turn_to_yaw(pitch, sign):
-    yaw, found, roll = attitude.zyx_angles(attitude.zyx(0.7, pitch, 0.4))
-    np.testing.assert_allclose([yaw, found, roll], [0.7 + sign * 0.4, pitch, 0.0], atol=ROUND_OFF)
-    assert roll == 0.0
+@pytest.mark.parametrize(
+    ("kind", "middle", "sign"), [("zxz", 0.0, 1), ("zxz", np.pi, -1), ("zyx", HALF, -1), ("zyx", -HALF, 1)]
+)
+def test_angles_without_nutation_or_in_gimbal_lock_give_the_turn_to_the_first(kind, middle, sign):
+    R = getattr(attitude, kind)(0.7, middle, 0.4)
+    first, found, last = getattr(attitude, f"{kind}_angles")(R)
+    np.testing.assert_allclose([first, found, last], [0.7 + sign * 0.4, middle, 0.0], atol=ROUND_OFF)
+    assert last == 0.0
 
 
 def test_heading_of_exactly_pi_reads_plus_pi():
@@ -128,16 +124,12 @@ def test_euler_rates_invert_angular_velocity(random, matrix, velocity, back):
     np.testing.assert_allclose(found, omega, atol=1e-13)
 
 
-@pytest.mark.parametrize("theta", [0.0, np.pi, -np.pi, 2 * np.pi])
-def test_zxz_rates_refuse_zero_nutation(theta):
+@pytest.mark.parametrize("turns", [0.0, 1.0, -1.0, 2.0])
+def test_rates_refuse_zero_nutation_and_gimbal_lock(turns):
     with pytest.raises(ValueError, match=r"`theta` must keep away from 0 and π.*\|sin θ\|"):
-        attitude.zxz_rates(0.1, [1.0, theta], 0.2, [1, 2, 3])
-
-
-@pytest.mark.parametrize("pitch", [HALF, -HALF, 3 * HALF])
-def test_zyx_rates_refuse_gimbal_lock(pitch):
+        attitude.zxz_rates(0.1, [1.0, turns * np.pi], 0.2, [1, 2, 3])
     with pytest.raises(ValueError, match=r"`pitch` must keep away from ±π/2.*\|cos pitch\|"):
-        attitude.zyx_rates(0.1, [1.0, pitch], 0.2, [1, 2, 3])
+        attitude.zyx_rates(0.1, [1.0, HALF + turns * np.pi], 0.2, [1, 2, 3])
 
 
 def test_quaternion_reproduces_random_rotations_and_agrees_with_scipy(random):

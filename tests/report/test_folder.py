@@ -93,15 +93,9 @@ def test_what_an_input_file_needs_is_kept_beside_it(tmp_path):
     assert not (tmp_path / "other").exists()
 
 
-@pytest.mark.parametrize("name", ["cayley.nc", SUMMARY])
-def test_results_without_a_configuration_are_another_run(tmp_path, name):
-    (tmp_path / name).write_text("")
-    with pytest.raises(FileError, match="holds another run"):
-        require_free(tmp_path, RUN)
-
-
-def test_a_damaged_configuration_is_another_run(tmp_path):
-    (tmp_path / RUN_FILE).write_text("[run")
+@pytest.mark.parametrize(("name", "text"), [("cayley.nc", ""), (SUMMARY, ""), (RUN_FILE, "[run")])
+def test_results_without_a_configuration_or_with_a_damaged_one_are_another_run(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
     with pytest.raises(FileError, match="holds another run"):
         require_free(tmp_path, RUN)
 

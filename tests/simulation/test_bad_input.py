@@ -111,12 +111,9 @@ def test_a_matrix_of_forces_may_be_asymmetric():
     assert co.simulate(vehicle, start(vehicle), dt=0.01, steps=3, monitors=False).good_steps == 3
 
 
-def test_a_singular_inertia_is_refused():
+def test_a_singular_inertia_is_refused_and_an_indefinite_one_is_warned_of():
     vehicle = system(parameters=PARAMETERS.replace(inertia=np.diag([5.0, 5.0, 0.0])))
     assert "Legendre transform must be regular" in sentence_of(lambda: co.simulate(vehicle, START, dt=0.01, steps=3))
-
-
-def test_an_indefinite_inertia_is_warned_of():
     vehicle = system(parameters=PARAMETERS.replace(inertia=np.diag([5.0, 5.0, -1.0])))
     assert "not positive definite" in co.simulate(vehicle, START, dt=0.01, steps=3).warnings[0]
 
