@@ -3,6 +3,7 @@
 Counted are this process and the children that it waited for. Apart from a test are counted imports, the collection of
 garbage, and fixtures that several tests share: they fall to whichever test comes first. A loop in Python measures how
 fast the processor is, when the tests begin and once more after a test that costs too much; the slower of both counts.
+For the budget it is measured after every `OFTEN` tests, and the median counts.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import gc
 import json
 import resource
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -20,13 +22,16 @@ from calibration import REFERENCE, loop
 LIMIT = 1.0
 """Processor time that a test may take, s, on a processor that runs the loop in `REFERENCE`."""
 
-NOISE = 2.0
+NOISE = 1.5
 """How many times the limit fails: the processor times of a test differ by as much when other programs run."""
 
 FIRST, USED = 1.0, 10
 """What each of the first tests of a process may take more, s, for what is used for the first time, and how many."""
 
-BUDGET = 330.0
+OFTEN = 250
+"""After how many tests of a process the loop measures the processor for the budget."""
+
+BUDGET = 260.0
 """Processor time that all tests which run by default may take together, s, with their collection."""
 
 
@@ -84,6 +89,7 @@ class Costs:
     def __init__(self, config) -> None:
         self.config, self.apart = config, Apart()
         self.calibration = loop()
+        self.speeds = [self.calibration]
         self.count = 0
         self.began, self.collected, self.tests = 0.0, 0.0, {}
         self.processes: list[dict[str, float]] = []
@@ -119,6 +125,8 @@ class Costs:
         elif call.when == "call" and report.passed and "long" not in item.keywords and not item.config.option.all:
             own = cost - self.apart.seconds
             self.count += 1
+            if self.count % OFTEN == 0:
+                self.speeds.append(loop(1))
             if self.over(own, self.calibration / REFERENCE):
                 self.judge(report, own)
         return report
@@ -143,7 +151,7 @@ class Costs:
 
     def own(self) -> dict[str, float]:
         """What this process took, s."""
-        return {"all": spent(), "collection": self.collected, "calibration": self.calibration}
+        return {"all": spent(), "collection": self.collected, "calibration": median(self.speeds)}
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node) -> None:

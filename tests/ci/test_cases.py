@@ -160,6 +160,13 @@ def test_the_budget_of_all_tests_fails_where_it_is_asked_for(pytester, monkeypat
         done.stdout.fnmatch_lines([f"the budget of *{'exceeded' if status else 'kept'}"])
 
 
+def test_the_budget_goes_with_the_speed_of_the_processor_while_tests_run(pytester, monkeypatch):
+    speeds = iter([1.0, 3.0, 3.0, 3.0])
+    changed = {"BUDGET": 100.0, "OFTEN": 1, "loop": lambda count=3: next(speeds) * costs.REFERENCE}
+    done = ran(pytester, monkeypatch, "".join(f"def test_{i}(): ...\n" for i in range(3)), "--budget", **changed)
+    done.stdout.fnmatch_lines(["the budget of 100 s × 3.00 = 300 s is kept"])
+
+
 def test_what_happens_within_something_apart_is_counted_once():
     apart, began = Apart(), spent()
     with apart, apart:

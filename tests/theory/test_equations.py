@@ -190,7 +190,6 @@ def test_records_whose_momenta_were_overwritten_are_seen(form, part):
     system, start = random_system("SO3") if form == "algebra" else random_group_system("SO3")
     method = co.Midpoint() if form == "algebra" else co.methods.GroupVariational(co.Exponential(), "velocity")
     run = co.simulate(system, start, dt=H, steps=STEPS, method=method, monitors=False)
-    assert theory.printed_equations(run).worst.largest < ROUND_OFF
     values = getattr(run.records, part).copy()
     values[5] *= 1 + 1e-6
     found = theory.equations_of(system, method, run.records.replace(**{part: values}), H)
