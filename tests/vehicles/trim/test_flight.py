@@ -13,6 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.stability import stability
 from coadjoint.stability.figure import stability_figure
 from coadjoint_vehicles.trim import SteadyFlight, trim
+from coadjoint_vehicles.trim.flight import _of_buoyancy
 
 REMUS = vehicles.load("remus_100")
 FINS = ("stern_planes", "rudder")
@@ -111,6 +112,20 @@ def test_a_dive_on_a_slope_goes_down_it(straight):
     found = trim(REMUS, flight.at(1.5))
     assert np.degrees(found.climb) == pytest.approx(-20, abs=1e-9) and found.pitch < 0
     assert found.pitch - found.attack == pytest.approx(found.climb, abs=1e-6)
+
+
+@pytest.mark.parametrize("climb", [-0.3, 0.4, np.pi / 2, -np.pi / 2])
+def test_the_conditions_of_a_slope_are_those_of_a_course_that_points_along_it(climb):
+    flight = SteadyFlight(replace(REMUS, parts=()), climb=climb)
+    along, across = (flight.craft.start(speed=1.5, euler_zyx=(0.7, pitch, 0.0)) for pitch in (climb, -climb))
+    np.testing.assert_allclose(flight._conditions(along, 1.5), 0, atol=1e-12)
+    assert np.max(np.abs(flight._conditions(across, 1.5))) > 0.1
+    assert len(flight._names) == len(flight._conditions(along, 1.5))
+
+
+def test_a_vehicle_is_heavier_than_the_water_where_it_sinks():
+    assert "is 11 N heavier than the water that it displaces (negatively buoyant)" in _of_buoyancy(11.0)
+    assert "is 11 N lighter than the water that it displaces (positively buoyant)" in _of_buoyancy(-11.0)
 
 
 def test_a_neutral_ellipsoid_of_parts_rises_nose_first():
