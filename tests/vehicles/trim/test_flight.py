@@ -123,6 +123,13 @@ def test_the_conditions_of_a_slope_are_those_of_a_course_that_points_along_it(cl
     assert len(flight._names) == len(flight._conditions(along, 1.5))
 
 
+def test_the_remedy_names_the_actuators_that_move_and_those_that_stay():
+    kept = SteadyFlight(REMUS, free=("rudder",))._remedy
+    assert kept.startswith("To hold it moved rudder, and not ") and "free one of these" in kept
+    assert "stern_planes" in kept and "propeller" in kept
+    assert "all that it has: give it more" in SteadyFlight(REMUS)._remedy
+
+
 def test_a_vehicle_is_heavier_than_the_water_where_it_sinks():
     assert "is 11 N heavier than the water that it displaces (negatively buoyant)" in _of_buoyancy(11.0)
     assert "is 11 N lighter than the water that it displaces (positively buoyant)" in _of_buoyancy(-11.0)

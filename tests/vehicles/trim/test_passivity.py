@@ -10,11 +10,26 @@ import coadjoint_vehicles as vehicles
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint_vehicles import Craft, Vehicle
 from coadjoint_vehicles.parts import Damping
-from coadjoint_vehicles.trim.passivity import driven
+from coadjoint_vehicles.trim.passivity import SLIP, _within, driven
 from coadjoint_vehicles.trim.under_way import Level
 
 DRIVEN = {"nps_auv_ii": False, "slocum_graver": True}
 """Shipped vehicles whose parts drive them in some motions, and whether going ahead too."""
+
+
+def test_motions_of_the_search_stay_within_a_speed_a_slip_and_a_rate_of_turn():
+    V = 10 * np.random.default_rng(8).normal(size=(400, 6))
+    anywhere, ahead = (_within(V, 2.0, 0.5, only) for only in (False, True))
+    for found in (anywhere, ahead):
+        speeds, rates = (np.linalg.norm(part, axis=1) for part in (found[:, :3], found[:, 3:]))
+        assert speeds.max() == pytest.approx(2.0) and rates.max() == pytest.approx(0.5)
+    assert np.min(anywhere[:, 0]) < -1.0
+    speeds, rates = (np.linalg.norm(part, axis=1) for part in (ahead[:, :3], ahead[:, 3:]))
+    across = np.linalg.norm(ahead[:, 1:3], axis=1)
+    assert np.all(ahead[:, 0] > 0) and np.all(across <= np.tan(SLIP) * ahead[:, 0] * (1 + 1e-12))
+    assert np.all(rates <= 0.5 * speeds / 2.0 * (1 + 1e-12))
+    inside = np.array([[1.0, 0.1, 0.0, 0.0, 0.1, 0.0]])
+    np.testing.assert_array_equal(_within(inside, 2.0, 0.5, True), inside)
 
 
 @pytest.mark.cases(1)
