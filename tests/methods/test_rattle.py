@@ -9,8 +9,10 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.constrained_start import singular_place
+from coadjoint.mechanics.continuous import reference as reference_motion
+from coadjoint.mechanics.continuous import vector_field
 from coadjoint.methods.rattle import Rattle
-from pinned import PIN, RATES, pinned, reference, start
+from pinned import PIN, RATES, pinned, reference, start, top
 
 QUIET = {"monitors": False, "accuracy": False}
 
@@ -42,6 +44,31 @@ def error(method, dt, exact):
 def test_a_pinned_body_converges_to_the_top_with_the_order_of_the_method(method, order, exact):
     coarse, fine = (error(method, dt, exact) for dt in (0.01, 0.005))
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.15)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("scheme", "dt", "order"),
+    [(co.Suzuki4, 0.02, 4), (co.methods.KahanLi6, 0.1, 6), (co.methods.KahanLi8, 0.1, 8)],
+)
+@pytest.mark.parametrize("base", [co.Midpoint(), co.Trapezoidal()], ids=lambda base: base.title)
+def test_compositions_keep_their_orders(scheme, dt, order, base, exact):
+    if order > 4 and isinstance(base, co.Trapezoidal):
+        dt /= 2  # its error is larger by far, so that orders show later
+    coarse, fine = (error(scheme(base), step, exact) for step in (dt, dt / 2))
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.3)
+
+
+@pytest.mark.long
+def test_a_million_steps_leave_no_gap_and_no_trend_of_the_energy():
+    system = pinned()
+    run = co.simulate(system, start(system), dt=0.05, steps=1_000_000, save_every=100, accuracy=False)
+    assert run.extrema["constraint_gap"][1] < 1e-13
+    assert run.extrema["constraint_rate"][1] < 1e-12
+    error = np.abs(run.monitors["energy"] - run.monitors["energy"][0])
+    fifths = [part.max() for part in np.array_split(error, 5)]
+    assert max(fifths) < 1.1 * min(fifths)
+    assert run.relative_change("kelvin_noether") < 1e-10
 
 
 def test_gaps_stay_at_round_off_and_energy_in_its_band():
@@ -129,3 +156,18 @@ def test_a_curve_that_crosses_itself_is_passed_and_its_crossing_is_known_as_sing
     )
     assert "singular place" in singular_place(system, at(1e-4), None)
     assert singular_place(system, at(0.8), None) == ""
+
+
+def test_the_continuous_equations_have_the_reactions():
+    system, free = pinned(), top()
+    here, there = start(system), free.state(xi=RATES, a0=[0, 0, 1])
+    turning = evaluate(lambda s: vector_field(system, s).xi, here)
+    assert turning == pytest.approx(evaluate(lambda s: vector_field(free, s).xi, there), abs=1e-12)
+
+
+@pytest.mark.long
+def test_the_continuous_reference_has_the_reactions(exact):
+    system = pinned()
+    found = reference_motion(system, start(system), [1.0], tolerance=1e-11)
+    assert np.abs(found.g[-1] - exact.g).max() < 1e-8
+    assert np.abs(found.n[-1] + PIN).max() < 1e-9

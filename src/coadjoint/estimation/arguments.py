@@ -15,6 +15,7 @@ from coadjoint.estimation.engines import PreparedMeasurement
 from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.numbers import numbers
 from coadjoint.estimation.process import Process
+from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import in_words
@@ -33,6 +34,7 @@ def require_fit(method: Method, system: System, start: State, error: str) -> Non
     checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
     if method.variable or any(step.tolerant for step, _ in method.pattern):
         raise ArgumentError(f"A filter takes a method of fixed steps, such as co.Midpoint(), not {method.title}.")
+    require_free(system, "A filter")
     if method.start == "velocity":
         raise ArgumentError(
             f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."

@@ -21,6 +21,7 @@ from coadjoint.identification.sensor_model import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
+from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.parameters import Parameters
@@ -78,6 +79,7 @@ class Setting:
         names, units = self.channels.names, self.log.units
         turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
         cut = samples(self.log, turning, h, segment, self.between, self.sensing.reach)
+        require_free(self.unknowns.system, "Estimated starts of segments")
         template = self.method.begin(self.unknowns.system, self.start, h)
         if template.memory is not None or self.method.variable:
             raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")

@@ -185,6 +185,15 @@ def constraints_from(given: Any) -> tuple[tuple[str, Constraint], ...]:
     return tuple(given.items())
 
 
+def require_free(system: ReducedFunctions, what: str) -> None:
+    """Raise ArgumentError for a system with constraints, where `what` would leave out its reactions."""
+    if system.constraints:
+        raise ArgumentError(
+            f"{what} would leave out the reactions of the constraints of `{system.name}`: describe the system in "
+            "coordinates that need none."
+        )
+
+
 def bound(system: ReducedFunctions, given: tuple[tuple[str, Constraint], ...]) -> tuple[Bound, ...]:
     """The constraints of a system, checked, with their numbers of rows; raises LagrangianError and ArgumentError."""
     if not given:

@@ -18,7 +18,9 @@ from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Point, node
-from coadjoint.mechanics.poisson import Phase
+from coadjoint.mechanics.multipliers import multipliers
+from coadjoint.mechanics.rates import rates
+from coadjoint.mechanics.reactions import reaction, site
 from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -50,11 +52,15 @@ def energy_at(system: System, state: State, xi: Array, nu: Array) -> Array:
 def vector_field(system: System, state: State) -> State:
     """d/dt of g, n, a, μ, π, ξ, ν at (ξ, ν) of the state, on a flat Q.
 
-    μ̇ = ad*_ξ μ + ∂_aℓ⋄a + ∂_nℓ⋄n + π⋄ν + T, π̇ = ∂_nℓ + L*_ξπ + f, ṅ = ν − ξ·n, ȧ = −ξ·a, ġ = gξ (P20–P22).
+    μ̇ = ad*_ξ μ + ∂_aℓ⋄a + ∂_nℓ⋄n + π⋄ν + T, π̇ = ∂_nℓ + L*_ξπ + f, ṅ = ν − ξ·n, ȧ = −ξ·a, ġ = gξ (P20–P22), with the
+    reactions Aᵀλ of independent constraints in T and f.
     """
     group, size = system.group, system.group.dim
     xi, n, nu, a = state.xi, state.n, state.nu, state.a
     _, (mu_dot, n_dot, pi_dot, a_dot) = rates(system, state)
+    if system.constraints:
+        torque, force = reaction(system, site(state), multipliers(system, state, None))
+        mu_dot, pi_dot = mu_dot + torque, pi_dot + force
     g_dot = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(xi),))[1]
 
     def momenta(xi: Array, n: Array, nu: Array, a: Array, t: Scalar):
@@ -68,21 +74,6 @@ def vector_field(system: System, state: State) -> State:
         t=jnp.ones_like(state.t), g=g_dot, n=n_dot, a=a_dot, mu=mu_dot, pi=pi_dot,
         xi=accelerations[:size], nu=accelerations[size:],
     )  # fmt: skip
-
-
-def rates(system: System, state: State) -> tuple[Phase, Phase]:
-    """(μ, n, π, a) and its rate of change, at (ξ, ν) of the state on a flat Q, with μ = ∂_ξℓ, π = ∂_νℓ (P20–P22)."""
-    group, Q, V = system.places
-    xi, n, nu, a = state.xi, state.n, state.nu, state.a
-    at = node(system, state.holding(state.internal), Point(xi, n, nu, a, state.t))
-    carried = jax.vjp(lambda w: Q.lifted(group, xi, n, w), jnp.zeros_like(n))[1](at.pi)[0]
-    moving = Phase(
-        mu=group.ad_dual(xi, at.mu) + at.torque,
-        n=nu - Q.infinitesimal(group, xi, n),
-        pi=at.force + carried,
-        a=-V.infinitesimal(group, xi, a),
-    )
-    return Phase(at.mu, n, at.pi, a), moving
 
 
 def reference(system: System, start: State, times: ArrayLike, tolerance: float = 1e-13) -> State:

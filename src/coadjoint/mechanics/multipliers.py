@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.arrays import Array
-from coadjoint.mechanics.continuous import rates
+from coadjoint.mechanics.rates import rates
 from coadjoint.mechanics.reactions import count, node_rate, reaction, rows_of, site, solved
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -37,6 +37,6 @@ def acceleration(system: System, state: State) -> Callable[[Array], Array]:
     def change(strength: Array) -> Array:
         torque, force = reaction(system, at, strength)
         along = moving.mu + torque, moving.n, moving.pi + force, moving.a, jnp.ones_like(at.t)
-        return jax.jvp(of_phase, (state.mu, phase.n, state.pi, phase.a, at.t), along)[1]
+        return jax.jvp(of_phase, (phase.mu, phase.n, phase.pi, phase.a, at.t), along)[1]
 
     return change

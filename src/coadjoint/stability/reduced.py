@@ -13,9 +13,9 @@ import numpy as np
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.continuous import rates
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import vector_field
+from coadjoint.mechanics.rates import rates
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.portable import Portable

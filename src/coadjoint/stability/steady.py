@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.portable import Remade
@@ -93,6 +94,7 @@ class Search(Remade):
         symmetries: Sequence[Callable[[State], Any]] = (),
         remedy: str = "Give a nearer guess, other conditions, or free an actuator that can hold it.",
     ):
+        require_free(system, "Steady motions")
         self.remedy = remedy
         self.reduced = Reduced(system, near, symmetries)
         require_conserved(self.reduced, self.reduced.symmetries)

@@ -18,6 +18,7 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.invariance import is_right
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
@@ -130,6 +131,7 @@ def equations_of(
             "co.Variational or co.methods.GroupVariational."
         )
     require_one(system)
+    require_free(system, "The printed equations")
     if np.ndim(records.t) != 1:
         raise ArgumentError(f"The records must have one leading axis, but have shape {np.shape(records.t)}.")
     if len(records.t) < 3:
