@@ -53,6 +53,7 @@ SCRIPTS = {
     "examples/falling_rod.py": ["falling_rod"],
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],
+    "examples/four_bar.py": ["four_bar"],
     "examples/vehicle_in_current.py": ["vehicle_in_current"],
     "examples/remus_mission.py": ["remus_mission"],
 }  # fmt: skip

@@ -270,3 +270,12 @@ def test_a_rolling_disk_stays_on_its_circle_and_does_not_slip(run_example):
     assert found["slip"] < 1e-14
     assert np.mean(found["force"]) == pytest.approx(2 * 9.81, rel=0.05)
     assert Path("rolling_disk.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_a_four_bar_linkage_closes_its_loop_while_its_crank_turns(run_example):
+    found = run_example("four_bar", 1)
+    assert found["opening"].max() < 1e-12
+    assert found["linkage"].freedoms(found["start"]) == 1
+    assert found["angles"].drive.values[-1] > 2 * np.pi and np.ptp(found["angles"].pivot.values) < np.pi
+    assert Path("four_bar.png").stat().st_size > 10_000

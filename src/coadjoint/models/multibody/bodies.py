@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -30,11 +31,11 @@ class Body:
     Raises ArgumentError for what no body can have.
     """
 
-    mass: Quantity
-    inertia: Quantity
-    center: Quantity = (0.0, 0.0, 0.0)
-    position: Quantity = (0.0, 0.0, 0.0)
-    rotation: Quantity | None = None
+    mass: Any
+    inertia: Any
+    center: Any = (0.0, 0.0, 0.0)
+    position: Any = (0.0, 0.0, 0.0)
+    rotation: Any = None
 
     def __post_init__(self):
         found = {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.members import Quantity
 from coadjoint.models.quantities import vector
 
+SPACE = "ground"
 PARALLEL = ((0, 2), (1, 2))
 UNTURNED = (*PARALLEL, (1, 0))
 
@@ -83,15 +85,15 @@ class Joint:
     kind: str
     first: str
     second: str
-    at: Quantity | None = None
-    axis: Quantity | None = None
-    across: Quantity | None = None
-    to: Quantity | None = None
+    at: Any = None
+    axis: Any = None
+    across: Any = None
+    to: Any = None
     length: float | None = None
     pitch: float | None = None
     teeth: tuple[int, int] | None = None
     radius: float | None = None
-    normal: Quantity | None = None
+    normal: Any = None
     stiffness: float | None = None
     rest: float | None = None
     damping: float | None = None
@@ -127,7 +129,7 @@ class Joint:
                 f"{self.axis @ self.across:.3g}."
             )
 
-    def _keep(self, name: str, check) -> None:
+    def _keep(self, name: str, check: Callable[[Any, str], Any]) -> None:
         value = getattr(self, name)
         if value is not None:
             object.__setattr__(self, name, check(value, name))

@@ -19,7 +19,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.multibody.bodies import Body
 from coadjoint.models.multibody.bonds import Bond, Energy, Held
 from coadjoint.models.multibody.data import joint_data
-from coadjoint.models.multibody.joints import KINDS, Joint
+from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
 from coadjoint.models.multibody.placing import Placing
 from coadjoint.models.quantities import vector
 from coadjoint.spaces import Defining, RelativePoses
@@ -28,7 +28,6 @@ from coadjoint.spaces.links import GROUND
 if TYPE_CHECKING:
     import xarray
 
-SPACE = "ground"
 TAKEN = ("mass", "inertia")
 UNITS = {
     "xi": "rad/s",
@@ -77,8 +76,8 @@ class Mechanism:
         gravity: Quantity = (0.0, 0.0, -9.81),
         name: str = "mechanism",
     ):
-        self.bodies = _named(bodies, "bodies", Body, "multibody.Body(mass=…, inertia=…)", SPACE)
-        self.joints = _named(joints, "joints", Joint, 'multibody.Joint("revolute", …)', *TAKEN)
+        self.bodies: dict[str, Body] = _named(bodies, "bodies", Body, "multibody.Body(mass=…, inertia=…)", SPACE)
+        self.joints: dict[str, Joint] = _named(joints, "joints", Joint, 'multibody.Joint("revolute", …)', *TAKEN)
         if not self.bodies:
             raise ArgumentError("A mechanism needs at least one body.")
         self.gravity = np.asarray(vector(gravity, "gravity"))
@@ -112,13 +111,13 @@ class Mechanism:
             wheels = self.bonds[joint.first], self.bonds[joint.second]
             return Bond(key, joint.kind, GROUND, GROUND, 0, wheels=wheels, teeth=joint.teeth)
         ends = self.links[joint.first], self.links[joint.second]
-        attitudes = self._reference(joint.first)[0], self._reference(joint.second)[0]
+        attitudes = self.reference(joint.first)[0], self.reference(joint.second)[0]
         axes = tuple(tuple(map(tuple, (R.T @ A).tolist())) for R, A in zip(attitudes, joint.axes(), strict=True))
         ball = joint.kind == "rolling" and joint.axis is None
         return Bond(key, joint.kind, *ends, self.pairs.index(ends), axes, ball=ball)
 
-    def _reference(self, body: str) -> tuple[np.ndarray, np.ndarray]:
-        """R and the mass centre of a body in the reference configuration; of the ground 1 and 0."""
+    def reference(self, body: str) -> tuple[np.ndarray, np.ndarray]:
+        """R (3, 3) and the mass centre (3,), m, of a body in the reference configuration; of the ground 1 and 0."""
         if body == SPACE:
             return np.eye(3), np.zeros(3)
         return self.bodies[body].rotation, self.bodies[body].place
@@ -135,7 +134,7 @@ class Mechanism:
 
     def _numbers(self, joint: Joint) -> dict[str, Any]:
         """The parameters of a joint."""
-        (R, x), (S, y) = self._reference(joint.first), self._reference(joint.second)
+        (R, x), (S, y) = self.reference(joint.first), self.reference(joint.second)
         first, second = joint.at, joint.at if joint.to is None else joint.to
         own = {name: getattr(joint, name) for name in ("pitch", "radius", "stiffness", "damping")}
         own = {name: value for name, value in own.items() if value is not None}
@@ -143,7 +142,7 @@ class Mechanism:
             lean = 1.0 if joint.axis is None else np.sqrt(1 - (joint.axis @ joint.normal) ** 2)
             if lean < 1e-6:
                 raise ArgumentError("The axis of a rolling disk must not be along the normal: the disk lies flat.")
-            first = joint.at - joint.radius * lean * joint.normal
+            first = joint.at - own["radius"] * lean * joint.normal
         if joint.kind == "distance":
             own["length"] = np.linalg.norm(second - first) if joint.length is None else joint.length
             if own["length"] == 0:

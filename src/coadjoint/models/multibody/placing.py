@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.models.multibody.bodies import rotation
-from coadjoint.models.multibody.joints import KINDS, Joint
+from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
 from coadjoint.models.quantities import vector
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ class Placing:
                 checks.known(body, mechanism.bodies, "body", f"Argument `{name}`")
         self.rates = {key: vector(value, f"rates` of `{key}") for key, value in rates.items()}
         self.velocities = {key: vector(value, f"velocities` of `{key}") for key, value in velocities.items()}
-        self.places: dict[str, Pose] = {"ground": (np.eye(3), np.zeros(3))}
-        self.twists: dict[str, Twist] = {"ground": (np.zeros(3), np.zeros(3))}
+        self.places: dict[str, Pose] = {SPACE: (np.eye(3), np.zeros(3))}
+        self.twists: dict[str, Twist] = {SPACE: (np.zeros(3), np.zeros(3))}
         for body, pose in poses.items():
             self.places[body], self.twists[body] = self._posed(body, pose), (np.zeros(3), np.zeros(3))
         followed = self._follow()
@@ -103,7 +103,7 @@ class Placing:
             left = [body for body in self.mechanism.bodies if body not in self.places]
             if not left:
                 return followed
-            self.places[left[0]] = self.mechanism._reference(left[0])
+            self.places[left[0]] = self.mechanism.reference(left[0])
             self.twists[left[0]] = np.zeros(3), np.zeros(3)
 
     def _reached(self, joint: Joint) -> int:
@@ -117,7 +117,7 @@ class Placing:
         if back:
             moved = moved[0].T, -moved[0].T @ moved[1]
             twist = -moved[0] @ twist[0], -moved[0] @ twist[1] + np.cross(moved[0] @ twist[0], moved[1])
-        (R0, x0), (S0, y0) = self.mechanism._reference(known), self.mechanism._reference(new)
+        (R0, x0), (S0, y0) = self.mechanism.reference(known), self.mechanism.reference(new)
         R, x = self.places[known]
         turn, shift = R @ R0.T, x - R @ R0.T @ x0  # of the known body from the reference configuration
         whole = turn @ moved[0], turn @ moved[1] + shift
