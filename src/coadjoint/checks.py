@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, CoadjointError, shown
 from coadjoint.errors import nearest as nearest
 
@@ -313,7 +314,7 @@ def _float64_tracer(value: Tracer, name: str) -> Tracer:
     return value
 
 
-def _require_real(leaf: Any, name: str) -> None:
+def _require_real(leaf: PyTree, name: str) -> None:
     """Raise ArgumentError unless a leaf, or every entry of an array of objects, is a real number with all digits."""
     from coadjoint.kernels.trace.jaxprs import Tracer
 

@@ -18,6 +18,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from coadjoint.checks import choice, unknown
 from coadjoint.errors import ArgumentError
+from coadjoint.texts import Table
 from coadjoint.units import Dimension, dimension_of, ending, factor_to, split_name, times
 
 T = TypeVar("T")
@@ -97,7 +98,7 @@ def read(kind: type[T], title: str, given: object, **more: object) -> T:
         if name in named and (unit := _of(declared[named[name]])).needs_unit:
             end = ending(unit.dimension.si if unit.dimension else "1")
             raise ArgumentError(f"Key `{name}` of section [{title}] needs its unit at its end, as in `{name}{end}`.")
-    values: dict[str, Any] = {} if rest is None else {rest: free}
+    values: Table = {} if rest is None else {rest: free}
     for other, value in in_si(title, own, named, measured).items():
         name = named[other]
         if name in values:
@@ -110,7 +111,7 @@ def read(kind: type[T], title: str, given: object, **more: object) -> T:
     return kind(**values, **more)
 
 
-def written(of: object) -> dict[str, Any]:
+def written(of: object) -> Table:
     """The table that reads as a section, in SI units."""
     found = {name: getattr(of, name) for name in keys(of)}
     return {name: value for name, value in found.items() if value is not None}
@@ -118,13 +119,13 @@ def written(of: object) -> dict[str, Any]:
 
 def in_si(
     title: str, given: Mapping[str, Any], known: Collection[str], measured: Mapping[str, Dimension | None]
-) -> dict[str, Any]:
+) -> Table:
     """The values of a table under their known names, in SI units.
 
     measured: name → physical dimension, where known; None for values in SI units only. Raises ArgumentError for an
     unknown key, naming the nearest known one, for a unit of another dimension, and for a value given twice.
     """
-    found: dict[str, Any] = {}
+    found: Table = {}
     for name_in_file, value in given.items():
         name, unit = split_name(name_in_file, known)
         if name not in known:
@@ -151,7 +152,7 @@ def _said(declared: Key) -> str:
     return f", {declared.meaning}{unit}" if declared.meaning else unit
 
 
-def _apart(given: Mapping[str, object], known: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _apart(given: Mapping[str, object], known: Collection[str]) -> tuple[Table, Table]:
     """The keys that a section declares, and all others."""
     own = {name: value for name, value in given.items() if split_name(name, known)[0] in known}
     return own, {name: value for name, value in given.items() if name not in own}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from coadjoint.errors import FileError
 
@@ -13,6 +13,9 @@ LARGEST, DEEPEST = 1_000_000, 64
 """The most bytes of a text, and the most tables and lists within each other."""
 LARGEST_SUMMARY = 64_000_000
 """The most bytes of the summary of a run or of a sweep."""
+
+Table: TypeAlias = dict[str, Any]
+"""The contents of a TOML or JSON file, or of one of its sections: texts, numbers, lists and tables, by their keys."""
 
 _KEYS = re.compile(r"[\w.\-\"' \t]+")
 """A possible dotted key. Python looks up each of its prefixes, so that long ones take forever."""
@@ -51,7 +54,7 @@ def too_large(name: object, most: int) -> FileError:
     )
 
 
-def read_table(text: str, name: object) -> dict[str, Any]:
+def read_table(text: str, name: object) -> Table:
     """The table in a text; `name` is that of the file in sentences.
 
     Raises FileError unless it is TOML, and if it is too large, is nested too deeply or has too long a number.

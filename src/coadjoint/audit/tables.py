@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from coadjoint.audit.findings import Audit, Cell, Finding
+from coadjoint.texts import Table
 
 COLUMNS = (
     "method",
@@ -85,7 +85,7 @@ def markdown(heads: Sequence[str], table: Sequence[Sequence[str]]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table)])
 
 
-def summary(audit: Audit) -> dict[str, Any]:
+def summary(audit: Audit) -> Table:
     """Everything that was measured, as plain values."""
     return {
         "passed": audit.passed,
@@ -96,7 +96,7 @@ def summary(audit: Audit) -> dict[str, Any]:
 
 
 def _cell(cell: Cell) -> dict[str, object]:
-    found: dict[str, Any] = {
+    found: Table = {
         "method": cell.method,
         "map": cell.map,
         "system": cell.system,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from coadjoint import checks
 from coadjoint.runs.toml_text import to_toml
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.models import CatalogueEntry
@@ -18,7 +19,7 @@ def descriptions() -> dict[str, str]:
     return {name: entry.description for name, entry in catalogue.items()}
 
 
-def defaults(name: str) -> dict[str, Any]:
+def defaults(name: str) -> Table:
     """Description, parameters and initial values of a model; raises ArgumentError for an unknown name."""
     entry = _entry(name)
     return {"description": entry.description, "parameters": dict(entry.parameters), "initial": dict(entry.initial)}

@@ -10,6 +10,7 @@ import tyro
 
 from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.report.comparison import Comparison
@@ -54,7 +55,7 @@ class Compare:
         return 0
 
 
-def _one(found: dict[str, Any], source: Path) -> Any:
+def _one(found: Table, source: Path) -> Any:
     if len(found) > 1:
         raise ArgumentError(f"The folder {source} holds {len(found)} runs: name one of its files, {', '.join(found)}.")
     return next(iter(found.values()))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.report.page import Contents
@@ -71,12 +72,12 @@ def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Content
     )
 
 
-def _title(folder: Path, runs: dict[str, Any], summary: dict[str, object]) -> str:
+def _title(folder: Path, runs: Table, summary: dict[str, object]) -> str:
     names = dict.fromkeys(str(run.dataset.attrs.get("system", "")) for run in runs.values())
     return f"{', '.join(filter(None, names)) or 'A run'}: {folder.resolve().name}"
 
 
-def _command(folder: Path, summary: dict[str, Any]) -> str:
+def _command(folder: Path, summary: Table) -> str:
     number = summary.get("versions", {}).get("coadjoint", "")
     repeated = "coadjoint run run.toml --out again" if (folder / "run.toml").exists() else "coadjoint reproduce"
     return "\n".join(
@@ -97,7 +98,7 @@ def _listed(folder: Path) -> tuple[str, ...]:
     return tuple(name for name in results_folder.figures_asked(folder) or () if name in figure_names(films=False))
 
 
-def _drawn(runs: dict[str, Any], wanted: tuple[str, ...]) -> list[tuple[str, str, str]]:
+def _drawn(runs: Table, wanted: tuple[str, ...]) -> list[tuple[str, str, str]]:
     from coadjoint.plotting.report_figures import svgs
 
     labels = list(runs) if len(runs) > 1 else None
@@ -122,7 +123,7 @@ def _files(folder: Path) -> tuple[list[tuple[str, int, str]], str]:
     return [(name, size, check) for name, (size, check) in held.files.items()], state
 
 
-def _player(runs: dict[str, Any]) -> str:
+def _player(runs: Table) -> str:
     from coadjoint.plotting.entries import entries
     from coadjoint.plotting.player import Player
     from coadjoint.plotting.scene_of_runs import scene

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from coadjoint.errors import FileError
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
-from coadjoint.texts import LARGEST_SUMMARY, read_table, text_of
+from coadjoint.texts import LARGEST_SUMMARY, Table, read_table, text_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.saved import SavedRun
@@ -43,7 +43,7 @@ def figures_asked(source: Path) -> list[str] | None:
     return found if isinstance(found, list) and found else None
 
 
-def summary(source: Path) -> dict[str, Any]:
+def summary(source: Path) -> Table:
     """The numbers of a folder's summary.json, or of a file of a run; raises FileError."""
     _require(source)
     if not source.is_dir():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.sweeps.results import SweepResults
@@ -63,7 +64,7 @@ class Sweep:
         return 0
 
 
-def _check(file: Path, folder: Path, plan: dict[str, Any]) -> None:
+def _check(file: Path, folder: Path, plan: Table) -> None:
     terminal.line(
         f"{file} is a sweep of {plan['members']:,} members, {plan['steps']:,} steps each, "
         f"in {_counted(plan['tasks'], 'task')} of {plan['members_of_a_task']:,}; its results would go to {folder}/."

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -45,7 +44,7 @@ def end_state(problem: ProblemData) -> State:
     return problem.system.state(**given, inputs=problem.start.inputs)
 
 
-def start_values(problem: ProblemData) -> dict[str, Any]:
+def start_values(problem: ProblemData) -> dict[str, PyTree]:
     """The configuration at the start, as arguments of `system.state`, without velocities."""
     return place_of(problem.system, problem.start)
 
@@ -53,7 +52,7 @@ def start_values(problem: ProblemData) -> dict[str, Any]:
 def place_of(system: System, start: State) -> dict[str, object]:
     """The configuration of a state, as arguments of `system.state`, without velocities."""
     group, Q, V = system.places
-    found: dict[str, Any] = {"g": start.g, "t": start.t}
+    found: dict[str, PyTree] = {"g": start.g, "t": start.t}
     if Q.dim(group):
         found["q"] = start.q
     if V.dim(group):
@@ -170,10 +169,10 @@ def start_deviations(problem: ProblemData) -> np.ndarray:
     return np.concatenate(found) if found else np.zeros(0)
 
 
-def start_parts(problem: ProblemData, eta: Array) -> dict[str, Any]:
+def start_parts(problem: ProblemData, eta: Array) -> dict[str, PyTree]:
     """η by the names of the parts of the start, zero for those that are fixed."""
     group, Q, _ = problem.system.places
-    found: dict[str, Any] = {name: jnp.zeros(group.dim if name in ("g", "xi", "mu") else Q.ambient(group))
+    found: dict[str, PyTree] = {name: jnp.zeros(group.dim if name in ("g", "xi", "mu") else Q.ambient(group))
                              for name in ("g", "q", "xi", "qdot", "mu", "pi")}  # fmt: skip
     begin = 0
     for name, size in free_start_sizes(problem).items():

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.control.boundary_conditions import end_state
 from coadjoint.control.inputs_between import guesses
 from coadjoint.control.problem_data import End
@@ -144,7 +144,7 @@ def _interpolated(transcription: Transcription) -> State:
     def element(s: Any) -> Any:
         return group.compose(start.g, group.exp(s * turn))
 
-    given: dict[str, Any] = {
+    given: dict[str, PyTree] = {
         "g": each(evaluate(jax.vmap(element), s)),
         "xi": each(speed[:, None] * turn),
     }

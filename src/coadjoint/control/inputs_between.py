@@ -44,7 +44,7 @@ class Profile:
     """
 
     function: Callable[[Any, Any], Any]
-    guess: Any
+    guess: PyTree
     lower: Any = -math.inf
     upper: Any = math.inf
 
@@ -135,7 +135,7 @@ def source(given: Any) -> Any:
 class Symbolic(NamedTuple):
     """The value of an input held over a step, with symbols: those of the step, and those of all steps."""
 
-    held: Any
+    held: PyTree
     of_step: list[Expr]
     of_all: list[Expr]
 
@@ -162,7 +162,7 @@ def first(given: Any, t: float) -> Any:
     return {"begin": given.guess, "t": np.float64(t), "slope": np.zeros(given.shape)}
 
 
-def guesses(inputs: Mapping[str, object]) -> dict[str, Any] | None:
+def guesses(inputs: Mapping[str, object]) -> dict[str, PyTree] | None:
     """Inputs as `co.simulate` takes them, with their guesses; None if there are none."""
     found = {}
     for name, given in inputs.items():
@@ -170,7 +170,7 @@ def guesses(inputs: Mapping[str, object]) -> dict[str, Any] | None:
     return found or None
 
 
-def flown_inputs(inputs: Mapping[str, Any], chosen: Mapping[str, np.ndarray], begin: float, h: float) -> Any:
+def flown_inputs(inputs: Mapping[str, PyTree], chosen: Mapping[str, np.ndarray], begin: float, h: float) -> Any:
     """Inputs as `co.simulate` takes them, with the optimal numbers; None if there are none."""
     found = {}
     for name, given in inputs.items():

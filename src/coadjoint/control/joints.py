@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.control.boundary_conditions import place_of
 from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
@@ -83,7 +83,7 @@ class Sides(NamedTuple):
 
     x: Any
     u: Any
-    p: Any
+    p: PyTree
     h: Any
 
 

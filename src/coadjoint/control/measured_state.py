@@ -39,7 +39,7 @@ class MeasuredState:
         self._size = transcription.graph.numbers(begun).shape
         self._structure = jax.tree_util.tree_structure(begun.internal)
 
-    def __call__(self, state: Any, parameters: Any, velocities: bool) -> np.ndarray:
+    def __call__(self, state: PyTree, parameters: PyTree, velocities: bool) -> np.ndarray:
         """x; velocities: whether the momenta are those of the model, whose parameters are given, for ξ and ν.
 
         Raises ArgumentError unless it is a state of this system, and for numbers that are not finite.

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.arrival_cost import Arrival, Quadratic
 from coadjoint.control.horizon_limits import HorizonLimits
 from coadjoint.control.linearised import Simulated
@@ -131,7 +132,7 @@ class Estimator(Remade):
         self._t = float(self.problem.start.t)
 
     def __call__(
-        self, measured: Mapping[str, Any] | None = None, inputs: Mapping[str, Any] | None = None
+        self, measured: Mapping[str, PyTree] | None = None, inputs: Mapping[str, PyTree] | None = None
     ) -> StateEstimate:
         """The estimate at the next node; the first call is at the start.
 
@@ -161,7 +162,7 @@ class Estimator(Remade):
             self._state, cost, last if len(last) else np.zeros((w.tangents.width, 0)),
         )  # fmt: skip
 
-    def _read(self, measured: Mapping[str, Any]) -> Seen:
+    def _read(self, measured: Mapping[str, PyTree]) -> Seen:
         if not isinstance(measured, Mapping):
             raise ArgumentError(f"An estimator takes a dictionary of measurements, but got {shown(measured)}.")
         values, weights = {}, {}

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.control.guess import guessed_motion, variables
 from coadjoint.control.joints import KEPT, Joint, carried, phased_program
 from coadjoint.control.numbers import number
@@ -203,7 +204,7 @@ class Phases:
             t += problem.length
         return found
 
-    def _first(self, parts: dict[str, Transcription], guesses: dict[str, Any]) -> np.ndarray:
+    def _first(self, parts: dict[str, Transcription], guesses: dict[str, PyTree]) -> np.ndarray:
         """The initial variables of the solver: each phase from the end of the previous one."""
         rows: list[np.ndarray] = []
         before: tuple[System, State] | None = None

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import truth
 from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
@@ -41,7 +42,7 @@ class Input:
     lower: Any = -math.inf
     upper: Any = math.inf
     rate: Any = math.inf
-    guess: Any = 0.0
+    guess: PyTree = 0.0
     course: str = "held"
 
     def __post_init__(self):
@@ -87,7 +88,7 @@ class End:
     Q,). xi: ξ of the momenta, (dim G,). mu, pi: momenta in the body frame.
     """
 
-    g: Any = None
+    g: PyTree = None
     q: Any = None
     xi: Any = None
     qdot: Any = None
@@ -110,14 +111,14 @@ class ProblemData:
     duration: float | None = None
     steps: int | None = None
     method: Method = field(default_factory=Midpoint)
-    inputs: Mapping[str, Any] = field(default_factory=dict)
+    inputs: Mapping[str, PyTree] = field(default_factory=dict)
     cost: Callable[..., Any] | None = None
     final_cost: Callable[..., object] | None = None
     path: Mapping[str, Bounds] = field(default_factory=dict)
     end: End | Callable[..., Any] | None = None
     free_duration: tuple[float, float] | None = None
     parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    free_start: Mapping[str, Any] = field(default_factory=dict)
+    free_start: Mapping[str, PyTree] = field(default_factory=dict)
     measured: Mapping[str, Measured] = field(default_factory=dict)
     path_points: int = 0
     accuracy: bool = True

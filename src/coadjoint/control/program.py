@@ -27,7 +27,7 @@ class NonlinearProgram(NamedTuple):
 
     w: Any
     f: Any
-    g: Any
+    g: PyTree
     blocks: list[Block]
     bounds: tuple[np.ndarray, np.ndarray]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import numpy as np
 
@@ -75,7 +73,7 @@ def _ruler(transcription: Transcription) -> Ruler:
     at = graph.filled(begun.state, np.arange(size))
     where = {place: k for k, place in enumerate(live)}
 
-    def places(leaf: Any) -> Numbers:
+    def places(leaf: PyTree) -> Numbers:
         found = [where.get(int(i)) for i in np.ravel(leaf)]
         return () if None in found else tuple(k for k in found if k is not None)
 

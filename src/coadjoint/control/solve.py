@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.control.guess import guessed
 from coadjoint.control.infeasible import resisting
@@ -67,7 +68,7 @@ class Settings(NamedTuple):
 
     solver: str
     tolerance: float
-    options: dict[str, Any]
+    options: dict[str, PyTree]
 
 
 class FoundOptimum(NamedTuple):
@@ -81,7 +82,7 @@ class FoundOptimum(NamedTuple):
 
 
 def settings_of(
-    solver: str, tolerance: float, max_iterations: int, verbose: bool, options: Mapping[str, Any] | None
+    solver: str, tolerance: float, max_iterations: int, verbose: bool, options: Mapping[str, PyTree] | None
 ) -> Settings:
     """The arguments of `Problem.solve` that are the solver's, checked."""
     checks.choice(solver, "solver", SOLVERS)
@@ -119,7 +120,7 @@ def found_by(function: Any, program: NonlinearProgram, first: np.ndarray, settin
     return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words)
 
 
-def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, Any]:
+def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, PyTree]:
     quiet: dict[str, object] = {
         "print_time": verbose,
         "record_time": True,

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import end_conditions, free_start_sizes, start_residual
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
@@ -64,10 +65,10 @@ class Functions(NamedTuple):
     equations: Any
     cost: Any
     path: Any
-    start: Any
+    start: PyTree
     end: Any
-    final: Any
-    measured: dict[str, Any]
+    final: PyTree
+    measured: dict[str, PyTree]
     within: Any = None
 
 

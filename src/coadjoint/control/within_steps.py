@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.library import casadi
 from coadjoint.control.numbers import number
 from coadjoint.control.problem_data import ProblemData
@@ -107,7 +108,7 @@ def _excess(
         there = np.flatnonzero(parts == part)
         after[there], good[there] = doubling.over(rows[there], np.full(len(there), run.plan.h), (float(part),))
 
-    def at(state: State) -> dict[str, Any]:
+    def at(state: State) -> dict[str, PyTree]:
         here = at_node(system, state)
         motion = system.motion_at(here, here.inputs)
         arguments = (motion,) if system.parameters is None else (motion, system.parameters)

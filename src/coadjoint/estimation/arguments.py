@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.engines import PreparedMeasurement
@@ -45,7 +46,7 @@ def require_fit(method: Method, system: System, start: State, error: str) -> Non
         raise ArgumentError("Argument `start` must be of one member: give `Filter` many covariances or starts instead.")
 
 
-def roots_of_noise(given: Mapping[str, Any] | None, d: int, q: int) -> np.ndarray:
+def roots_of_noise(given: Mapping[str, PyTree] | None, d: int, q: int) -> np.ndarray:
     """Roots of densities, (dim G + dim Q,)."""
     given, found = dict(given or {}), []
     for name, size in (("torque", d), ("force", q)):

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.trace.evaluate import traced
@@ -19,7 +19,7 @@ from coadjoint.kernels.trace.evaluate import traced
 class Drift(ABC):
     """θ between two nodes: θ_{k+1} = m + φ(h)(θ_k − m) + w, w normal with a variance q(h); each number by itself."""
 
-    mean: Any = 0.0
+    mean: PyTree = 0.0
     """m, one number or (k,)."""
 
     @abstractmethod
@@ -62,7 +62,7 @@ class GaussMarkov(Drift):
 
     deviation: Any
     time: float
-    mean: Any = 0.0
+    mean: PyTree = 0.0
 
     def __post_init__(self):
         object.__setattr__(self, "deviation", not_negative(self.deviation, "deviation", "co.estimation.GaussMarkov"))

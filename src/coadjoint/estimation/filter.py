@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError, StepError, shown, warn
 from coadjoint.estimation.arguments import array, first_covariance, prepared
@@ -82,10 +82,10 @@ class Filter(Remade):
     def __init__(
         self,
         process: Process,
-        start: Any,
+        start: PyTree,
         *,
         measurements: Mapping[str, Measurement],
-        deviations: Mapping[str, Any] | None = None,
+        deviations: Mapping[str, PyTree] | None = None,
         covariance: Any = None,
         memory: float = 0.0,
         members: int | None = None,
@@ -144,7 +144,7 @@ class Filter(Remade):
         return self.P[0].copy() if self.members is None else self.P.copy()
 
     @property
-    def deviations(self) -> dict[str, Any]:
+    def deviations(self) -> dict[str, PyTree]:
         """Standard deviations by the names of the coordinates of the error."""
         roots = np.sqrt(np.maximum(np.diagonal(self.P, axis1=1, axis2=2), 0.0))
         rows = roots[0].tolist() if self.members is None else roots.T
@@ -166,7 +166,7 @@ class Filter(Remade):
             name: one.function(still, flat)[0].reshape(*rows.shape[:-1], -1) for name, one in self._prepared.items()
         }
 
-    def predict(self, dt: Scalar, inputs: Mapping[str, Any] | None = None) -> None:
+    def predict(self, dt: Scalar, inputs: Mapping[str, PyTree] | None = None) -> None:
         """Advance by one step of dt, s; inputs: name → value, held over it; the others stay.
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
@@ -187,7 +187,9 @@ class Filter(Remade):
             self._judge(self._sample, before[1], before[2], float(dt), given)
         self._past.predicted(*before, float(dt), given)
 
-    def _judge(self, sample: FilterSample, rows: np.ndarray, P: np.ndarray, dt: float, given: dict[str, Any]) -> None:
+    def _judge(
+        self, sample: FilterSample, rows: np.ndarray, P: np.ndarray, dt: float, given: dict[str, PyTree]
+    ) -> None:
         """Judge the prediction from rows and P, if it belongs to the sample."""
         steps = sample.steps
         due, steps.count = steps.due(), steps.count + 1
@@ -201,7 +203,7 @@ class Filter(Remade):
         if steps.over:
             self._sample = None
 
-    def update(self, measured: Mapping[str, Any], *, t: float | None = None) -> dict[str, Innovation]:
+    def update(self, measured: Mapping[str, PyTree], *, t: float | None = None) -> dict[str, Innovation]:
         """Process measurements, name → value, at the time t, s, by default that of the estimate.
 
         A value that contains a NaN is left out completely.
@@ -227,7 +229,7 @@ class Filter(Remade):
             self.rows, self.P, self._past = kept
             raise
 
-    def _again(self, measured: Mapping[str, Any], t: float) -> dict[str, Innovation]:
+    def _again(self, measured: Mapping[str, PyTree], t: float) -> dict[str, Innovation]:
         """Go back to t, process the measurements, and repeat the later ones."""
         steps = self._past.back(t, self.t)
         self.rows, self.P = steps[0].rows, steps[0].P
@@ -321,7 +323,7 @@ class Filter(Remade):
             self._sample = None
             warn(sentence, stacklevel=3)
 
-    def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
+    def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, PyTree]:
         if given is not None:
             checks.instance(given, argument, Mapping, "name → (times, values)")
         return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
@@ -336,7 +338,7 @@ class Filter(Remade):
         one = series(name, ([0.0], [found]), "measured", self._sizes, self.members)
         return one.values if one.values.ndim == 2 else one.values[0]
 
-    def _require_inputs(self, inputs: Any) -> None:
+    def _require_inputs(self, inputs: PyTree) -> None:
         if inputs is not None:
             checks.instance(inputs, "inputs", Mapping, "name → value")
         for name in inputs or ():

@@ -22,7 +22,7 @@ class PastStep:
     rows: np.ndarray
     P: np.ndarray
     dt: float
-    inputs: dict[str, Any]
+    inputs: dict[str, PyTree]
     taken: list[tuple[str, Any]] = field(default_factory=list)
 
 

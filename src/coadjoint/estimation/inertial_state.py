@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import finite
 
@@ -25,7 +26,7 @@ class InertialState(NamedTuple):
     t: Any = 0.0
     rotation: Any = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     velocity: Any = (0.0, 0.0, 0.0)
-    position: Any = (0.0, 0.0, 0.0)
+    position: PyTree = (0.0, 0.0, 0.0)
     gyroscope_bias: Any = (0.0, 0.0, 0.0)
     accelerometer_bias: Any = (0.0, 0.0, 0.0)
     current: Any = (0.0, 0.0, 0.0)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.augmented_state import DriftingParameters
@@ -81,9 +82,9 @@ class ModelProcess(InvariantErrors):
         start: State,
         *,
         method: Method | None = None,
-        inputs: Any = (),
+        inputs: PyTree = (),
         error: str = "left",
-        noise: Mapping[str, Any] | None = None,
+        noise: Mapping[str, PyTree] | None = None,
         drifting: Mapping[str, Drift] | None = None,
         biases: Mapping[str, Drift] | None = None,
     ):
@@ -121,7 +122,7 @@ class ModelProcess(InvariantErrors):
 
     # Rows and states.
 
-    def row(self, state: Any) -> np.ndarray:
+    def row(self, state: PyTree) -> np.ndarray:
         if isinstance(state, np.ndarray) and state.shape == self._first.shape:
             return state
         if not isinstance(state, State) or state.places != self._system.places:
@@ -142,7 +143,7 @@ class ModelProcess(InvariantErrors):
 
     truths = "a run of co.simulate, states with an axis of nodes, or "
 
-    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
+    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, PyTree] | None = None) -> np.ndarray:
         """Rows (K, size) of a run at `times`, or of states: the attitudes, places and velocities at the nodes with the
         momenta that they have in this model, and θ, which is `known` or that of the system of the motion."""
         found = states_at(states, times, self._system)
@@ -237,7 +238,7 @@ class ModelProcess(InvariantErrors):
     def _parts(self) -> PartsOfSteps:
         course = course_of(self._layout, self._system.internal)
 
-        def probe(rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None):
+        def probe(rows: np.ndarray, h: np.ndarray, steps: int = 1, members: PyTree = None):
             found, theta = self._steps(rows, h, steps), rows[:, self._layout.size :]
             after = np.concatenate([found.after, theta], axis=1)
             return after, recorded(rows, after, course), found.code
@@ -322,7 +323,7 @@ class ModelProcess(InvariantErrors):
 
     # The first covariance.
 
-    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:
+    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:
         group, Q, _ = self._system.places
         sizes = {"g": group.dim, "q": Q.ambient(group), "xi": group.dim, "nu": Q.ambient(group), **self._drifts.sizes}
         sizes = {name: size for name, size in sizes.items() if size}

@@ -253,7 +253,7 @@ class Process(Remade, ABC):
         return self.moved(after, e)
 
     @abstractmethod
-    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:
+    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:
         """P (n, n) of independent errors with these standard deviations, by their names."""
 
     def moved(self, rows: np.ndarray, e: np.ndarray) -> np.ndarray:

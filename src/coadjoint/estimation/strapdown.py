@@ -138,7 +138,7 @@ class StrapdownProcess(Process):
         each, nodes = one_by_one(states)
         return np.reshape([self.row(one) for one in each], (*nodes, len(self._first)))
 
-    def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:
+    def doubt(self, row: np.ndarray, inputs: Mapping[str, PyTree]) -> str:
         if "imu" not in inputs or not len(inputs["imu"].times):
             return ""
         times, values = inputs["imu"]
@@ -259,7 +259,7 @@ class StrapdownProcess(Process):
             self.width, parts[1], self.densities, parts[2], self.commanded, self.width,
         )  # fmt: skip
 
-    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:
+    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:
         """P (n, n) of independent errors: attitude about the body axes, velocity and position along those of space."""
         root = np.eye(self.width)
         R, v, q = (np.asarray(part) for part in evaluate(_pose, row))

@@ -58,7 +58,7 @@ class Actuators:
     template: State
     active: tuple[int, ...]
     steps: StepsBetween
-    held: Any
+    held: PyTree
     logged: tuple[bool, ...]
     after_gap: np.ndarray
 

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import SE3, SO3
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import depends
@@ -119,7 +119,7 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
     return z[:count], z[count:]
 
 
-def seen(system: System, records: State, names: tuple[str, ...]) -> dict[str, Any]:
+def seen(system: System, records: State, names: tuple[str, ...]) -> dict[str, PyTree]:
     """The channels of records (with a leading axis) by their names, as arrays."""
     channels = Channels(names)
     values = evaluate(jax.vmap(lambda state: channels.of(system, state)), records)

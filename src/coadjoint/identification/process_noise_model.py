@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.groups import SO3
 from coadjoint.identification.channels import is_vehicle
@@ -34,11 +35,11 @@ class Moved(NamedTuple):
     component: np.ndarray
 
 
-def _on_rotations(motion: Any, p: Any) -> Force:
+def _on_rotations(motion: Any, p: PyTree) -> Force:
     return Force(torque=p.process_noise[3:], force=p.process_noise[:3])
 
 
-def _on_poses(motion: Any, p: Any) -> Force:
+def _on_poses(motion: Any, p: PyTree) -> Force:
     return Force(torque=jnp.concatenate([p.process_noise[3:], p.process_noise[:3]]))
 
 

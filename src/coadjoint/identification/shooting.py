@@ -43,7 +43,7 @@ _starts: dict[Any, NativeFunction] = {}
 class Reference(NamedTuple):
     """The references of the starts of segments, before δ; a leading axis of segments."""
 
-    g: Any
+    g: PyTree
     q: Array
     xi: Array
     nu: Array

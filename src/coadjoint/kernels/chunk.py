@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.program import Code
 
 
@@ -21,8 +21,8 @@ class Chunk:
     and stages; `code`: the outcome of the last step tried.
     """
 
-    records: Any
-    final: Any
+    records: PyTree
+    final: PyTree
     steps: int
     code: Code
     iterations: int
@@ -39,8 +39,8 @@ class EnsembleChunk:
     integers of `Code`.
     """
 
-    records: Any
-    final: Any
+    records: PyTree
+    final: PyTree
     steps: np.ndarray
     rows: np.ndarray
     code: np.ndarray

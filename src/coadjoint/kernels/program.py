@@ -97,7 +97,7 @@ class Structure(Protocol):
         """Whether XLA makes of them hundreds of small loops, so that compiling them takes longest."""
         ...
 
-    def root(self, residual: Any, guess: Unknowns, h: Scalar, blocks: tuple[int, ...], carried: Any = ()) -> Any:
+    def root(self, residual: Any, guess: Unknowns, h: Scalar, blocks: tuple[int, ...], carried: PyTree = ()) -> Any:
         """`newton.solver.Root` of residual(z) = 0 from `guess` (m,), differentiable by the implicit function theorem.
 
         residual: `Stage.equations`.

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics import inverse_legendre
@@ -52,7 +51,7 @@ def checked_start(system: ReducedFunctions, state: State) -> np.ndarray | None:
     return projector
 
 
-def require_members_on_constraints(system: ReducedFunctions, parameters: Any, axes: Any, states: State) -> None:
+def require_members_on_constraints(system: ReducedFunctions, parameters: PyTree, axes: PyTree, states: State) -> None:
     """Raise ArgumentError unless the states of all members satisfy all constraints, and their rows are independent.
 
     parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
@@ -68,7 +67,7 @@ def require_members_on_constraints(system: ReducedFunctions, parameters: Any, ax
         )
 
 
-def _require_on(system: ReducedFunctions, found: dict[str, Any]) -> None:
+def _require_on(system: ReducedFunctions, found: dict[str, PyTree]) -> None:
     """Raise ArgumentError where a distance from a constraint is not round-off; arrays may have an axis of members."""
     for (one, part), (gap, size) in zip(parts(system), found["places"], strict=True):
         if np.any(~(gap <= ON * size)):
@@ -85,7 +84,7 @@ def _require_on(system: ReducedFunctions, found: dict[str, Any]) -> None:
             )
 
 
-def _surveyed(system: ReducedFunctions, state: State) -> dict[str, Any]:
+def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
     """|φ| of each constraint and |A·(ξ, ν) − b|, with the size of the terms in them, and A M⁻¹Aᵀ."""
     if rows_of(system) is not None:
         return _surveyed_links(system, state)

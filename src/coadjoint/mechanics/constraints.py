@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL, TIME, UNNAMED
@@ -29,7 +29,7 @@ class Site(NamedTuple):
     n: Array
     a: Array
     t: Scalar
-    inputs: Any = None
+    inputs: PyTree = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.mechanics.state import Force, Motion
 
@@ -26,7 +26,7 @@ def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
     if not callable(dissipation):
         raise ArgumentError(f"co.mechanics.rayleigh takes a function R(motion, p), but got {dissipation!r}.")
 
-    def force(motion: Motion, *parameters: Any) -> Force:
+    def force(motion: Motion, *parameters: PyTree) -> Force:
         def R(xi: Array, nu: Array):
             value = dissipation(motion._replace(xi=xi, nu=nu), *parameters)
             if jnp.ndim(value) != 0:

@@ -92,7 +92,7 @@ NUMBERS = ("parameters", "checks")
 FUNCTIONS = ("lagrangian", "discrete_lagrangian", "group_lagrangian", "hamiltonian")
 
 
-def parts(system: System) -> dict[str, Any]:
+def parts(system: System) -> dict[str, PyTree]:
     """The parts of a system for `kernels.trace.identity`; functions that `version` traces may be the user's.
 
     Quantities may not: they are functions of a state, which has other fields at the start than in a record.

@@ -46,7 +46,7 @@ class Inputs:
         """Whether some are functions of the motion, held over each step."""
         return not all(isinstance(source, Signal) for source in self.sources)
 
-    def held(self, motion: NodeMotion, before: Any = None) -> Any:
+    def held(self, motion: NodeMotion, before: PyTree = None) -> Any:
         """The inputs held over the step that starts with this motion; None where all are signals.
 
         Commands are taken from `before`, the inputs held until then.

@@ -38,7 +38,7 @@ def _values(value: object, name: str) -> Any:
     return float64(value, f"The start `{name}`")
 
 
-def sampling(values: Mapping[str, object], t: Scalar = 0.0) -> dict[str, Any]:
+def sampling(values: Mapping[str, object], t: Scalar = 0.0) -> dict[str, PyTree]:
     """The start of a state that `co.mechanics.sampled` advances: `values`, in force from t on; the first sample is at t
     itself.
 
@@ -54,11 +54,11 @@ def sampled(
     motion: NodeMotion,
     h: Scalar,
     held: Named,
-    update: Callable[[Any], Mapping[str, Any]],
+    update: Callable[[Any], Mapping[str, PyTree]],
     *,
     period: Scalar,
     delay: Scalar = 0.0,
-) -> dict[str, Any]:
+) -> dict[str, PyTree]:
     """A digital controller inside a rule: `update` at every multiple of `period`, in force `delay` later.
 
         controller = co.mechanics.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2,

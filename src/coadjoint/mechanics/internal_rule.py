@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import NodeMotion
@@ -40,7 +40,7 @@ class InternalRule(ABC):
         """Why the step of length h (s) from t has failed, as far as it knows."""
         return None
 
-    def report(self, motion: NodeMotion, p: Parameters | None) -> dict[str, Any]:
+    def report(self, motion: NodeMotion, p: Parameters | None) -> dict[str, PyTree]:
         """The quantities at a node that datasets hold in addition to the state, by name, such as the current at a
         vehicle."""
         return {}

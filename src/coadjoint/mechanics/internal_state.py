@@ -36,7 +36,7 @@ class Course(NamedTuple):
     """
 
     end: Any
-    mean: Any = None
+    mean: PyTree = None
     begin: Any = None
 
 

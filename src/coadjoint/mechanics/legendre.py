@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -43,8 +43,8 @@ class Place(NamedTuple):
     n: Array
     a: Array
     t: Scalar
-    inputs: Any
-    internal: Any
+    inputs: PyTree
+    internal: PyTree
 
 
 @jax.custom_jvp

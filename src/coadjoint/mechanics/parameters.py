@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import Each
@@ -42,10 +42,10 @@ class Parameters(Named):
         return Parameters(**_merged(self, values))
 
 
-def _checked(values: Mapping[str, object], prefix: str = "") -> dict[str, Any]:
+def _checked(values: Mapping[str, object], prefix: str = "") -> dict[str, PyTree]:
     """The values as float64, and dictionaries of them as parameters; raises ArgumentError, naming the path."""
     require_names(values)
-    found: dict[str, Any] = {}
+    found: dict[str, PyTree] = {}
     for name, value in values.items():
         if isinstance(value, (Mapping, Named)) and not isinstance(value, Parameters):
             inner = _checked(value.asdict() if isinstance(value, Named) else value, f"{prefix}{name}.")
@@ -58,7 +58,7 @@ def _checked(values: Mapping[str, object], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _merged(old: Parameters, values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _merged(old: Parameters, values: Mapping[str, PyTree], prefix: str = "") -> dict[str, PyTree]:
     """The values of `old`, those that are given in their places."""
     require_names(values)
     found = old.asdict()

@@ -161,7 +161,7 @@ class ReducedFunctions:
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    def keywords(self, function: Callable[..., object], t: Scalar, held, internal: PyTree) -> dict[str, Any]:
+    def keywords(self, function: Callable[..., object], t: Scalar, held, internal: PyTree) -> dict[str, PyTree]:
         """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
         known = inspect.signature(function).parameters
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}

@@ -76,9 +76,9 @@ class State:
     pi: Array
     xi: Array
     nu: Array
-    inputs: Any = None
-    internal: Any = None
-    memory: Any = None
+    inputs: PyTree = None
+    internal: PyTree = None
+    memory: PyTree = None
     internal_mean: PyTree = None
     internal_end: PyTree = None
     internal_due: Any = None
@@ -178,8 +178,8 @@ class Motion(NamedTuple):
     nu: Any
     a: Any
     t: Scalar
-    inputs: Any
-    internal: Any
+    inputs: PyTree
+    internal: PyTree
 
     def __getattr__(self, name: str) -> Any:
         raise _lacking("The motion that forces read", name, self._fields)
@@ -201,9 +201,9 @@ class NodeMotion(NamedTuple):
     nu: Any
     a: Any
     t: Scalar
-    inputs: Any
-    internal: Any
-    g: Any
+    inputs: PyTree
+    internal: PyTree
+    g: PyTree
     q: Any
     ahead: Any = None
 

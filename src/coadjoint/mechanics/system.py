@@ -102,7 +102,7 @@ class System(ReducedFunctions, Portable):
     constraints: tuple[Bound, ...]
     verify: bool
     parameters: Parameters | None
-    checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = field(compare=False)
+    checks: Callable[[Mapping[str, PyTree]], Mapping[str, PyTree]] | None = field(compare=False)
 
     @deferred_interrupts()
     def __init__(
@@ -112,7 +112,7 @@ class System(ReducedFunctions, Portable):
         *,
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
-        parameters: Parameters | Mapping[str, Any] | None = None,
+        parameters: Parameters | Mapping[str, PyTree] | None = None,
         forces: Callable[..., Force] | Mapping[str, Callable[..., Force]] | Forces | None = None,
         discrete_lagrangian: Callable[..., Any] | None = None,
         group_lagrangian: Callable[..., Any] | None = None,
@@ -122,7 +122,7 @@ class System(ReducedFunctions, Portable):
         name: str = "",
         units: Mapping[str, str] | None = None,
         verify: bool = True,
-        checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
+        checks: Callable[[Mapping[str, PyTree]], Mapping[str, PyTree]] | None = None,
         invariance: Invariance = "left",
         constraints: Mapping[str, Constraint] | None = None,
     ):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.reduced_functions import TRIVIAL, ReducedFunctions
@@ -24,7 +24,7 @@ def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
     return space
 
 
-def parameters_from(parameters: Parameters | Mapping[str, Any] | None) -> Parameters | None:
+def parameters_from(parameters: Parameters | Mapping[str, PyTree] | None) -> Parameters | None:
     """Parameters, also from a dictionary of values; raises ArgumentError."""
     if isinstance(parameters, Mapping):
         require_names(parameters)

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
@@ -130,7 +130,7 @@ class Rattle(Step):
     def remember_by_xla(self, system: System, state: State) -> State:
         return state
 
-    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
+    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> None:
         self.base.require_members(system, parameters, axes, states)
         require_members_on_constraints(system, parameters, axes, states.replace(memory=None))
 

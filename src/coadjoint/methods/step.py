@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_own_map
 from coadjoint.groups.group import Element
@@ -66,7 +66,7 @@ class Step(ABC):
         """Factors that the solution of the last step left in the state for this one; () if there are none."""
         return state.memory if isinstance(state.memory, Factors) else ()
 
-    def carry(self, after: State, carried: Any) -> State:
+    def carry(self, after: State, carried: PyTree) -> State:
         """The state after a step with its factors for the next one; `carried` None removes them, () changes nothing."""
         return after if carried == () else after.replace(memory=carried)
 
@@ -99,7 +99,7 @@ class Step(ABC):
             return state
         return state.replace(memory=how.nothing())
 
-    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
+    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> None:
         """Raise ArgumentError if a member of an ensemble does not fit, as `remember` does where there is one.
 
         parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.

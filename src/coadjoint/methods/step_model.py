@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.groups.group import Array
 from coadjoint.kernels import packing
 from coadjoint.kernels.emit.plan import specialised
@@ -61,7 +62,7 @@ class StepModel:
 
     def __init__(
         self, program: StepProgram, constants: Constants, state: State, *, backend: Backend = "auto",
-        monitors: bool = False, axes: Any = None, count: int = 1, course: bool = False, free: Sequence[int] = (),
+        monitors: bool = False, axes: PyTree = None, count: int = 1, course: bool = False, free: Sequence[int] = (),
     ):  # fmt: skip
         self.program, self.constants, self.monitors, self.axes, self.count = program, constants, monitors, axes, count
         # Factors that a step carries over are not part of records; here every row begins with none.

@@ -28,8 +28,8 @@ class CatalogueEntry:
     description: str
     maker: str
     starter: str
-    parameters: Mapping[str, Any] = field(hash=False)
-    initial: Mapping[str, Any] = field(hash=False)
+    parameters: Mapping[str, PyTree] = field(hash=False)
+    initial: Mapping[str, PyTree] = field(hash=False)
     dt: float
     duration: float
     method: str = "Midpoint"

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SOn
@@ -52,7 +52,7 @@ def body(*, moments: Quantity) -> System:
     watched = {f"trace_{k}_{j}": partial(integral, power=k, of_z=j) for k, j in pairs}
     units = {name: _unit(k - j, 2 * j) for name, (k, j) in zip(watched, pairs, strict=True)}
     checks = partial(checked, {"moments": partial(_moments, count=n)})
-    options: dict[str, Any] = {"quantities": watched, "units": {**UNITS, **units}, "checks": checks}
+    options: dict[str, PyTree] = {"quantities": watched, "units": {**UNITS, **units}, "checks": checks}
     return System(SOn(n), hamiltonian=energy, parameters=p, name=f"rigid body in {n} dimensions", **options)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.mechanics.members import Quantity
@@ -44,7 +45,7 @@ def orientation(
     return R, omega
 
 
-def _at_most_one(arguments: dict[str, Any]) -> None:
+def _at_most_one(arguments: dict[str, PyTree]) -> None:
     given = [name for name, value in arguments.items() if value is not None]
     if len(given) > 1:
         raise ArgumentError(f"Give one of {' and '.join(f'`{name}`' for name in given)}, not both.")

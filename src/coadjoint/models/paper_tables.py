@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from math import pi, radians
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from coadjoint.arrays import PyTree
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
     from coadjoint.mechanics.system import System
 
-TABLE_1: dict[str, Any] = {
+TABLE_1: dict[str, PyTree] = {
     "mass": 123.8,
     "added_mass": (65.0, 70.0, 75.0),
     "inertia": (5.46, 5.29, 5.72),
@@ -19,7 +21,7 @@ TABLE_1: dict[str, Any] = {
 }
 """kg, kg, kg m², N (printed as kg), m, m/s²; J is the inertia in the body frame."""
 
-TABLE_2: dict[str, Any] = {
+TABLE_2: dict[str, PyTree] = {
     "position": (0.0, 0.0, 1.0),
     "velocity": (0.1, 0.1, 0.8),
     "euler_zxz": (2 * pi, 0.0, 2 * pi),

@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, DirectProduct, Heisenberg
@@ -145,7 +145,7 @@ def moment(state, p, *, axis: int):
     return p.circulations @ sphere_positions(state.mu, p.circulations, p.radius)[:, axis]
 
 
-def _system(group: Any, energy: Any, given: dict[str, Any], watched: object, units: object, name: str) -> System:
+def _system(group: Any, energy: Any, given: dict[str, PyTree], watched: object, units: object, name: str) -> System:
     count = len(given["circulations"])
     checks = partial(checked, {"circulations": partial(_circulations, count=count), "radius": positive})
     options = {"quantities": watched, "units": units, "checks": checks, "name": f"{count} {name}"}

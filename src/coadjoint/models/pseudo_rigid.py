@@ -10,7 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import GLn, LieGroup, SLn
 from coadjoint.groups.group import Element
@@ -162,7 +162,7 @@ def _body(
     energy: Any,
     moments: Callable[[Any], Any],
     checks: Any,
-    given: dict[str, Any],
+    given: dict[str, PyTree],
     name: str,
 ) -> System:
     """The system of ℓ(ξ, C) = ½ tr(ξ E ξᵀC) − V(C), which observes the circulation."""

@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import array, float64
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
@@ -28,7 +28,7 @@ Check = Callable[[Any, str], Any]
 """(value, name) → the value in its final form, or ArgumentError."""
 
 
-def checked(checks: Mapping[str, Check], given: Mapping[str, object]) -> dict[str, Any]:
+def checked(checks: Mapping[str, Check], given: Mapping[str, object]) -> dict[str, PyTree]:
     """Values after the checks of their names, a model's own and those that replace them; raises ArgumentError."""
     return {name: _checked(checks[name], value, name) if name in checks else value for name, value in given.items()}
 

@@ -36,7 +36,7 @@ class Solid:
     """
 
     shapes: Sequence[Shape]
-    place: Any = None
+    place: PyTree = None
     turn: Any = None
     track: bool | None = None
 

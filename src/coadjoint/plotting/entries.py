@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.decimation import CAPACITY, thin
 from coadjoint.plotting.style import COLOURS, DASHES, legend
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     import xarray
@@ -45,12 +46,12 @@ class Entry:
         return str(self.dataset[name].attrs.get("units", ""))
 
     @property
-    def look(self) -> dict[str, Any]:
+    def look(self) -> Table:
         """Colour and line style of the curve; pale in a crowd."""
         return {"color": COLOURS[self.place % len(COLOURS)], **self.line}
 
     @property
-    def line(self) -> dict[str, Any]:
+    def line(self) -> Table:
         """The line style without the colour."""
         pale = {"alpha": 0.35, "linewidth": 0.6} if self.crowd > 1 else {}
         return {"linestyle": DASHES[self.place % len(DASHES)], **pale}

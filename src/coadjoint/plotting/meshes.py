@@ -19,6 +19,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.groups.attitude import from_quaternion
+from coadjoint.texts import Table
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 AXES = {
@@ -142,7 +143,7 @@ def _gltf(data: bytes, source: Path) -> tuple[Any, Any]:
     return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
 
 
-def _buffers(spec: list[dict[str, Any]], own: bytes, source: Path) -> list[bytes]:
+def _buffers(spec: list[Table], own: bytes, source: Path) -> list[bytes]:
     """All buffers; those of files and addresses are together no larger than a mesh."""
     found, left = [], LARGEST
     for one in spec:
@@ -151,7 +152,7 @@ def _buffers(spec: list[dict[str, Any]], own: bytes, source: Path) -> list[bytes
     return found
 
 
-def _buffer(spec: dict[str, Any], own: bytes, source: Path, most: int) -> bytes:
+def _buffer(spec: Table, own: bytes, source: Path, most: int) -> bytes:
     address = spec.get("uri")
     if address is None:
         return own
@@ -209,7 +210,7 @@ class _Scene:
         return found.astype(float) if width == 3 else found.ravel()
 
 
-def _placed(node: dict[str, Any]) -> np.ndarray:
+def _placed(node: Table) -> np.ndarray:
     """The matrix (4, 4) of a node: its own, or translation, rotation and scale."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.groups.attitude import to_quaternion
+from coadjoint.texts import Table
 
 POINTS = 8000
 """The most nodes of a scene, of all members together."""
@@ -104,7 +105,7 @@ class Scene:
 _DIGITS = {"time": 4, "turn": 5, "values": 4}
 
 
-def plain(scene: Scene) -> dict[str, Any]:
+def plain(scene: Scene) -> Table:
     """The scene as numbers, texts and lists, under the names that the page reads."""
     found = {name: _plain(name, value) for name, value in asdict(scene).items()}
     points = found.pop("way_points")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.texts import Table
 
 CONSERVED = (
     "energy_error_max",
@@ -41,7 +42,7 @@ class Comparison:
     common: int
     last: float
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Table:
         """All of it as plain numbers."""
         a, b = self.names
         return {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from coadjoint.methods import LeftRectangle, Midpoint
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, paper_start, paper_vehicle
 from coadjoint.report.summary import versions
 from coadjoint.simulation.simulate import simulate
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.methods import Method
@@ -37,7 +38,7 @@ class Reproduction:
 
     runs: dict[str, Run]
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Table:
         """The numbers of summary.json: a dictionary a run, and the versions that computed them."""
         return {**{name: numbers(run) for name, run in self.runs.items()}, "versions": versions()}
 
@@ -66,7 +67,7 @@ def compute(dt: float = PAPER_STEP, duration: float = PAPER_DURATION, progress: 
     return Reproduction(runs)
 
 
-def numbers(run: Run) -> dict[str, Any]:
+def numbers(run: Run) -> Table:
     """The entry of a run in summary.json; errors are relative maxima over every step.
 
     The energy is K_k + U_k with the discrete velocities for the left rectangle (P68, P69), the Legendre energy of

@@ -3,11 +3,11 @@ measured."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.report.reproduction import FIGURES, Reproduction, numbers
 
@@ -28,7 +28,7 @@ def report(found: Reproduction) -> str:
 
 def _head(found: Reproduction) -> str:
     run = found.runs["cayley"]
-    p: Any = run.system.parameters
+    p: PyTree = run.system.parameters
     duration = run.steps * run.dt
     same = np.isclose(run.dt, PAPER_STEP) and np.isclose(duration, PAPER_DURATION)
     kind = (
@@ -143,7 +143,7 @@ one unit in the last place of that is {floor:.0e} of I."""
 
 def _trajectory(found: Reproduction) -> str:
     run = found.runs["cayley"]
-    p: Any = run.system.parameters
+    p: PyTree = run.system.parameters
     q, t = np.asarray(run.records.q), np.asarray(run.records.t)
     deepest = int(np.argmax(q[:, 2]))
     apart = float(np.max(np.linalg.norm(q - np.asarray(found.runs["exponential"].records.q), axis=1)))

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.report.companion_files import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
 from coadjoint.sections import in_si
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
@@ -26,7 +27,7 @@ ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_
 """Ways to give g and xi of a group of rotations; see `coadjoint.models.orientation`."""
 
 
-def maker(factory: str, source: Path) -> Callable[[dict[str, Any], dict[str, Any]], tuple[System, State]]:
+def maker(factory: str, source: Path) -> Callable[[Table, Table], tuple[System, State]]:
     """A maker of a system and its start from sections [parameters] and [initial], by a function in the file `source`.
 
     The function takes [parameters] and returns a System, or a pair of it and a State. A system alone starts from
@@ -57,7 +58,7 @@ def maker(factory: str, source: Path) -> Callable[[dict[str, Any], dict[str, Any
     return make
 
 
-def start(system: System, initial: dict[str, Any]) -> State:
+def start(system: System, initial: Table) -> State:
     """The state of a system from a section [initial]; raises ArgumentError."""
     import jax
 

@@ -10,6 +10,7 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import in_si
+from coadjoint.texts import Table
 
 KINDS = {
     "t": u.TIME,
@@ -29,7 +30,7 @@ KINDS = {
 _ANGLES = ("yaw", "pitch", "roll")
 
 
-def initial_values(given: Mapping[str, object], known: Collection[str]) -> dict[str, Any]:
+def initial_values(given: Mapping[str, object], known: Collection[str]) -> Table:
     """A section [initial] under its known names, in SI units.
 
     Where `euler_zyx` is known, `yaw`, `pitch` and `roll` are too, 0 unless given. Raises ArgumentError.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import Each
@@ -23,6 +24,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.runs.setup import Setup
 from coadjoint.runs.signature import signature
 from coadjoint.spaces.named import Named
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
@@ -64,7 +66,7 @@ class MadeMembers:
         """
         places = {*varying, *self.varying}
 
-        def one(path: Any, *leaves: Any) -> Any:
+        def one(path: Any, *leaves: PyTree) -> Any:
             return Each(np.stack(leaves)) if jax.tree_util.keystr(path) in places else leaves[0]
 
         parameters, arguments = jax.tree_util.tree_map_with_path(one, *self._numbers)
@@ -99,7 +101,7 @@ class _Looked(Exception):
     """A maker reads or changes the start that it made, so it needs a computed one."""
 
 
-def _made(make: Maker, rows: Sequence[tuple[dict[str, Any], dict[str, Any]]], possible: bool) -> MadeMembers:
+def _made(make: Maker, rows: Sequence[tuple[Table, Table]], possible: bool) -> MadeMembers:
     systems, starts, signatures = list[Any](), list[Any](), list[Hashable]()
     for parameters, initial in rows:
         try:
@@ -119,7 +121,7 @@ def _made(make: Maker, rows: Sequence[tuple[dict[str, Any], dict[str, Any]]], po
     return MadeMembers(systems, starts, signatures)
 
 
-def _rows(file: RunFile) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+def _rows(file: RunFile) -> list[tuple[Table, Table]]:
     """[parameters] and [initial] of each member, in plain numbers as a file has them."""
     leaves, structure = jax.tree.flatten((file.parameters, file.initial))
     count = next(len(leaf) for leaf in leaves if isinstance(leaf, Each))

@@ -17,7 +17,7 @@ from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.sections import in_si, without_unit
-from coadjoint.texts import file_text, read_table, too_long
+from coadjoint.texts import Table, file_text, read_table, too_long
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
@@ -58,7 +58,7 @@ class RunFile(Runnable):
         return [path for path in found if not path.is_relative_to(home)]
 
     @property
-    def maker(self) -> Callable[[dict[str, Any], dict[str, Any]], tuple[System, State]]:
+    def maker(self) -> Callable[[Table, Table], tuple[System, State]]:
         """The maker of the system and its start from sections [parameters] and [initial]."""
         if self.system.factory:
             from coadjoint.runs.factory import maker
@@ -86,7 +86,7 @@ class RunFile(Runnable):
 
         return Setup(*self.maker(self.parameters, self.initial))
 
-    def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
+    def results(self, folder: Path, run: Run) -> tuple[Table, list[str]]:
         from coadjoint.plotting.plots import save_figures
 
         if self.output.figures is False:
@@ -143,7 +143,7 @@ def _require_run(table: dict[str, object], source: Path) -> None:
         )
 
 
-def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
+def from_table(table: Table, path: Path, text: str) -> RunFile:
     """The run in a table of sections; raises ArgumentError."""
     if "mission" in table:
         raise ArgumentError(f"The mission file {path} needs a section [vehicle].")
@@ -164,7 +164,7 @@ def _require_short(value: object) -> None:
         float(value)
 
 
-def _require_rectangular(name: str, given: dict[str, Any]) -> None:
+def _require_rectangular(name: str, given: Table) -> None:
     for key, value in given.items():
         # An element g of a product is a list of arrays of several shapes.
         if key != "g" and isinstance(value, list) and not _rectangular(value):
@@ -177,7 +177,7 @@ def _rectangular(value: list[Any]) -> bool:
     return not any(isinstance(inner, list) for inner in value)
 
 
-def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def _of_model(model: str, free: dict[str, Table]) -> dict[str, Table]:
     """Parameters and initial values under the names of a model of the catalogue, in SI units."""
     from coadjoint.models import catalogue
 

@@ -14,6 +14,7 @@ from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.runs.methods import map_name, method_name
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.members import Each
@@ -42,7 +43,7 @@ class Runnable(ABC):
     """The required sections."""
 
     @classmethod
-    def sections(cls, table: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    def sections(cls, table: Mapping[str, Any], path: Path) -> Table:
         """The sections of a file by name; raises ArgumentError, also for unknown methods and maps."""
         known = [*cls.SECTIONS, *cls.FREE]
         for name, given in table.items():
@@ -52,9 +53,7 @@ class Runnable(ABC):
         for name in cls.NEEDED:
             if name not in table:
                 raise ArgumentError(f"The {cls.WORD} {path} needs a section [{name}].")
-        made: dict[str, Any] = {
-            name: sections.read(kind, name, table.get(name, {})) for name, kind in cls.SECTIONS.items()
-        }
+        made: Table = {name: sections.read(kind, name, table.get(name, {})) for name, kind in cls.SECTIONS.items()}
         chosen = made["method"]
         for name in (chosen.name, *([chosen.base] if chosen.base else [])):
             method_name(name)
@@ -111,7 +110,7 @@ class Runnable(ABC):
         """Put observed quantities besides the motion into the dataset of a run that has ended."""
 
     @abstractmethod
-    def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
+    def results(self, folder: Path, run: Run) -> tuple[Table, list[str]]:
         """Write the results of a run besides its trajectory: the entries of the summary, and the names of the figures.
 
         A summary with "members" is complete; the certificate is added to any other.

@@ -28,7 +28,7 @@ from coadjoint.runs.prepared import prepared
 from coadjoint.runs.run_file import read
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
-from coadjoint.texts import LARGEST_SUMMARY, text_of
+from coadjoint.texts import LARGEST_SUMMARY, Table, text_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
@@ -161,7 +161,7 @@ def simulate(file: Runnable, made: Setup, progress: bool | None = None, store: P
 def write(file: Runnable, folder: Path, stage: Path, made: Setup, run: Run, failure: str | None) -> Written:
     """Write the results for `folder` into the folder `stage`."""
     figures: list[str] = []
-    summary: dict[str, Any] = {}
+    summary: Table = {}
     run.warnings += made.warnings
     if run.count:
         run.dataset.attrs.update(made.attributes)

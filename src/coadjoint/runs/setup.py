@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from coadjoint.arrays import PyTree
+
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
     from coadjoint.mechanics.system import System
@@ -19,7 +21,7 @@ class Setup:
 
     system: System
     start: State
-    inputs: Any = None
+    inputs: PyTree = None
     until: Any = None
     attributes: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)

@@ -10,7 +10,7 @@ import numpy as np
 from jax import hessian, jacfwd
 from jax import numpy as jnp
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import MOST, array, positive, uneven, whole
 from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import ArgumentError, LagrangianError, shown
@@ -48,7 +48,7 @@ def _can_be_read(read: Callable[[State], Any], state: State) -> bool:
     return True
 
 
-def require_kinds(system: Any, start: Any, method: Any) -> None:
+def require_kinds(system: Any, start: PyTree, method: Any) -> None:
     """Raise ArgumentError unless these are a system, a start of it and a method."""
     if not isinstance(system, System):
         raise ArgumentError(f"Argument `system` must be a co.System, but is {type(system).__name__}.")
@@ -87,7 +87,7 @@ def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
     return h, count
 
 
-def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool = False) -> tuple[System, State]:
+def with_inputs(system: System, start: State, inputs: PyTree, by_velocities: bool = False) -> tuple[System, State]:
     """The system driven by `inputs`, and the start with the inputs held over its first step.
 
     The start keeps the momenta that it has with its own inputs, whatever drives the run; with `by_velocities` it keeps

@@ -17,6 +17,7 @@ from coadjoint.simulation import energy_budget
 from coadjoint.simulation.accuracy.verdict import Accuracy
 from coadjoint.simulation.monitors import budgets, changing, residuals
 from coadjoint.simulation.result import Result
+from coadjoint.texts import Table
 
 Lines = Iterator[tuple[str, str]]
 """Titles and texts."""
@@ -27,7 +28,7 @@ def certificate(run: Result) -> dict[str, object]:
 
     That of an ensemble has the system, the method, the accuracy and the time alone.
     """
-    found: dict[str, Any] = {"system": run.system.name, "method": run.method.title}
+    found: Table = {"system": run.system.name, "method": run.method.title}
     times = {"seconds": run.seconds, "set_up_seconds": run.set_up_seconds}
     accuracy = {} if run.accuracy is None else run.accuracy.numbers()
     if run.members is not None:
@@ -186,14 +187,14 @@ def _iterations(run: Result) -> float:
     return float(np.sum(run.position.iterations)) / max(run.good_steps, 1)
 
 
-def _change(c: dict[str, Any], name: str, relative: Any) -> str:
+def _change(c: Table, name: str, relative: Any) -> str:
     first = np.ravel(c[f"{name}_initial"])
     shown = f"{first[0]:.10g}" if len(first) == 1 else f"{len(first)} quantities, norm {np.linalg.norm(first):.6g}"
     kind = "relative" if relative else "absolute"
     return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
 
 
-def step_sizes(run: Result) -> dict[str, Any]:
+def step_sizes(run: Result) -> Table:
     """Where a variable method ended, how many of its steps were fixed, and the bounds of h where it was monitored."""
     if not run.method.variable:
         return {}

@@ -30,6 +30,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.plan import AnyPosition, MembersPosition, Plan, Position
 from coadjoint.spaces.named import Named
+from coadjoint.texts import Table
 
 _HOMES = ("coadjoint.methods", "coadjoint.difference_maps")
 
@@ -225,7 +226,7 @@ def packed(header: Mapping[str, Any], arrays: Arrays) -> bytes:
     return body.getvalue() + hashlib.sha256(body.getbuffer()).digest()
 
 
-def unpacked(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def unpacked(path: Path) -> tuple[Table, dict[str, np.ndarray]]:
     """The header and the arrays in `path`; raises FileError if it is damaged."""
     data = path.read_bytes()
     body, sealed = data[:-32], data[-32:]
@@ -240,9 +241,9 @@ def unpacked(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return header, {name.partition("/")[2]: values for name, values in arrays.items()}
 
 
-def position_numbers(position: AnyPosition) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def position_numbers(position: AnyPosition) -> tuple[Table, dict[str, np.ndarray]]:
     """All of a position, exactly: its numbers, and its arrays."""
-    header: dict[str, Any] = {}
+    header: Table = {}
     arrays = state_numbers("state", position.state)
     for name in _counts(position):
         value = getattr(position, name)

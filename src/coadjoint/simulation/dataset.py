@@ -24,6 +24,7 @@ from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes,
 from coadjoint.simulation.monitors import Monitor, watched
 from coadjoint.simulation.result import Result
 from coadjoint.spaces import Space
+from coadjoint.texts import Table
 
 _MEANINGS = {
     "n": "n = g⁻¹q, body frame",
@@ -166,7 +167,7 @@ def variables(
     system: System,
     records: State,
     monitors: Mapping[str, np.ndarray],
-    derive: Callable[[State], dict[str, Any]],
+    derive: Callable[[State], Table],
 ) -> Variables:
     """Dimensions and values of every variable, one row per record; `derive` returns the values of a `Derivation`.
 
@@ -222,18 +223,18 @@ def reported(system: System, records: State) -> Variables:
         return {}
     report = system.internal.report
 
-    def one(s: State) -> dict[str, Any]:
+    def one(s: State) -> Table:
         return report(system.motion_at(s, s.inputs), system.parameters)
 
     found = evaluate(jax.vmap(one), records)
     return {name: (("time", *(f"{name}_{axis}" for axis in range(x.ndim - 1))), x) for name, x in found.items()}
 
 
-def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any]]:
+def meanings(made: Mapping[Any, Any], system: System) -> dict[str, Table]:
     """Unit and meaning of each variable, where known, and the limits of an internal state."""
     units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
     units = {one.name: one.unit or units[one.like] for one in watched() if one.unit or one.like in units} | units
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, Table] = {}
     own, known = dict(system.quantities), _told(system)
     if not any(str(name).startswith(("xi_step", "nu_step")) for name in made):  # ξ and ν are those of steps
         known |= {name: known[f"{name}_step"] for name in ("xi", "nu")}
@@ -277,7 +278,7 @@ def _parts(space: Space, group: Any, name: str, values: Array) -> dict[str, tupl
     return {part: (("time", dims[part]), values[..., span]) for part, span in parts.items()}
 
 
-def attributes(run: Result) -> dict[str, Any]:
+def attributes(run: Result) -> Table:
     """The certificate of a run as the attributes of its dataset."""
     found = {key: value for key, value in run.summary().items() if value is not None}
     found |= {f"events_{name}": count for name, count in found.pop("events", {}).items()}

@@ -20,6 +20,7 @@ from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
 from coadjoint.methods.rattle import kept
+from coadjoint.texts import Table
 
 BATCH = 1024
 """The number of records evaluated together. It is constant, so that no value depends on the other records."""
@@ -37,7 +38,7 @@ class Derivation:
         self.skeleton, self.most = skeleton, most
         self._made: dict[Any, Callable[..., Any]] = {}
 
-    def __call__(self, parameters: Any, records: State, members: np.ndarray | None = None) -> dict[str, Any]:
+    def __call__(self, parameters: PyTree, records: State, members: np.ndarray | None = None) -> Table:
         """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν, the rotation in g and multipliers, if any, of every record.
 
         parameters: those of the system; of an ensemble with `co.each`, of which `members` says the member of each
@@ -73,7 +74,7 @@ class Derivation:
     def _traced(self, shared: object, records: State, own: dict[int, object]) -> dict[str, object]:
         leaves, structure = jax.tree.flatten(shared, is_leaf=_is_missing)
 
-        def one(state: State, own: dict[int, object]) -> dict[str, Any]:
+        def one(state: State, own: dict[int, object]) -> Table:
             whole = [own.get(i, leaf) for i, leaf in enumerate(leaves)]
             return _derived(replace_parameters(self.skeleton, jax.tree.unflatten(structure, whole)), state)
 

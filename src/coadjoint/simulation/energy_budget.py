@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import energy_lines
 from coadjoint.simulation.result import Result
+from coadjoint.texts import Table
 
 POORLY = 0.1
 """The relative gap of a budget above which the certificate warns."""
 
 
-def budget(run: Result) -> dict[str, Any]:
+def budget(run: Result) -> Table:
     """E_N − E_0, the work W of each force, and the largest |E_k − E_0 − ΣW_k| over every step.
 
     The last is relative to the largest of these energies.

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
@@ -39,13 +40,13 @@ class EventDriver(driver.Driver):
         super().__init__(plan, outputs, progress, title)
         self.crossed = crossed
 
-    def _stretch(self, position: Any, speed: float) -> None:
+    def _stretch(self, position: PyTree, speed: float) -> None:
         """Run for about PATIENCE seconds, node by node, up to the first event that ends the run."""
         wished, left = max(int(speed * driver.PATIENCE), 1), self.plan.steps - position.steps
         length, began = min(wished, left, self._capacity(position)), time.perf_counter()
         self._advance(position, self.run(position.state, length, 1), length, began)
 
-    def _advance(self, position: Any, chunk: Any, length: int, began: float) -> None:
+    def _advance(self, position: PyTree, chunk: Any, length: int, began: float) -> None:
         """Process a chunk up to the event that ends the run."""
         ahead = None if chunk.code else self.run(chunk.final, AHEAD, 1).monitors[EVENTS]
         end, crossed = look(self.plan, chunk.records, values(position, chunk.monitors[EVENTS], ahead))
@@ -64,17 +65,17 @@ class EventDriver(driver.Driver):
         self.outputs.checkpoint(position)
         self.taking = False
 
-    def _take(self, position: Any, chunk: Any, steps: int) -> None:
+    def _take(self, position: PyTree, chunk: Any, steps: int) -> None:
         """Append the records of a chunk, one at each node, and move to its end."""
         records, monitors = jax.tree.map(lambda leaf: leaf[:steps], self._rows(chunk))
         self.outputs.append(position.steps + np.arange(steps), records, monitors)
         position.advance(chunk, steps)
 
-    def undo(self, position: Any) -> None:
+    def undo(self, position: PyTree) -> None:
         for name, states in self.crossed.items():
             self.crossed[name] = up_to(states, float(position.state.t), self.plan)
 
-    def _last(self, position: Any) -> Any:
+    def _last(self, position: PyTree) -> Any:
         return unwatched(super()._last(position), self.plan)
 
 
@@ -92,11 +93,11 @@ class MembersEvents(EventDriver):
         super().__init__(plan, outputs, progress, title, crossed)
         self.ended = ended
 
-    def drive(self, position: Any) -> None:
+    def drive(self, position: PyTree) -> None:
         self.times = position.event = np.full(len(position.codes), np.nan)
         super().drive(position)
 
-    def _advance(self, position: Any, chunk: EnsembleChunk, length: int, began: float) -> None:
+    def _advance(self, position: PyTree, chunk: EnsembleChunk, length: int, began: float) -> None:
         """Process a chunk up to the end of the last member."""
         rows_kept = self._members(position, chunk, self.run(chunk.final, AHEAD, 1))
         chunk = without_events(chunk, self.plan, rows_kept)
@@ -122,10 +123,10 @@ class MembersEvents(EventDriver):
                 kept[index], self.ended[index], self.times[index] = end.interval + 1, end.state, end.state.t
         return kept
 
-    def _last(self, position: Any) -> EnsembleChunk:
+    def _last(self, position: PyTree) -> EnsembleChunk:
         return without_events(self.run(position.state, 1, 1), self.plan, dict.fromkeys(self.ended, 0))
 
-    def undo(self, position: Any) -> None:
+    def undo(self, position: PyTree) -> None:
         for index, here in enumerate(position.state.t):
             for states in self.crossed.values():
                 states[index] = up_to(states[index], float(here), self.plan)
@@ -134,7 +135,7 @@ class MembersEvents(EventDriver):
                 del self.ended[index]
 
 
-def values(position: Any, here: np.ndarray, ahead: np.ndarray | None) -> np.ndarray:
+def values(position: PyTree, here: np.ndarray, ahead: np.ndarray | None) -> np.ndarray:
     """The events at the nodes of a chunk and some ahead, (nodes, events); from zero where the run starts there."""
     found = here if ahead is None else np.concatenate([here, ahead])
     return found if position.steps else np.stack([from_zero(v) for v in found.T], axis=1)

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
@@ -27,7 +28,7 @@ from coadjoint.simulation.result import Result
 class Members:
     """An ensemble ready to run: parameters, and states with a leading axis of members."""
 
-    parameters: Any
+    parameters: PyTree
     axes: Any
     """Like `parameters`: 0 for a leaf with a member axis, None elsewhere."""
     states: State

@@ -52,7 +52,7 @@ class Monitor:
     watched: tuple[Watched, ...]
     when: Callable[..., bool]
 
-    def __call__(self, system: object, step: Any, record: Any, h: object, constants: Any) -> Any:
+    def __call__(self, system: object, step: Any, record: Any, h: object, constants: PyTree) -> Any:
         return self.observe(system, step, record, h, constants)
 
     def __reduce__(self) -> Any:
@@ -151,7 +151,7 @@ def quantities(system: System, step: Step, record: State, h: Scalar, constants: 
 class _Chosen:
     quantities: tuple[KelvinNoether, ...]
 
-    def __call__(self, system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+    def __call__(self, system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
         now = jnp.stack([quantity.quantity(system, record) for quantity in self.quantities])
         c0 = [system.group.Ad(record.g, quantity.momentum_map(system, record)) for quantity in self.quantities]
         return _with_budget(system, record, now, jnp.stack(c0))
@@ -203,7 +203,7 @@ def group_defect(system: System, step: Step, record: State, h: Scalar, constants
     ),
     when=lambda system, method, state: any(one.holonomic for one in system.constraints),
 )
-def constraint_gap(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def constraint_gap(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """max |φ(n, a)|, one number."""
     values = [one.value(system, reactions.site(record)) for one in system.constraints if one.holonomic]
     return {"constraint_gap": jnp.max(jnp.abs(jnp.concatenate(values)))}
@@ -219,7 +219,7 @@ def constraint_gap(system: System, step: Step, record: State, h: Scalar, constan
     ),
     when=lambda system, method, state: bool(system.constraints),
 )
-def constraint_rate(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def constraint_rate(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """max |φ̇| and |A·(ξ, ν) − b| with the velocities that belong to (μ, π), one number."""
     return {"constraint_rate": jnp.max(jnp.abs(reactions.node_rate(system, record)))}
 
@@ -233,7 +233,7 @@ def constraint_rate(system: System, step: Step, record: State, h: Scalar, consta
     ),
     when=_always,
 )
-def symmetry_momentum(system: System, step: Step, record: State, h: Scalar, constants: Any) -> dict[str, Array]:
+def symmetry_momentum(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """⟨Ad*_{g⁻¹}m, η⟩ + ⟨π, g⁻¹u⟩ for every row (η, u) of constants["symmetries"]."""
     return {"symmetry_momentum": symmetries.symmetry_momentum(system, record, constants["symmetries"])}
 

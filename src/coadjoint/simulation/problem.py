@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
@@ -37,6 +38,7 @@ from coadjoint.simulation.members import begin_members, count_of, first_member, 
 from coadjoint.simulation.plan import MembersPosition, Plan, Position
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.sinks import Memory
+from coadjoint.texts import Table
 
 MOST_DIRECTIONS = 500
 """The most dimensions of a group of which all spatial momenta are observed at every step."""
@@ -61,7 +63,7 @@ class SimulationProblem:
     save_every: int = 1
     monitors: bool = False
     kelvin_noether: Any = None
-    inputs: Any = None
+    inputs: PyTree = None
     backend: Backend = "auto"
     until: Any = None
     events: Any = None
@@ -153,7 +155,7 @@ class SimulationProblem:
     def _watches(self) -> bool:
         return self.monitors or bool(self.watched)
 
-    def _plan(self, backend: Backend, program: StepProgram, constants: Constants, *members: Any) -> Plan:
+    def _plan(self, backend: Backend, program: StepProgram, constants: Constants, *members: PyTree) -> Plan:
         grid = self.h, self.steps, self.save_every
         return Plan(backend, program, constants, *grid, self.monitors, self.watched, self.until is not None, *members)
 
@@ -184,7 +186,7 @@ class SimulationProblem:
 
     def _verdict(
         self, system: System, state: State, reading: setup_cache.Reading | None, purpose: str, warnings: list[str]
-    ) -> dict[str, Any]:
+    ) -> Table:
         """The results of the checks of a state that was begun, kept for other runs."""
         require_chart(system, self.method, state, self.h)
         require_events(self.method, state, self.watched)
@@ -192,9 +194,9 @@ class SimulationProblem:
         setup_cache.remember_verdict(reading, purpose, found)
         return found
 
-    def _watching(self, system: System, state: State, single: bool) -> dict[str, Any]:
+    def _watching(self, system: System, state: State, single: bool) -> Table:
         """The constants of monitors; raises if they cannot observe a quantity. single: not of an ensemble."""
-        found: dict[str, Any] = {}
+        found: Table = {}
         if not self.monitors:
             return found
         if self.noether and state.g is None:
@@ -210,7 +212,7 @@ class SimulationProblem:
         return found
 
     def _program(
-        self, system: System, state: State, watching: dict[str, Any], reading: setup_cache.Reading | None
+        self, system: System, state: State, watching: Table, reading: setup_cache.Reading | None
     ) -> StepProgram:
         observed = ()
         if self.monitors:
@@ -239,7 +241,9 @@ def require_events(method: Method, state: State, watched: Watched) -> None:
             )
 
 
-def require_fit(system: System, start: State, method: Method, h: float, inputs: Any = None, until: Any = None) -> None:
+def require_fit(
+    system: System, start: State, method: Method, h: float, inputs: PyTree = None, until: Any = None
+) -> None:
     """Raise the errors of `simulate` for a method that does not fit the system or its start; compiles nothing."""
     require_kinds(system, start, method)
     together = count_of(system, start) is not None
@@ -259,7 +263,7 @@ def _directions(system: System, state: State) -> np.ndarray:
     return isotropy_algebra(system, state)
 
 
-def _constants(system: System, watching: dict[str, Any]) -> Constants:
+def _constants(system: System, watching: Table) -> Constants:
     holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
     return Constants(system.parameters, watching, RENEWED if holds else None)
 

@@ -21,6 +21,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.rattle import Reactions, kept
 from coadjoint.simulation.result import LAST_RECORD
 from coadjoint.spaces.named import Named
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     import xarray
@@ -32,7 +33,7 @@ _VECTORS = ("n", "nu", "pi", "a", "mu", "xi")
 _FREE = ("inputs", "internal", "internal_mean", "internal_end")
 
 
-def written(record: State, system: System) -> dict[str, Any]:
+def written(record: State, system: System) -> Table:
     """The last record, without the memory of the method save multipliers, and the parameters of the run.
 
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
@@ -104,7 +105,7 @@ def _parts(row: Any) -> dict[tuple[str, ...], np.ndarray]:
 def _state(record: dict[tuple[str, ...], np.ndarray], system: System) -> State:
     group, Q, V = system.places
     sizes = (Q.ambient(group),) * 3 + (V.ambient(group),) + (group.dim,) * 2
-    vectors: dict[str, Any] = {name: record[(name,)] for name in _VECTORS}
+    vectors: Table = {name: record[(name,)] for name in _VECTORS}
     leaves, structure = jax.tree_util.tree_flatten(evaluate(group.identity))
     g = [leaf for path, leaf in record.items() if path[0] == "g"]
     fits = [v.shape == (size,) for v, size in zip(vectors.values(), sizes, strict=True)]

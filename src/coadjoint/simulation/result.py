@@ -17,6 +17,7 @@ import jax
 import numpy as np
 
 from coadjoint import disk
+from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError, FileError, shown
 from coadjoint.extensions import Registry, import_string
@@ -28,6 +29,7 @@ from coadjoint.plotting.plots import Plots
 from coadjoint.sealed import seal
 from coadjoint.simulation.accuracy.verdict import Accuracy
 from coadjoint.simulation.plan import Extrema, Plan
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     import xarray
@@ -93,11 +95,11 @@ class Recording:
             raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
         return target
 
-    def _last_record(self) -> dict[str, Any]:
+    def _last_record(self) -> Table:
         """Variables of a netCDF file from which a run can be continued."""
         return {}
 
-    def _text(self, ending: str, options: dict[str, Any]) -> str | bytes | None:
+    def _text(self, ending: str, options: Table) -> str | bytes | None:
         """The file in a format that a package above adds; None if it is netCDF."""
         if ending == ".csv" and not {"a_down", "a_north"} <= set(self.dataset) and not options:
             return csv_table(self.dataset)
@@ -177,8 +179,8 @@ class Result(Recording):
     method: Method
     start: State
     plan: Plan
-    position: Any
-    memory: Any
+    position: PyTree
+    memory: PyTree
     warnings: list[str]
     set_up_seconds: float = 0.0
     crossed: dict[str, list[Any]] = field(default_factory=dict)
@@ -186,7 +188,7 @@ class Result(Recording):
     ended: dict[int, State] = field(default_factory=dict)
 
     @abstractmethod
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Table:
         """The certificate as plain numbers."""
 
     @property

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
 from coadjoint.simulation.store_reader import read_configuration, run_manifest, standing, stored_dataset
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     import xarray
@@ -153,7 +154,7 @@ def streamed(
 
 
 def _with_store(run: Result, store: Store) -> StreamedRun | StreamedEnsemble:
-    parts: dict[str, Any] = {field.name: getattr(run, field.name) for field in fields(run)} | {"memory": store}
+    parts: Table = {field.name: getattr(run, field.name) for field in fields(run)} | {"memory": store}
     made = StreamedRun(**parts) if run.members is None else StreamedEnsemble(**parts)
     store.attributes = lambda: attributes(made)
     return made
@@ -261,7 +262,7 @@ _PARTS = {
 _SETTINGS = ("dt", "steps", "save_every", "monitors", "backend", "accuracy")
 
 
-def _require_same(folder: Path, then: dict[str, Any], marks: dict[str, str], now: dict[str, Any] | None = None) -> None:
+def _require_same(folder: Path, then: Table, marks: dict[str, str], now: Table | None = None) -> None:
     """Raise ArgumentError unless the run that was set up is the one in the folder; `now` are its settings."""
     before = run_manifest(folder).facts["fingerprint"]
     if before.get("tracing") != marks["tracing"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -15,6 +15,7 @@ from coadjoint.mechanics.state import Origin, State
 from coadjoint.simulation.certificate import card, certificate, failure
 from coadjoint.simulation.derived import at_nodes, derivation, known_at_nodes, one_at_node
 from coadjoint.simulation.result import Result
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     import xarray
@@ -33,7 +34,7 @@ class _Shown(Result):
 
         return dataset(self)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Table:
         """The certificate as plain numbers."""
         return certificate(self)
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from coadjoint.errors import ArgumentError, FileError, printable, shown
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.sealed import readable
 from coadjoint.simulation.result import LAST_RECORD, Recording, run_path
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     import xarray
@@ -39,7 +40,7 @@ class SavedRun(Recording):
         self._written, self._system = {name: dataset[name] for name in last}, system
         self.__dict__["dataset"] = dataset.drop_vars(last)
 
-    def _last_record(self) -> dict[str, Any]:
+    def _last_record(self) -> Table:
         return self._written
 
     @cached_property

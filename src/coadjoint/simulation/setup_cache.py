@@ -32,6 +32,7 @@ from coadjoint.mechanics.identity import OPAQUE, parts, version
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
+from coadjoint.texts import Table
 
 KEPT = 64
 """The most starts that are remembered."""
@@ -110,7 +111,7 @@ def found(reading: Reading | None) -> Known | None:
     return None if known is None else _copied(known)
 
 
-def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
+def verdict(reading: Reading | None, purpose: str) -> Table | None:
     """A copy of the earlier results of checks for this purpose and reading, from this or another process."""
     if reading is None:
         return None
@@ -123,7 +124,7 @@ def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
     return None if found is None else copy.deepcopy(found)
 
 
-def remember_verdict(reading: Reading | None, purpose: str, found: dict[str, Any]) -> None:
+def remember_verdict(reading: Reading | None, purpose: str, found: Table) -> None:
     """Keep the results of checks, lists of texts and arrays of float64, here and for other processes."""
     if reading is None:
         return

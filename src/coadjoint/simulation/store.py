@@ -43,6 +43,7 @@ from coadjoint.simulation.plan import AnyPosition
 from coadjoint.simulation.result import Result
 from coadjoint.simulation.zarr_reader import RECORDS
 from coadjoint.simulation.zarr_writer import Chunks, unset
+from coadjoint.texts import Table
 
 _log = logger(__name__)
 
@@ -110,7 +111,7 @@ class Store:
         found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._of_first)}
         known = meanings(found, self.system)
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
-        made: dict[str, Any] = {}
+        made: Table = {}
         group = zarr.create_group(MemoryStore(made), zarr_format=3, attributes={"order": list(found)})
         for name, (dims, values) in found.items():
             lead = () if self.members is None or name in ("time", "step") else (self.members,)

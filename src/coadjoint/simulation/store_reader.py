@@ -16,6 +16,7 @@ from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, as_written
 from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import coordinates_of, labelled
 from coadjoint.simulation.zarr_reader import RECORDS, along_time, arrays, verified
+from coadjoint.texts import Table
 
 CONFIGURATION = "configuration.npz"
 
@@ -94,7 +95,7 @@ def run_manifest(folder: Path) -> Manifest:
     return found
 
 
-def standing(folder: Path) -> tuple[Manifest, dict[str, Any], dict[str, np.ndarray]]:
+def standing(folder: Path) -> tuple[Manifest, Table, dict[str, np.ndarray]]:
     """The manifest of the run in a folder with the checkpoint that it names, also during the run.
 
     Raises FileError if a file is missing or does not have its full length.
@@ -112,12 +113,12 @@ def standing(folder: Path) -> tuple[Manifest, dict[str, Any], dict[str, np.ndarr
     raise FileError(f"The folder {folder} changes faster than it can be read: wait until its run has ended.")
 
 
-def read_configuration(manifest: Manifest) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def read_configuration(manifest: Manifest) -> tuple[Table, dict[str, np.ndarray]]:
     """The configuration of the run in a folder; raises FileError if it is damaged."""
     return _read(manifest, CONFIGURATION)
 
 
-def _read(manifest: Manifest, name: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _read(manifest: Manifest, name: str) -> tuple[Table, dict[str, np.ndarray]]:
     manifest.require(name)
     try:
         return configuration.unpacked(manifest.path(name))

@@ -19,6 +19,7 @@ from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError, error_line
 from coadjoint.manifest import DAMAGED, Manifest, sums_up
+from coadjoint.texts import Table
 
 CODECS = ("bytes", "crc32c")
 """The codecs of every array, in their order."""
@@ -96,7 +97,7 @@ def verified(manifest: Manifest, place: str, whole: bool = True) -> Verified:
     return Verified(manifest.folder / place, manifest=manifest, place=place, whole=whole, read_only=True)
 
 
-def arrays(manifest: Manifest, place: str) -> dict[str, Any]:
+def arrays(manifest: Manifest, place: str) -> Table:
     """The arrays of the folder `place` by their names; values are checked when they are read."""
     store = verified(manifest, place)
     try:
@@ -136,7 +137,7 @@ def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
         raise _strange(manifest, place, "declares more numbers than its files hold")
 
 
-def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> dict[str, Any]:
+def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> Table:
     """The content of zarr.json in a folder; raises FileError if it was changed or is of another kind."""
     name = f"{place}/zarr.json"
     manifest.require_size(name)
@@ -184,7 +185,7 @@ def _tables(found: Any) -> list[Mapping[str, Any]]:
     return [one if isinstance(one, dict) else {} for one in found] if isinstance(found, list) else []
 
 
-def _is_regular(found: Any) -> TypeGuard[dict[str, Any]]:
+def _is_regular(found: Any) -> TypeGuard[Table]:
     return isinstance(found, dict) and found.get("name") == "regular" and isinstance(found.get("configuration"), dict)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint import disk
 from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.simulation.zarr_reader import RECORDS, along_time, arrays, chunk_names
+from coadjoint.texts import Table
 
 
 class Chunks:
@@ -22,7 +23,7 @@ class Chunks:
 
     def __init__(self, manifest: Manifest):
         self.manifest, self.count = manifest, 0
-        self._arrays: dict[str, Any] = {}
+        self._arrays: Table = {}
         self._block: dict[str, np.ndarray] = {}
         self._unsettled: set[Path] = set()
 

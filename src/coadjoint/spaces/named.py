@@ -20,7 +20,7 @@ class Named:
     """
 
     __slots__ = ("_values",)
-    _values: dict[str, Any]
+    _values: dict[str, PyTree]
 
     def __init__(self, **values: object):
         object.__setattr__(self, "_values", values)
@@ -57,7 +57,7 @@ class Named:
     def __reduce__(self):
         return _made, (type(self), self._values)
 
-    def asdict(self) -> dict[str, Any]:
+    def asdict(self) -> dict[str, PyTree]:
         """The values in a plain dictionary."""
         return dict(self._values)
 

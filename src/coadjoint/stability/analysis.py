@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.stability.second_variation import EnergyCasimir, energy_casimir
 from coadjoint.stability.spectrum import Linearisation, Mode, linearised, velocity_names
 from coadjoint.stability.steady import SteadyMotion
@@ -44,7 +44,7 @@ class Stability:
         """Of the nonlinear motion: "unstable" or "stable" by the spectrum, "stable" by the energy, or "undecided"."""
         return self.energy.verdict if self.spectral == "neutral" else self.spectral
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, PyTree]:
         """Plain numbers and words, for JSON."""
         state = self.motion.state
         return {
@@ -92,7 +92,7 @@ def stability(motion: SteadyMotion, integrals: Sequence[Callable] = ()) -> Stabi
     return Stability(motion, linear, energy_casimir(motion, linear, integrals))
 
 
-def _numbers(mode: Mode) -> dict[str, Any]:
+def _numbers(mode: Mode) -> dict[str, PyTree]:
     return {
         "name": mode.name,
         "real": mode.rate,

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import least_squares
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.constraints import require_free
@@ -45,7 +45,7 @@ class SteadyMotion:
     system: System
     state: State
     residual: float
-    free: dict[str, Any]
+    free: dict[str, PyTree]
     reduced: Reduced
 
 

@@ -15,7 +15,7 @@ from coadjoint.runs.runnable import Runnable
 from coadjoint.sweeps.file import of_tables
 from coadjoint.sweeps.results import SweepResults
 from coadjoint.sweeps.sweep import execute
-from coadjoint.texts import read_table
+from coadjoint.texts import Table, read_table
 
 
 @deferred_interrupts()
@@ -129,9 +129,9 @@ def _varies(value: object) -> bool:
     return isinstance(value, Mapping) or hasattr(value, "member")
 
 
-def _nested(given: Mapping[str, Any]) -> dict[str, Any]:
+def _nested(given: Mapping[str, Any]) -> Table:
     """Tables within tables, of keys with dots."""
-    found: dict[str, Any] = {}
+    found: Table = {}
     for name, value in given.items():
         inner, (*above, key) = found, name.split(".")
         for part in above:

@@ -13,6 +13,7 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.plotting import style
 from coadjoint.plotting.decimation import some
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,7 +158,7 @@ def failure_map(made: SweepResults) -> Figure:
         across = min(len(pairs), 3)
         down = -(-len(pairs) // across) if across else 1
         figure = style.canvas(style.PAGE if across > 1 else style.COLUMN, 2.3 * down + 0.2)
-        marks: dict[str, Any] = {}
+        marks: Table = {}
         for place, (a, b) in enumerate(pairs):
             axes = figure.add_subplot(down, across, place + 1)
             axes.set(xlabel=_short(a, 1), ylabel=_short(b, 1))

@@ -20,7 +20,7 @@ from coadjoint.runs.run_file import of_table, put
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.sections import key
 from coadjoint.sweeps.numbers import DIGEST, DRAWN, MOST, SAMPLINGS, Design, Varied, design, digest, read
-from coadjoint.texts import file_text, read_table
+from coadjoint.texts import Table, file_text, read_table
 
 if TYPE_CHECKING:
     from coadjoint.runs.runnable import Runnable
@@ -102,7 +102,7 @@ class Sweep:
     @cached_property
     def text(self) -> str:
         """The complete sweep as TOML, with its run file: the identity of a folder of results."""
-        vary: dict[str, Any] = {}
+        vary: Table = {}
         for one in self.varied:
             inner = vary
             for name in one.keys[:-1]:

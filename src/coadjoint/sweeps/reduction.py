@@ -20,6 +20,7 @@ from coadjoint.simulation.dataset import Variables, reported, variables
 from coadjoint.simulation.derived import Derivation
 from coadjoint.simulation.sinks import Memory
 from coadjoint.sweeps.sketch import Sketch
+from coadjoint.texts import Table
 
 USUAL = ("q", "euler_angles", "xi", "nu")
 """The variables whose results are kept by default."""
@@ -70,7 +71,7 @@ class Observer:
         assert isinstance(self.system.internal, InternalRule)
         report = self.system.internal.report
 
-        def one(s: State) -> dict[str, Any]:
+        def one(s: State) -> Table:
             return report(self.system.motion_at(s, s.inputs), self.system.parameters)
 
         return jax.vmap(one)(records)

@@ -22,7 +22,7 @@ from coadjoint.sweeps.reduction import KINDS
 from coadjoint.sweeps.sketch import merged
 from coadjoint.sweeps.store import MEMBERS, STATISTICS, statistics
 from coadjoint.sweeps.task import REFUSED
-from coadjoint.texts import LARGEST_SUMMARY, text_of
+from coadjoint.texts import LARGEST_SUMMARY, Table, text_of
 
 if TYPE_CHECKING:
     from coadjoint.sweeps.sketch import Sketch
@@ -38,9 +38,9 @@ class SweepResults:
     `compared`: False if the same sweep was requested again and its folder holds no identity to compare it by.
     """
 
-    def __init__(self, manifest: Manifest, summary: dict[str, Any] | None = None):
+    def __init__(self, manifest: Manifest, summary: Table | None = None):
         self.manifest, self.folder, self.compared = manifest, manifest.folder, True
-        self.summary: dict[str, Any] = _summary(manifest) if summary is None else summary
+        self.summary: Table = _summary(manifest) if summary is None else summary
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -129,7 +129,7 @@ _WORDS = ("system", "method", "sampling", "card")
 _NUMBERS = ("members", "tasks", "members_of_a_task", "finished", "events", "dt", "steps", "seconds", "task_seconds")
 
 
-def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[str, Any]) -> tuple[xarray.Dataset, dict]:
+def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: Table) -> tuple[xarray.Dataset, dict]:
     """The statistics of all shards merged in their order, and the outcomes of the members."""
     sketches: dict[str, list[Sketch]] = {}
     courses: dict[str, list[list[Sketch]]] = {}
@@ -152,13 +152,13 @@ def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[st
         times = shard.times if len(shard.times) > len(times) else times
     failures = {CAUSES[int(code)]: count for code, count in sorted(codes.items()) if int(code)}
     labels = ["mean", "std", "min", "max", *(f"{100 * q:.12g}%" for q in quantiles)]
-    table: dict[str, Any] = {}
+    table: Table = {}
     for name, parts in sketches.items():
         table[name] = (("statistic", *dims[name.partition("_")[2]]), merged(parts).table(quantiles))
     for name, nodes in courses.items():
         rows = np.stack([merged(parts).table(quantiles) for parts in nodes], axis=1)
         table[name] = (("statistic", "time", *dims[name]), rows)
-    coordinates: dict[str, Any] = {"statistic": labels}
+    coordinates: Table = {"statistic": labels}
     if courses:
         coordinates["time"] = times
     made = xarray.Dataset(table, coords=coordinates)
@@ -180,7 +180,7 @@ def facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def meant(name: str, attributes: dict[str, object]) -> dict[str, Any]:
+def meant(name: str, attributes: dict[str, object]) -> Table:
     """The attributes of `final_q` and the like, from those of `q`."""
     kind, _, of = name.partition("_")
     return (

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from coadjoint.texts import Table
 
 CENTROIDS = 256
 """The number of centroids that a shard keeps for each number; of fewer members it keeps all values."""
@@ -56,7 +57,7 @@ class Sketch:
     @classmethod
     def read(cls, found: Mapping[str, np.ndarray], name: str) -> Sketch:
         """That of a file."""
-        kept: dict[str, Any] = {key: found[f"{name}/{key}"] for key in FIELDS}
+        kept: Table = {key: found[f"{name}/{key}"] for key in FIELDS}
         return cls(**{**kept, "count": int(kept["count"])})
 
     @property

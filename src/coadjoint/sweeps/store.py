@@ -31,6 +31,7 @@ from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.report.folder import UNFINISHED
 from coadjoint.simulation.zarr_writer import unset
 from coadjoint.sweeps.sketch import Sketch
+from coadjoint.texts import Table
 
 
 @dataclass
@@ -62,7 +63,7 @@ Layout = Mapping[str, tuple[tuple[str, ...], tuple[int, ...], str, Mapping[str, 
 
 def lay_out(manifest: Manifest, layout: Layout, size: int, attributes: Mapping[str, Any]) -> None:
     """Put the metadata of the arrays into the folder and the manifest; chunks are of `size` members."""
-    made: dict[str, Any] = {}
+    made: Table = {}
     group = zarr.create_group(MemoryStore(made), zarr_format=3, attributes={**attributes, "order": list(layout)})
     for name, (dims, shape, dtype, attrs) in layout.items():
         group.create_array(
@@ -208,7 +209,7 @@ class Statistics:
             raise damaged
         try:
             self._arrays = stored_arrays(data[32:])
-            self.header: dict[str, Any] = json.loads(self._arrays["header"].tobytes())
+            self.header: Table = json.loads(self._arrays["header"].tobytes())
             self.times = self._arrays["times"]
         except (ValueError, KeyError, RecursionError) as error:
             raise damaged from error

@@ -33,6 +33,7 @@ from coadjoint.sweeps.numbers import Design, side_by_side
 from coadjoint.sweeps.reduction import KINDS, choose, known
 from coadjoint.sweeps.results import SweepResults, facts, gathered, load_sweep, meant
 from coadjoint.sweeps.task import Task, ensemble, first_possible, identity, perform
+from coadjoint.texts import Table
 
 _log = logger(__name__)
 
@@ -80,7 +81,7 @@ def execute(
     return load_sweep(folder)
 
 
-def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
+def _planned(sweep: Sweep, manifest: Manifest) -> Table:
     """The common data of all tasks: determined once, kept in the manifest, the same when the sweep is resumed."""
     folder, found = manifest.folder, manifest.facts.get("sweep")
     if found is None:
@@ -101,7 +102,7 @@ def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
     return found
 
 
-def probed(sweep: Sweep) -> dict[str, Any]:
+def probed(sweep: Sweep) -> Table:
     """The variables of the first members, and whether members may share parameters and starts with values for each."""
     first, alone = _first(sweep)
     quick = False
@@ -154,7 +155,7 @@ def _same(one: Any, other: Any) -> bool:
     return all(np.allclose(np.ravel(a), np.ravel(b), rtol=1e-12, atol=1e-14) for a, b in zip(*leaves, strict=True))
 
 
-def _layout(sweep: Sweep, plan: Mapping[str, Any]) -> dict[str, Any]:
+def _layout(sweep: Sweep, plan: Mapping[str, Any]) -> Table:
     """The arrays of the store: numbers, outcomes, results, and nodes if they are kept."""
     n, found = sweep.members, dict[str, Any]()
     for name, values in sweep.design[0].items():
@@ -182,7 +183,7 @@ def _compute(
     scheduler: str | None,
     workers: int | None,
     progress: bool | None,
-) -> dict[str, Any]:
+) -> Table:
     """Compute all missing tasks; returns their times."""
     configuration = hashlib.sha256(sweep.text.encode()).hexdigest()
     place = str(folder.resolve())
@@ -222,7 +223,7 @@ def _compute(
     }
 
 
-def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], spent: Mapping[str, object]) -> None:
+def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: Table, spent: Mapping[str, object]) -> None:
     """Statistics, figures and the summary of a sweep whose tasks are all done."""
     made, told = gathered(manifest.folder, sweep.tasks, sweep.results.quantiles, plan["dims"])
     for name in map(str, made.data_vars):
@@ -230,7 +231,7 @@ def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], 
         made[name].attrs.update(meant(name, plan["meanings"][of]))
     made.to_netcdf((stage / store.STATISTICS).absolute(), engine="h5netcdf")
     seal(stage / store.STATISTICS)
-    summary: dict[str, Any] = {
+    summary: Table = {
         "system": plan["system"], "method": plan["method"], "dt": plan["dt"], "steps": plan["steps"],
         "save_every": plan["save_every"], "members": sweep.members, "tasks": sweep.tasks,
         "members_of_a_task": sweep.size,

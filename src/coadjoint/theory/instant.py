@@ -30,8 +30,8 @@ class Instant:
     """
 
     t: Array | None = None
-    inputs: Any = None
-    internal: Any = None
+    inputs: PyTree = None
+    internal: PyTree = None
     internal_end: PyTree = None
 
     def __post_init__(self):

@@ -62,12 +62,12 @@ class LagrangianInSpace:
         *,
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
-        parameters: Parameters | Mapping[str, Any] | None = None,
+        parameters: Parameters | Mapping[str, PyTree] | None = None,
         forces: Any = None,
         internal: Callable[..., Any] | None = None,
     ):
         self.function = function
-        reduced: dict[str, Any] = {self._kind: WithKeywords(self._at_identity, keywords_of(function))}
+        reduced: dict[str, PyTree] = {self._kind: WithKeywords(self._at_identity, keywords_of(function))}
         self.reduced = System(
             group,
             **reduced,
@@ -105,7 +105,7 @@ class LagrangianInSpace:
         """What the function takes first, with additional dynamics or without."""
         raise NotImplementedError
 
-    def driven(self, inputs: Any) -> Self:
+    def driven(self, inputs: PyTree) -> Self:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
         made = copy(self)
         made.reduced = self.reduced.driven(inputs)

@@ -49,7 +49,7 @@ def open_loop(*, fluid_density: Any, axial_drag: Any, crossflow_drag: Any, fin_l
     """REMUS 100 without a controller, neutrally buoyant, with other values of the least certain parameters."""
     made = remus_100(automatic=False, current=current)
     density = positive(fluid_density, "fluid_density")
-    parameters: Any = made.parameters
+    parameters: PyTree = made.parameters
     return made.replace(
         fluid_density=density,
         volume=parameters.mass / density,

@@ -26,7 +26,7 @@ class Root(NamedTuple):
     unknowns: Array
     iterations: Array
     code: Array
-    carried: Any = ()
+    carried: PyTree = ()
     found: Any = ()
 
 
@@ -60,7 +60,7 @@ class DenseStage:
         """The function z ↦ residual(z)."""
         return partial(cast(Any, self).residual, parameters, state, h)
 
-    def solved(self, state: Any, found: Any) -> Any:
+    def solved(self, state: PyTree, found: Any) -> Any:
         """The state, unchanged."""
         return state
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.emit import tangent as tangents
 from coadjoint.kernels.emit.adjoint import tape
 from coadjoint.kernels.emit.plan import plan, specialised
@@ -89,7 +89,7 @@ _known: OrderedDict[tuple, Driven] = OrderedDict()
 _lock = threading.Lock()
 
 
-def driven(program: Program, parameters: Any, state: Any, active: Sequence[int]) -> Driven:
+def driven(program: Program, parameters: PyTree, state: PyTree, active: Sequence[int]) -> Driven:
     """The code for a program whose record holds the wanted results of every step, with the parameters numbered
     `active`.
 

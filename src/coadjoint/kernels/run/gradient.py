@@ -41,8 +41,8 @@ class _Adjoint(NamedTuple):
 class Cotangents(NamedTuple):
     """The result of a pullback, PyTrees like the arguments."""
 
-    parameters: Any
-    state: Any
+    parameters: PyTree
+    state: PyTree
     h: np.ndarray
 
 
@@ -80,7 +80,9 @@ class _Failed(Exception):
 
 
 class _Pullback:
-    def __init__(self, program: Program, parameters: Any, state: PyTree, h: float, steps: int, save_every: int) -> None:
+    def __init__(
+        self, program: Program, parameters: PyTree, state: PyTree, h: float, steps: int, save_every: int
+    ) -> None:
         (self.shape_p, self.p), (self.shape_s, self.s) = pack(parameters), pack(state)
         self.h, self.steps, self.save_every = np.full(1, float(h)), steps, save_every
         pattern = specialised(self.p)

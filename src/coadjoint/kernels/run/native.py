@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.emit.plan import StepPlan, plan, specialised
 from coadjoint.kernels.emit.stepping import NAME, assemble
@@ -81,7 +81,7 @@ _kernels: OrderedDict[tuple, Kernel] = OrderedDict()
 _lock = threading.Lock()
 
 
-def compile(program: Program, parameters: Any, state: Any, monitors: bool = True, width: int = 1) -> Kernel:
+def compile(program: Program, parameters: PyTree, state: PyTree, monitors: bool = True, width: int = 1) -> Kernel:
     """The kernel for a program at the shapes of `parameters` and `state` and the zeros and ones of `parameters`.
 
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
@@ -90,7 +90,7 @@ def compile(program: Program, parameters: Any, state: Any, monitors: bool = True
     return kernel_for(program, parameters, state, Variant(shape_p, shape_s, specialised(values), monitors, width))
 
 
-def kernel_for(program: Program, parameters: Any, state: Any, variant: Variant) -> Kernel:
+def kernel_for(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
     """The kernel of a variant, made at its first use."""
     key = program, variant
     with _lock:
@@ -106,7 +106,7 @@ def kernel_for(program: Program, parameters: Any, state: Any, variant: Variant) 
     return made
 
 
-def _kept(program: Program, parameters: Any, state: Any, variant: Variant) -> Kernel:
+def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
     """The kernel from the disk cache, or planned and stored there."""
     _, shape, *given = variant
     name = plans.name(program, parameters, state, "kernel", *given)
@@ -144,7 +144,7 @@ def _record_layout(planned: StepPlan) -> Layout:
 
 
 def run(
-    program: Program, parameters: Any, state: Any, h: Scalar, records: int, save_every: int, monitors: bool = True
+    program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 

@@ -106,12 +106,12 @@ def _stages(program: Program, parameters: PyTree, state: PyTree, h: Scalar, cert
 
 
 class _Carry(NamedTuple):
-    state: Any
+    state: PyTree
     done: jax.Array
     code: jax.Array
     iterations: jax.Array
     iterations_max: jax.Array
-    records: Any
+    records: PyTree
     monitors: dict[str, jax.Array]
     lowest: dict[str, jax.Array]
     highest: dict[str, jax.Array]

@@ -21,7 +21,7 @@ from jax.core import Tracer as Tracer
 from jax.extend import core
 from jax.interpreters import ad, batching, mlir, partial_eval
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.kernels.trace.parameters import unknown_parameters
 from coadjoint.kernels.untraceable import UnknownVersion
 
@@ -46,7 +46,7 @@ def lowered(jaxpr: object) -> Any:
     return lower(jaxpr) if lower and getattr(jaxpr, "is_high", False) else jaxpr
 
 
-def _shape(leaf: Any) -> jax.ShapeDtypeStruct:
+def _shape(leaf: PyTree) -> jax.ShapeDtypeStruct:
     dtype = np.dtype(getattr(leaf, "dtype", type(leaf)))
     return jax.ShapeDtypeStruct(np.shape(leaf), np.float64 if dtype.kind in "fO" else dtype)
 
@@ -212,11 +212,11 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
         full = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
         return [*[None] * (len(operands) - 1), pull(operands[:-1], full)]
 
-    def batch(operands: Any, axes: Any, **parameters: Any) -> tuple[Any, tuple[int, ...]]:
+    def batch(operands: Any, axes: PyTree, **parameters: PyTree) -> tuple[Any, tuple[int, ...]]:
         pairs = list(zip(operands, axes, strict=True))
         moving = [jnp.moveaxis(operand, axis, 0) for operand, axis in pairs if axis is not None]
 
-        def one(members: Any) -> tuple[Any, ...]:
+        def one(members: PyTree) -> tuple[Any, ...]:
             members = iter(members)
             return tuple(primitive.bind(*(x if axis is None else next(members) for x, axis in pairs), **parameters))
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import jax
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.jaxprs import Atom, Equation, inner_jaxprs, opened, shape, unknown, variables
 
 
@@ -23,7 +24,7 @@ def body(equation: Equation) -> Any:
 class Scan:
     """A body from constants, carried values and a row of each slice to carried values and rows of results."""
 
-    body: Any
+    body: PyTree
     constants: int
     carried: int
     length: int
@@ -55,7 +56,7 @@ class While:
     """A test and a body, each with its constants before the carried values."""
 
     test: Any
-    body: Any
+    body: PyTree
     of_test: int
     of_body: int
 

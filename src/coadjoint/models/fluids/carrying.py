@@ -109,7 +109,7 @@ def carried(fluid: System, records: PyTree) -> Coefficients:
     return coefficients_of(size, np.asarray(records.a))
 
 
-def _carrying(fluid: System, energy: Any, watched: dict[str, Any], units: dict[str, str], name: str) -> System:
+def _carrying(fluid: System, energy: Any, watched: dict[str, PyTree], units: dict[str, str], name: str) -> System:
     """The fluid with a carried function, whose energy is that of the fluid and `energy(a)`, both times N/4π."""
     size = size_of(fluid)
     planetary = axial(size, 2.0)

@@ -152,7 +152,7 @@ def elastic_energy(layout: RodLayout, poses: object, p: PyTree, end: PyTree = No
     return 0.5 * jnp.sum(p.length[:, None] * stiffness(p) * strain**2)
 
 
-def _rod(layout: RodLayout, length: Quantity, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
+def _rod(layout: RodLayout, length: Quantity, given: dict[str, PyTree], rest: Any, outside: tuple[Any, ...]) -> System:
     gravity, load, moment, motion = outside
     needed = OF_AN_ELEMENT[layout.planar] * layout.elements
     fits = most_that_fit(layout.elements, needed, 1)

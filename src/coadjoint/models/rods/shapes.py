@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
@@ -86,7 +87,7 @@ def centerline(state: State) -> np.ndarray:
 def curve(rod: System, first: Any, strain: Any) -> Any:
     """The poses (M + 1, …) of sections one after the other from the first one, of strains (M, d)."""
     group: Any = rod.group
-    p: Any = rod.parameters
+    p: PyTree = rod.parameters
 
     moved = evaluate(jax.vmap(group.factor.exp), np.asarray(strain) * np.asarray(p.length)[:, None])
     poses = [jax.tree.map(np.asarray, first)]
@@ -105,7 +106,7 @@ def _start(
     down: Quantity,
 ) -> State:
     group = rod_of(rod)
-    p: Any = rod.parameters
+    p: PyTree = rod.parameters
     for name in ("length",) if curvature is not None else ("length", "rest_curvature"):
         if isinstance(getattr(p, name), Each) or traced(getattr(p, name)):
             raise ArgumentError(
@@ -137,7 +138,7 @@ def _start(
         _require_closed(poses, p.length)
     begin = int(pairs[0][0] < 0)
     R, x = (leaf[begin : begin + group.count] for leaf in poses)
-    a0: dict[str, Any] = {"joint": _clamps(rod, pairs, poses)}
+    a0: dict[str, PyTree] = {"joint": _clamps(rod, pairs, poses)}
     if hasattr(p, "gravity"):
         a0["down"] = [*direction(down, "down", size), 0.0]
     if hasattr(p, "load"):

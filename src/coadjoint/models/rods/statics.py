@@ -113,7 +113,7 @@ def _group(rod: System, state: State) -> Power:
 
 def _units(rod: System, group: Power) -> np.ndarray:
     """1 rad and the length of the rod, of each unknown, (n,)."""
-    p: Any = rod.parameters
+    p: PyTree = rod.parameters
     turning = {3: 1, 6: 3}[group.factor.dim] if hasattr(p, "rest_curvature") else group.factor.dim
     one = np.full(group.factor.dim, float(np.sum(p.length)))
     one[:turning] = 1.0
@@ -129,7 +129,7 @@ def _solved(slope: np.ndarray, right: np.ndarray, unit: np.ndarray) -> tuple[np.
 
 def _couple(rod: System, group: Power) -> np.ndarray:
     T = np.zeros((group.count, group.factor.dim))
-    p: Any = rod.parameters
+    p: PyTree = rod.parameters
     if hasattr(p, "moment"):
         moment = np.ravel(p.moment)
         T[-1, : len(moment)] = moment
@@ -172,10 +172,10 @@ def _moved(rod: System, state: State, a0: PyTree, eta: np.ndarray) -> State:
     return state.replace(g=g, a=a, xi=still, mu=still)
 
 
-def _by_strains(rod: System, state: State, g: Any, a0: Any, eta: np.ndarray) -> Any:
+def _by_strains(rod: System, state: State, g: PyTree, a0: Any, eta: np.ndarray) -> Any:
     """The elements of the sections one after the other, from the moved first one, or from the clamp."""
     group, _, V = rod.places
-    p: Any = rod.parameters
+    p: PyTree = rod.parameters
     clamped = rod_pairs(rod)[0][0] < 0
 
     def strains(a, eta):

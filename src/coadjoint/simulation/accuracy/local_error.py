@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from coadjoint.arrays import PyTree
+from coadjoint.texts import Table
 
 NO_MOTION = 1e-12
 """A rotation (rad) or a length (m) over a step that counts as none; Newton's iteration stops at 1e-15."""
@@ -134,7 +135,7 @@ class StepTaker(Protocol):
     all steps succeeded; members: the members whose parameters the rows have."""
 
     def __call__(
-        self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None
+        self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: PyTree = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 
 
@@ -216,7 +217,7 @@ class PartsOfSteps:
         return kept
 
     def errors(
-        self, rows: np.ndarray, h: np.ndarray, members: Any = None, sizes: Any = None, at_least: bool = False
+        self, rows: np.ndarray, h: np.ndarray, members: PyTree = None, sizes: Any = None, at_least: bool = False
     ) -> tuple[Errors, dict[str, float]]:
         """Local errors of the steps of h (rows,) from every row, and the sizes to which they are relative.
 
@@ -275,7 +276,7 @@ class Frequencies(NamedTuple):
         return np.max(np.abs(np.linalg.eigvals(ad).imag), axis=1).reshape(len(xi), self.copies).max(axis=1)
 
 
-def to_plain(parts: PartsOfSteps, ruler: Ruler) -> dict[str, Any]:
+def to_plain(parts: PartsOfSteps, ruler: Ruler) -> Table:
     """The values for `from_plain`, as JSON; ruler: one whose functions are those above."""
     found = {name: value for name, value in ruler._asdict().items() if name not in ("q", "turning")}
     for name in ("q", "turning"):

@@ -50,7 +50,7 @@ def ruler_of(layout: Layout, places: Places) -> Ruler:
     )
 
 
-def _flat(leaf: Any) -> Numbers:
+def _flat(leaf: PyTree) -> Numbers:
     return tuple(np.ravel(leaf).astype(int).tolist())
 
 
@@ -117,7 +117,7 @@ def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
         return None
     ends = np.cumsum([0, *(int(np.prod(leaf.shape)) for leaf in leaves)])
 
-    def act(g: Any, n: Array) -> Any:
+    def act(g: PyTree, n: Array) -> Any:
         parts = [g[a:b].reshape(leaf.shape) for a, b, leaf in zip(ends, ends[1:], leaves, strict=False)]
         return Q.act(group, jax.tree.unflatten(jax.tree.structure(at.g), parts), n)
 

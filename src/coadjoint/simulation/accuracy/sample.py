@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.ruler import steps_of
 from coadjoint.simulation.plan import AnyPosition, Plan
@@ -201,7 +202,7 @@ SHARE = 0.05
 """The largest share of a run's steps that are run again."""
 
 
-def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State, members: Any = None) -> Kept:
+def with_steps_between(kept: Kept, largest: list[int], plan: Plan, state: State, members: PyTree = None) -> Kept:
     """The kept records, and from the stretches that start at the steps `largest` those after which a step changes most.
 
     state: one, for its layout. members: of an ensemble, those that were kept. By XLA, where

@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.simulation.accuracy.local_error import KEPT, Errors, PartsOfSteps, larger, sizes_of
+from coadjoint.texts import Table
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Accuracy:
         """Whether dt resolves the motion."""
         return not self.reasons
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> Table:
         """The values for a summary and a file, under plain names."""
         found = {key: getattr(self, name) for name, key in NAMES.items() if getattr(self, name) is not None}
         return {**found, "unresolved": "; ".join(self.reasons), "resolved": int(self.resolved)}

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import float64, whole
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit.plan import specialised
@@ -36,6 +37,7 @@ from coadjoint.simulation.problem import require_chart, require_events
 from coadjoint.simulation.steppers.beginning import shapes_of, spread
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.spaces.named import Named
+from coadjoint.texts import Table
 
 ALONE = "input"
 """The name of a command that ℓ and forces read as `inputs` itself."""
@@ -49,7 +51,7 @@ class Commands(NamedTuple):
     """The inputs of the system, where the commands among them start, and their names and shapes."""
 
     inputs: Inputs | None
-    start: Any
+    start: PyTree
     fields: Fields
 
 
@@ -76,7 +78,7 @@ def commands_from(given: object) -> Commands:
     return Commands(inputs, Named(**starts), Fields.of({name: value.shape for name, value in starts.items()}))
 
 
-def limits_of(rule: Any, parameters: Any, fields: Fields) -> np.ndarray:
+def limits_of(rule: Any, parameters: PyTree, fields: Fields) -> np.ndarray:
     """The lowest and highest commands (2, size) that the rule of the internal state declares, with room for round-off;
     infinite of others."""
     found = np.broadcast_to(np.array([-np.inf, np.inf])[:, None], (2, fields.size)).copy()
@@ -191,7 +193,7 @@ def checked(
 
 def program_of(skeleton: System, method: Method, event: Event | None, version: str) -> StepProgram:
     """The program of a step, which an event stops; version: of all functions."""
-    stopping: dict[str, Any] = {} if event is None else {"until": event.function, "direction": event.direction}
+    stopping: Table = {} if event is None else {"until": event.function, "direction": event.direction}
     return StepProgram(skeleton, method, version=version, **stopping)
 
 

@@ -28,6 +28,7 @@ from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain
 from coadjoint.simulation.steppers.base import StepperBase
 from coadjoint.simulation.steppers.fields import Fields, named_file
 from coadjoint.simulation.steppers.interface import Buffers, NativeEngine, StepperInterface, unlimited
+from coadjoint.texts import Table
 
 S = TypeVar("S", bound=StepperBase)
 
@@ -111,7 +112,7 @@ def _require_small(archive: zipfile.ZipFile, size: int) -> None:
             )
 
 
-def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[S]) -> S:
+def _opened(archive: zipfile.ZipFile, header: Table, kind: type[S]) -> S:
     face = dict(header["face"])
     for name in _FIELDS:
         face[name] = Fields.of({key: tuple(shape) for key, shape in face[name]})

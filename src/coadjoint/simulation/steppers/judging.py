@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import warn
 from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.program import Code, StatusFlag
@@ -29,7 +28,7 @@ class EngineSteps:
         self._commanded, self._course = list(face.commanded), course
 
     def __call__(
-        self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None
+        self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: PyTree = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `StepTaker`; all h are the same. XLA takes as many rows together as it was compiled for."""
         engine, face, count = self._engine, self._face, len(rows)

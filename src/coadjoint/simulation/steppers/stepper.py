@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import positive, truth, whole
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels import packing
@@ -54,6 +55,7 @@ from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.interface import Buffers, Engine, NativeEngine, Prepared, StepperInterface, put
 from coadjoint.simulation.steppers.stepping import Stepping
 from coadjoint.simulation.trajectory import Trajectory, computed
+from coadjoint.texts import Table
 
 
 class Stepper(Stepping):
@@ -98,7 +100,7 @@ class Stepper(Stepping):
         start: State,
         *,
         dt: float,
-        inputs: Any = (),
+        inputs: PyTree = (),
         observe: Observe | None = None,
         method: Method | None = None,
         until: Event | Callable[[State], Any] | None = None,
@@ -213,7 +215,7 @@ class Stepper(Stepping):
     # The same as pure functions.
 
     def trajectory(
-        self, state: State, command: Any = None, n: int = 1, *, parameters: Any = None, backend: Backend = "auto"
+        self, state: State, command: Any = None, n: int = 1, *, parameters: PyTree = None, backend: Backend = "auto"
     ) -> Trajectory:
         """n steps from a state under commands as a pure function, for jax.grad, jit, vmap and scan: `.final`, `.code`.
 
@@ -228,7 +230,7 @@ class Stepper(Stepping):
         moved = commanded(program.skeleton.inputs, self._single(state), command)
         return computed(program, self._constants(parameters), moved, np.float64(self.face.dt), (1, n), backend)
 
-    def observe(self, state: State, parameters: Any = None) -> dict[str, Any]:
+    def observe(self, state: State, parameters: PyTree = None) -> Table:
         """The observations of a state, name → array, as a pure function."""
         found = evaluate(self._watch, self._constants(parameters), self._single(state))
         return dict(zip(self.face.observations.names, found, strict=True))
@@ -241,7 +243,7 @@ class Stepper(Stepping):
             raise ArgumentError("Argument `state` must be float64: wrap your own jit, grad or vmap in `co.float64()`.")
         return state
 
-    def _constants(self, parameters: Any) -> Constants:
+    def _constants(self, parameters: PyTree) -> Constants:
         rows = self._parameter_rows()
         if parameters is None and len(rows) > 1:
             raise ArgumentError("The members have parameters of their own: give those meant as `parameters`.")
@@ -274,7 +276,7 @@ class Stepper(Stepping):
             return super()._rows(rows, state, which)
         return self._beginning.rows(state, self._parameter_rows())[which]
 
-    def prepared(self, states: State, parameters: Any = None) -> Prepared:
+    def prepared(self, states: State, parameters: PyTree = None) -> Prepared:
         """k starts that the method begins together, for `begin`: moving to one of them costs a copy of its numbers.
 
         states: velocities and configurations of single members, as system.state(…) gives them, each leaf with a first

@@ -15,6 +15,7 @@ import tyro
 
 from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint_vehicles.model.craft import Craft
@@ -141,7 +142,7 @@ COUNTED = (
 
 
 def _figures(loop: Loop, counts: Counter[str]) -> dict[str, object]:
-    found: dict[str, Any] = {"answers": loop.answers, "refused": loop.refused, **counts}
+    found: Table = {"answers": loop.answers, "refused": loop.refused, **counts}
     found |= {"unsent": loop.unsent} if loop.unsent else {}
     found |= {"simulated_s": loop.simulated, "seconds": loop.seconds}
     if loop.paced and loop.answers:
@@ -150,7 +151,7 @@ def _figures(loop: Loop, counts: Counter[str]) -> dict[str, object]:
     return found
 
 
-def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
+def _rows(found: Table) -> list[tuple[str, str]]:
     rows = [(name, str(found[name])) for name in COUNTED if name in found]
     rows.append(
         ("simulated", f"{found['simulated_s']:.6g} s, from the first answer to the last {found['seconds']:.3g} s")

@@ -10,6 +10,7 @@ import tyro
 
 from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
@@ -60,7 +61,7 @@ class Vehicles:
         return 0
 
 
-def registry() -> list[dict[str, Any]]:
+def registry() -> list[Table]:
     """Every shipped vehicle: name, mass, length, kinds of parts, controller, first source, description."""
     from coadjoint_vehicles.files.registry import load_vehicle, vehicle_names
 
@@ -88,7 +89,7 @@ def text_of(name: str) -> str:
     return vehicle_text(name)
 
 
-def described(vehicle: Vehicle) -> dict[str, Any]:
+def described(vehicle: Vehicle) -> Table:
     """The data sheet of a vehicle, for JSON."""
     from coadjoint_vehicles.files.summary import summary
 
@@ -107,7 +108,7 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
     }
 
 
-def show_shelf(rows: list[dict[str, Any]]) -> None:
+def show_shelf(rows: list[Table]) -> None:
     """A table of all vehicles."""
     columns = ("vehicle", "mass (kg)", "length (m)", "parts", "controller", "source")
     shown = []
@@ -156,7 +157,7 @@ def show(vehicle: Vehicle) -> None:
         terminal.line(f"\nWarning: {sentence}")
 
 
-def _row(name: str, vehicle: Vehicle) -> dict[str, Any]:
+def _row(name: str, vehicle: Vehicle) -> Table:
     controller = _controller(vehicle)
     return {
         "name": name,
@@ -186,7 +187,7 @@ def _kind(part: Any) -> str:
     return kind_of(part)
 
 
-def _sensor(one: Any) -> dict[str, Any]:
+def _sensor(one: Any) -> Table:
     reads = [f"{name} ({unit})" for name, unit in zip(one.names, one.units, strict=True)]
     return {"name": one.name, "kind": one.kind, "rate": float(one.rate), "latency": float(one.latency), "reads": reads}
 
@@ -197,13 +198,13 @@ def _part(part: Part) -> dict[str, object]:
     return {"name": part.name, "kind": _kind(part), "command": None if command is None else f"{command.unit}{shape}"}
 
 
-def _controller(vehicle: Vehicle) -> dict[str, Any] | None:
+def _controller(vehicle: Vehicle) -> Table | None:
     if vehicle.controller is None:
         return None
     return {"kind": _kind(vehicle.controller), "inputs": dict(vehicle.controller.inputs)}
 
 
-def _told_controller(controller: dict[str, Any]) -> str:
+def _told_controller(controller: Table) -> str:
     inputs = ", ".join(f"{name} ({unit})" for name, unit in controller["inputs"].items())
     return f"{controller['kind']}; set points: {inputs}"
 
@@ -229,14 +230,14 @@ def _terminal(vehicle: Vehicle, speed: float | None) -> str:
     return f"{speed:.4g} m/s ahead, with all forward propulsion at its limit"
 
 
-def _driven(vehicle: Vehicle) -> dict[str, Any]:
+def _driven(vehicle: Vehicle) -> Table:
     """Energy put in by its parts: in any motion up to 1 m/s, and going ahead."""
     from coadjoint_vehicles.trim.passivity import driven
 
     return {"anywhere": driven(vehicle), "ahead": driven(vehicle, ahead=True)}
 
 
-def _listed(found: Any) -> dict[str, Any] | None:
+def _listed(found: Any) -> Table | None:
     import numpy as np
 
     if found is None:

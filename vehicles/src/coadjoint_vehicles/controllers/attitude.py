@@ -94,14 +94,14 @@ class Attitude(Controller):
         """The controller with its model of a vehicle, and proposed values of missing gains."""
         return self if self.model is not None else propose_attitude(self, vehicle)
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {**super().parameters(), **({} if self.model is None else {"model": self.model._asdict()})}
 
     @property
     def inputs(self) -> dict[str, str]:
         return {"attitude": "1", "speed": "m/s"}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         return {"attitude": np.zeros(3), "speed": 0.0}
 
     def steer(

@@ -70,14 +70,14 @@ class Cruise(Controller):
         """
         return self if self.allocation is not None else propose(self, vehicle)
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {**super().parameters(), **({} if self.allocation is None else {"allocation": self.allocation.matrix})}
 
     @property
     def inputs(self) -> dict[str, str]:
         return {self.vertical: "rad" if self.vertical == "pitch" else "m", "heading": "rad", "speed": "m/s"}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         return dict.fromkeys(("depth", "pitch", "heading", "roll", "speed"), 0.0)
 
     def steer(

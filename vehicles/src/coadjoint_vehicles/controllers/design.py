@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.extending import disk_cache
 from coadjoint_vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint_vehicles.model.controller import Controller
@@ -39,25 +40,25 @@ def propose(controller: Controller, vehicle: object) -> Any:
     return _with(controller, disk_cache.recalled(("cruise", controller, vehicle), lambda: _gains(controller, vehicle)))
 
 
-def _with(controller: Any, found: dict[str, Any], **more: Any) -> Any:
+def _with(controller: Any, found: dict[str, PyTree], **more: Any) -> Any:
     """The controller with its allocation and the proposed values of missing fields."""
     mixed = Allocation(found["matrix"], tuple(found["names"]))
     return replace(controller, allocation=mixed, **found["chosen"], **more)
 
 
-def _found(controller: Any, mixed: Allocation, given: dict[str, Any]) -> dict[str, Any]:
+def _found(controller: Any, mixed: Allocation, given: dict[str, PyTree]) -> dict[str, PyTree]:
     left_out = {name: value for name, value in given.items() if getattr(controller, name) is None}
     chosen = {name: value if np.ndim(value) else float(value) for name, value in left_out.items()}
     return {"matrix": mixed.matrix, "names": list(mixed.names), "chosen": chosen}
 
 
-def _gains(controller: Any, vehicle: Any) -> dict[str, Any]:
+def _gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
     motion = under_way(vehicle, controller.speed)
     mixed = allocation(motion)
     screws = propulsion(motion)
     fin, late, wanted = means(controller, vehicle, motion)
     turns = {axis: turning(motion, mixed, axis) for axis in ("roll", "pitch", "heading")}
-    given: dict[str, Any] = {f"{axis}_gains": placed(turn, wanted, fin) for axis, turn in turns.items()}
+    given: dict[str, PyTree] = {f"{axis}_gains": placed(turn, wanted, fin) for axis, turn in turns.items()}
     for axis in ("pitch", "heading"):
         given[f"{axis}_gains"] = damped(motion, mixed, axis, given[f"{axis}_gains"], late)
     pitch = given["pitch_gains"] if controller.pitch_gains is None else controller.pitch_gains
@@ -114,7 +115,7 @@ def propose_attitude(controller: Any, vehicle: Any) -> Any:
     return _with(controller, made, model=TurningModel(*made["model"]))
 
 
-def _attitude_gains(controller: Any, vehicle: Any) -> dict[str, Any]:
+def _attitude_gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
     motion = under_way(vehicle, controller.speed)
     mixed = allocation(motion)
     fin, _, wanted = means(controller, vehicle, motion)

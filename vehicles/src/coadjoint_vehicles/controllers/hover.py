@@ -43,10 +43,10 @@ class Hover(Thrusting):
     def inputs(self) -> dict[str, str]:
         return {"north": "m", "east": "m", "depth": "m", "heading": "rad"}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         return {"position": np.zeros(3), "attitude": np.zeros(3)}
 
-    def proposed(self, most: np.ndarray, late: float) -> dict[str, Any]:
+    def proposed(self, most: np.ndarray, late: float) -> dict[str, PyTree]:
         moving = most[:3][most[:3] > 0]
         given = {"position_gains": poles(min(SHARE * moving.min(initial=np.inf) / self.reach, 1.0), late)}
         return {**super().proposed(most, late), **given}
@@ -115,7 +115,7 @@ class Manoeuvre(Thrusting):
     def inputs(self) -> dict[str, str]:
         return {"depth": "m", "heading": "rad", "speed": "m/s"}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         return {"depth": 0.0, "speed": 0.0, "attitude": np.zeros(3)}
 
     def fitted(self, vehicle: object) -> Any:
@@ -126,7 +126,7 @@ class Manoeuvre(Thrusting):
         slow, fast = (-level.surge(speed) for speed in (0.5, 1.0))
         return replace(found, drag=np.array([4 * slow - fast, 2 * fast - 4 * slow]))
 
-    def proposed(self, most: np.ndarray, late: float) -> dict[str, Any]:
+    def proposed(self, most: np.ndarray, late: float) -> dict[str, PyTree]:
         depth = poles(min(SHARE * most[2] / self.reach, 1.0), late)
         rate = min(1.0, 0.2 / late)
         given = {

@@ -117,7 +117,7 @@ class LineOfSight(Controller):
             acceptance=2.0 * length if self.acceptance is None else self.acceptance,
         )
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {**super().parameters(), **({} if self.helm is None else {"helm": self.helm.parameters()})}
 
     @property
@@ -125,7 +125,7 @@ class LineOfSight(Controller):
         taken = {} if self.helm is None else self.helm.inputs
         return {name: unit for name, unit in taken.items() if name not in ("heading", "depth", "pitch")}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         assert self.helm is not None
         return {"leg": 0.0, "beside": 0.0, "beneath": 0.0, "helm": self.helm.memory()}
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 
 
 def pid(
@@ -39,7 +39,7 @@ def nearest_turn(angle: Array) -> Array:
     return jnp.arctan2(jnp.sin(angle), jnp.cos(angle))
 
 
-def pull(feedback: Any, integral: Array, own: Any) -> tuple[Array, Array]:
+def pull(feedback: Any, integral: Array, own: PyTree) -> tuple[Array, Array]:
     """The command of the propulsion for the set point `speed`, ahead only, and the integral of its error."""
     wanted = feedback.inputs.speed
     return pid(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -44,7 +44,7 @@ class Sawtooth(Controller):
     def inputs(self) -> dict[str, str]:
         return {"shallow": "m", "deep": "m"}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         return {"diving": 1.0, "integral": 0.0}
 
     def steer(

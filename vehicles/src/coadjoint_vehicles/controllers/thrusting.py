@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive, vector
 from coadjoint.spaces import Named
@@ -94,14 +94,14 @@ class Thrusting(Controller):
             )
         return found[0]
 
-    def proposed(self, most: np.ndarray, late: float) -> dict[str, Any]:
+    def proposed(self, most: np.ndarray, late: float) -> dict[str, PyTree]:
         """Gains from the accelerations (6,) that the thrusters can give and how late (s) they follow."""
         turning = most[3:][most[3:] > 0]
         return {"attitude_gains": poles(SHARE * turning.min(initial=np.inf) / LARGEST_TURN, late)}
 
     def commands(
         self, acceleration: Array, turn: Array, feedback: Feedback, own: Named, vehicle: Vehicle
-    ) -> dict[str, Any]:
+    ) -> dict[str, PyTree]:
         """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
         weight = jnp.concatenate([own.net_weight * feedback.down, jnp.cross(own.righting, feedback.down)])
         turning = coadjoint(own.mass, jnp.concatenate([feedback.velocity, feedback.omega])) * MOMENTS

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.model.craft import Craft
 
@@ -114,7 +114,7 @@ def set_point_actions(craft: Craft, bounds: Mapping[str, object]) -> Actions:
     return Actions(dict.fromkeys(units, ()), dict(units), *_bounds(units, bounds))
 
 
-def _bounds(names: Mapping[str, str], bounds: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _bounds(names: Mapping[str, str], bounds: Mapping[str, PyTree]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     found = []
     for name, unit in names.items():
         if name not in bounds:

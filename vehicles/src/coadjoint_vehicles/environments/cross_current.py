@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import not_negative, positive, vector
 from coadjoint_vehicles.environments.task import End, Function, Task, length, towards
@@ -32,7 +32,7 @@ class CrossCurrent(Task):
     observed = ("offset", "line", "along", "down", "ground_velocity", "omega", "actuators")
     seconds: float = 60.0
     origin: Any = (0.0, 0.0, 5.0)
-    place: Any = (10.0, 0.0, 5.0)
+    place: PyTree = (10.0, 0.0, 5.0)
     speed: float = 0.5
     current: float = 0.4
     within: float = 0.5
@@ -65,10 +65,10 @@ class CrossCurrent(Task):
         made_good = (feedback.g @ feedback.ground_velocity) @ self.along
         return jnp.minimum(made_good, self.speed) / self.speed - length(self.beside(feedback.position)) / self.far
 
-    def start(self, random: np.random.Generator) -> dict[str, Any]:
+    def start(self, random: np.random.Generator) -> dict[str, PyTree]:
         return {"position": self.origin, "euler_zyx": (np.arctan2(self.along[1], self.along[0]), 0.0, 0.0)}
 
-    def parameters(self, random: np.random.Generator) -> dict[str, Any]:
+    def parameters(self, random: np.random.Generator) -> dict[str, PyTree]:
         north, east = self.along[:2] / np.hypot(*self.along[:2])
         return {"water.velocity": self.current * random.uniform(-1.0, 1.0) * np.array([-east, north, 0.0])}
 

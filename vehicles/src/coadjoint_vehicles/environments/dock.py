@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import number, positive, vector
 from coadjoint_vehicles.controllers.hover import Hover
 from coadjoint_vehicles.environments.task import End, Function, Task, facing, length, misaligned, towards
@@ -30,7 +29,7 @@ class Dock(Task):
 
     observed = ("offset", "facing", "down", "ground_velocity", "omega", "actuators")
     seconds: float = 60.0
-    place: Any = (0.0, 0.0, 5.0)
+    place: PyTree = (0.0, 0.0, 5.0)
     heading: float = 0.0
     distance: float = 3.0
     within: float = 0.25
@@ -49,7 +48,7 @@ class Dock(Task):
         hasty = jnp.maximum(0.0, speed - self.slow - 0.5 * off) / self.slow
         return -off / self.distance - 0.5 * misaligned(feedback, self.heading) - hasty
 
-    def start(self, random: np.random.Generator) -> dict[str, Any]:
+    def start(self, random: np.random.Generator) -> dict[str, PyTree]:
         u = random.uniform(-1.0, 1.0, 4)
         behind = self.place - self.distance * np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         return {

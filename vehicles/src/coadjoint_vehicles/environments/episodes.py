@@ -100,7 +100,7 @@ class Episodes:
         assert random is not None
         return self._checked(self.simulated.task.start(random))
 
-    def _drawn(self, member: int) -> tuple[dict[str, Any], int]:
+    def _drawn(self, member: int) -> tuple[dict[str, PyTree], int]:
         """Parameters by paths, and the seed of a random current."""
         random, varying = self.random[member], self.varying[member]
         assert random is not None and varying is not None
@@ -108,7 +108,7 @@ class Episodes:
         seed = int(random.integers(LARGEST)) if self.simulated.craft.water.start() else 0
         return {**found, **(self.simulated.uncertain(varying) if self.simulated.uncertain else {})}, seed
 
-    def _checked(self, given: Any) -> dict[str, Any]:
+    def _checked(self, given: Any) -> dict[str, PyTree]:
         """Position, attitude, velocity through the water and ω of a start; raises ArgumentError."""
         checks.instance(given, "A start", Mapping, f"a dictionary of {', '.join(KEYS)}")
         if unknown := [name for name in given if name not in KEYS]:
@@ -120,7 +120,9 @@ class Episodes:
             found["velocity"] = _three((given["speed"], 0.0, 0.0), "speed")
         return found
 
-    def _block(self, drawn: list[tuple[dict[str, Any], tuple[dict[str, Any], int]]], members: np.ndarray) -> Prepared:
+    def _block(
+        self, drawn: list[tuple[dict[str, PyTree], tuple[dict[str, PyTree], int]]], members: np.ndarray
+    ) -> Prepared:
         """The starts of these episodes, begun; the rest of the block is like the last."""
         craft, stepper = self.simulated.craft, self.simulated.stepper
         filled = drawn + drawn[-1:] * (self.block - len(drawn))
@@ -154,7 +156,7 @@ def starting(craft: Craft, base: State) -> Callable[..., State]:
     group, Q, V = craft.system.places
     a0 = np.asarray(V.act(group, base.g, base.a))
 
-    def start(p: Any, R: Array, position: Any, velocity: Any, omega: Array, internal: Named) -> State:
+    def start(p: PyTree, R: Array, position: PyTree, velocity: Any, omega: Array, internal: Named) -> State:
         memory = internal.water if craft.water.start() else None
         back = group.inverse(R)
         n, a = Q.act(group, back, position), V.act(group, back, a0)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint_vehicles.environments.task import End, Function, Task, length, towards
@@ -81,7 +81,7 @@ class FollowPath(Task):
         off = length(near.point - feedback.position)
         return jnp.minimum(made_good, self.speed) / self.speed - off / self.far
 
-    def start(self, random: np.random.Generator) -> dict[str, Any]:
+    def start(self, random: np.random.Generator) -> dict[str, PyTree]:
         u, way = random.uniform(-1.0, 1.0, 4), self.points[1] - self.points[0]
         course = np.arctan2(way[1], way[0]) + 0.3 * u[3]
         return {

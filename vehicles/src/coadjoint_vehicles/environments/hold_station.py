@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import number, positive, vector
 from coadjoint_vehicles.controllers.hover import Hover
 from coadjoint_vehicles.environments.task import End, Function, Task, facing, length, misaligned, towards
@@ -27,7 +26,7 @@ class HoldStation(Task):
     """
 
     observed = ("offset", "facing", "down", "ground_velocity", "omega", "actuators")
-    place: Any = (0.0, 0.0, 5.0)
+    place: PyTree = (0.0, 0.0, 5.0)
     heading: float = 0.0
     spread: float = 2.0
     far: float = 10.0
@@ -42,7 +41,7 @@ class HoldStation(Task):
     def reward(self, feedback: Feedback) -> Array:
         return -length(self.place - feedback.position) / self.spread - misaligned(feedback, self.heading)
 
-    def start(self, random: np.random.Generator) -> dict[str, Any]:
+    def start(self, random: np.random.Generator) -> dict[str, PyTree]:
         u = random.uniform(-1.0, 1.0, 4)
         return {"position": self.place + self.spread * u[:3], "euler_zyx": (np.pi * u[3], 0.0, 0.0)}
 

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.environments.cross_current import CrossCurrent
@@ -49,7 +50,7 @@ def environment(
     dt: float = 0.05,
     period: float = 0.1,
     seconds: float | None = None,
-    randomise: bool | Mapping[str, Any] = False,
+    randomise: bool | Mapping[str, PyTree] = False,
     randomise_seed: int | None = None,
     render_mode: str | None = None,
     accuracy: bool = True,
@@ -97,7 +98,7 @@ def vector_environment(
     num_envs: int,
     autoreset: str = "next_step",
     threads: int = 1,
-    randomise: bool | Mapping[str, Any] = False,
+    randomise: bool | Mapping[str, PyTree] = False,
     randomise_seed: int | None = None,
     **wanted: Any,
 ) -> VehicleVectorEnv:

@@ -10,6 +10,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.environments.episodes import Episodes
 from coadjoint_vehicles.environments.simulated import Simulated, Simulating
@@ -40,7 +41,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         self._over = np.ones(self.num_envs, bool)
         self._begun = False
 
-    def reset(self, *, seed: object = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: object = None, options: dict[str, PyTree] | None = None) -> tuple[np.ndarray, dict]:
         """New episodes. seed: an integer, member i has seed + i as a single environment would; or one for each.
 
         options: {"start": …} begins there; {"reset_mask": (num_envs,) truth values}: only these members. Raises
@@ -87,7 +88,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         whole_or_none(seed, "seed")
         return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
 
-    def step(self, actions: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, PyTree]]:
         """One period: observations (num_envs, size), rewards, terminations, truncations (num_envs,), and infos.
 
         A member whose step failed is terminated, `failure` says why, and it shows its last good node. Raises
@@ -134,7 +135,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         successes = np.append(self.simulated.successes, False)
         ends = np.where(failed, "failure", names[first])
         ends[~over] = None
-        found: dict[str, Any] = {
+        found: dict[str, PyTree] = {
             "end": ends,
             "_end": over.copy(),
             "is_success": over & successes[first] & ~failed,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+
+from coadjoint.arrays import PyTree
 
 
-def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+def nested(values: Mapping[str, PyTree]) -> dict[str, PyTree]:
     """{"rudder": {"area": 1.0}} of {"rudder.area": 1.0}."""
-    found: dict[str, Any] = {}
+    found: dict[str, PyTree] = {}
     for path, value in values.items():
         *rooms, name = path.split(".")
         place = found

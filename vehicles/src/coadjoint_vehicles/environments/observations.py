@@ -10,6 +10,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest, shown
 from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, continuous
@@ -32,7 +33,7 @@ FIELDS = (
 """Those of the `Feedback`."""
 
 
-def feedback_of(craft: Craft, state: State, p: Any) -> Feedback:
+def feedback_of(craft: Craft, state: State, p: PyTree) -> Feedback:
     """The craft at a node, with the velocities that its momenta there have."""
     xi, nu = continuous.velocities(replace_parameters(craft.system, p), state)
     motion: Any = SimpleNamespace(n=state.n, a=state.named.a, t=state.t, internal=state.internal, xi=xi, nu=nu)
@@ -50,7 +51,7 @@ class Common:
         """Without the state, which is one of the trace."""
         return {"craft": self.craft, "_last": (None, None, None)}
 
-    def __call__(self, state: State, p: Any) -> Feedback:
+    def __call__(self, state: State, p: PyTree) -> Feedback:
         last, own, found = self._last
         if found is None or last is not state or own is not p:
             found = feedback_of(self.craft, state, p)
@@ -94,7 +95,7 @@ def observable(
     def commands(state: State) -> Any:
         return jnp.concatenate([jnp.ravel(getattr(state.inputs, name)) for name in actions.shapes])
 
-    found: dict[str, Any] = {
+    found: dict[str, PyTree] = {
         name: of_feedback(common, partial(lambda name, feedback: getattr(feedback, name), name)) for name in FIELDS
     }
     craft = common.craft

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.extending import Fields, StepperBase, require_portable
 from coadjoint.mechanics import State
@@ -35,8 +36,8 @@ class Wanted:
     actions: str = "actuators"
     observe: Any = None
     reward: Function | None = None
-    ends: Mapping[str, Any] | None = None
-    bounds: Mapping[str, Any] | None = None
+    ends: Mapping[str, PyTree] | None = None
+    bounds: Mapping[str, PyTree] | None = None
     controller: Any = None
     water: Water | None = None
     dt: float = 0.05

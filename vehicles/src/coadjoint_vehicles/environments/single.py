@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import gymnasium
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint_vehicles.environments.episodes import Episodes
 from coadjoint_vehicles.environments.picture import PoseAt, picture
@@ -32,7 +31,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         """Where the vehicle has been in this episode, where pictures are wanted."""
         self._periods: int | None = None
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: dict[str, PyTree] | None = None) -> tuple[np.ndarray, dict]:
         """A new episode. options: {"start": …} begins there, as `Craft.start` takes it, instead of the task's start.
 
         Raises ArgumentError.
@@ -55,7 +54,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         else:
             self.episodes.begin(np.array([0]))
 
-    def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, PyTree]]:
         """One period under an action: observation, reward, terminated, truncated and info.
 
         info: at the end of an episode `end`, its name, "time" or "failure", and `is_success`; of a step that failed

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint_vehicles.controllers.proposed import own_controller
 from coadjoint_vehicles.model.controller import Controller, Feedback
@@ -54,7 +54,7 @@ class Task(ABC):
         """The reward of a period from its last node, one number."""
 
     @abstractmethod
-    def start(self, random: np.random.Generator) -> dict[str, Any]:
+    def start(self, random: np.random.Generator) -> dict[str, PyTree]:
         """Where an episode begins: position, euler_zyx, velocity or speed, and angular_velocity of `Craft.start`."""
 
     def ends(self) -> dict[str, End]:
@@ -65,7 +65,7 @@ class Task(ABC):
         """The observations that the task adds, by name."""
         return {}
 
-    def parameters(self, random: np.random.Generator) -> dict[str, Any]:
+    def parameters(self, random: np.random.Generator) -> dict[str, PyTree]:
         """Parameters of the craft that are others in every episode, by paths such as "water.velocity"."""
         return {}
 
@@ -77,7 +77,7 @@ class Task(ABC):
         """The water of the task; None for still water."""
         return None
 
-    def actuators(self, vehicle: Vehicle) -> dict[str, Any]:
+    def actuators(self, vehicle: Vehicle) -> dict[str, PyTree]:
         """Where the actuators of the vehicle start, by the names of their parts; the others start neutral."""
         return {}
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.paths import paths
 from coadjoint_vehicles.environments.nested import nested
@@ -96,7 +96,7 @@ def deviation(path: str, given: object, value: np.ndarray) -> np.ndarray:
 def of_file(craft: Craft) -> dict[str, object]:
     """The uncertainties that the vehicle's file states, by the paths of parameters; raises ArgumentError for none."""
     vehicle, known = craft.vehicle, paths(craft.parameters)
-    found: dict[str, Any] = {}
+    found: dict[str, PyTree] = {}
     for key, quantity in vehicle.provenance.items():
         if quantity.uncertainty is None:
             continue

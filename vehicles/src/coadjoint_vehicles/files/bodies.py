@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tomllib
 from importlib.resources import files
-from typing import Any
 
 from coadjoint import units as u
+from coadjoint.texts import Table
 
 DATA = files(str(__package__)) / "data"
 """The folder of the vehicles that are shipped."""
@@ -19,7 +19,7 @@ _MEASURED = {
 }
 
 
-def body_numbers(name: str) -> dict[str, Any]:
+def body_numbers(name: str) -> Table:
     """Mass, inertia, added mass, centres and gravity in SI units, of a file in FRD whose body is neutrally buoyant.
 
     As `general_vehicle` takes them: "buoyancy" is None, the weight.

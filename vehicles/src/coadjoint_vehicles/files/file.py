@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, FileError, warn
-from coadjoint.texts import read_table, text_of
+from coadjoint.texts import Table, read_table, text_of
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.added_masses import read_added_mass
 from coadjoint_vehicles.files.checks import check
@@ -59,7 +59,7 @@ def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path
     return _vehicle(book, table, folder)
 
 
-def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
+def _vehicle(book: Notebook, table: Table, folder: Path) -> Vehicle:
     head = Section(book, "[vehicle]", "vehicle", table["vehicle"])
     said = {key: head.text(key, "" if key != "name" else None) for key in ("name", "description", "note")}
     if not said["name"].strip():
@@ -99,7 +99,7 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
     return made
 
 
-def _body(body: Section, axes: border.Axes) -> dict[str, Any]:
+def _body(body: Section, axes: border.Axes) -> Table:
     """Mass, inertia about the mass centre, centres, volume and water, in SI units and FRD."""
     axes = axes_of(body, axes)
     mass = body.positive("mass", u.MASS)
@@ -147,7 +147,7 @@ def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> np.n
     return full
 
 
-def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
+def _volume(body: Section, made: Table, parts: list[Any]) -> float:
     """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with masses and volumes of parts."""
     density, gravity = made["fluid_density"], made["gravity"]
     given = [key for key in VOLUMES if key in body and (key != "neutral" or body.flag("neutral"))]
@@ -165,7 +165,7 @@ def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
     return force / (density * gravity)
 
 
-def _parts(book: Notebook, given: object, axes: border.Axes, body: dict[str, Any]) -> list[Any]:
+def _parts(book: Notebook, given: object, axes: border.Axes, body: Table) -> list[Any]:
     if not isinstance(given, list):
         raise book.fail("a part begins with [[part]], in double brackets, since a vehicle has several.")
     made: list[Any] = []

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
+from coadjoint.texts import Table
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.table import Section
 from coadjoint_vehicles.model.vehicle import Quantity
@@ -19,9 +19,7 @@ SMALL = 0.01
 """Up to this part of the largest term of its kind, a term of the added mass may go unnamed."""
 
 
-def read_derivatives(
-    section: Section, name: str, values: dict[str, Any], axes: border.Axes, body: dict[str, Any]
-) -> Derivatives:
+def read_derivatives(section: Section, name: str, values: Table, axes: border.Axes, body: Table) -> Derivatives:
     """The derivatives of one [[part]] with these fields: `coefficients`, a table with unit "SI" or "prime".
 
     with_added_mass = true: those of two velocities hold Coriolis and Munk terms of the added mass too, as most

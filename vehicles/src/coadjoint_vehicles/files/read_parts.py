@@ -12,6 +12,7 @@ from coadjoint import units as u
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.sections import keys
+from coadjoint.texts import Table
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.kinds import kinds
 from coadjoint_vehicles.files.read_derivatives import read_derivatives
@@ -50,7 +51,7 @@ def read_fields(
 
     commands: the unit of its commands, its size and its dimension. Raises ArgumentError for one that is missing.
     """
-    values: dict[str, Any] = {}
+    values: Table = {}
     needed = {field.name for field in fields(cls) if field.default is MISSING}
     for name, found in keys(cls).items():
         if name not in section and name not in needed:
@@ -80,7 +81,7 @@ def read_controller(section: Section, parts: set[str]) -> Any:
     """The controller of [controller], which may name parts of the vehicle."""
     cls = kinds("controllers")[section.text("kind", None, tuple(sorted(kinds("controllers"))))]
     section.text("note", "")
-    values: dict[str, Any] = {}
+    values: Table = {}
     for field in fields(cls):
         known = keys(cls).get(field.name)
         if field.name not in section:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from coadjoint.errors import ArgumentError, nearest
+from coadjoint.texts import Table
 from coadjoint.units import NUMBER, Dimension, in_si
 from coadjoint_vehicles.axes import Axes
 from coadjoint_vehicles.model.vehicle import Quantity
@@ -163,7 +164,7 @@ class Section:
         found = nearest(name, [key for key in self.given if key not in self.asked], 0.8)
         return f", but has `{found}`: did you mean `{name}`?" if found else "."
 
-    def _quantity_table(self, name: str, dimension: Dimension | None) -> dict[str, Any]:
+    def _quantity_table(self, name: str, dimension: Dimension | None) -> Table:
         given = self.given[name]
         what = f"{self.title} {name}"
         if not isinstance(given, dict):

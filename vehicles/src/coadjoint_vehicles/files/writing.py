@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.sections import keys
+from coadjoint.texts import Table
 from coadjoint.units import Dimension
 from coadjoint_vehicles.files.kinds import kind_of
 from coadjoint_vehicles.model.loads import held
@@ -81,7 +82,7 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
 
 def _fields(of: Any, owner: str, vehicle: Vehicle) -> Iterator[str]:
     """The measured fields of a part or a sensor that differ from their defaults."""
-    defaults: dict[str, Any] = {field.name: field.default for field in fields(of)}
+    defaults: Table = {field.name: field.default for field in fields(of)}
     for key, found in keys(of).items():
         value, told = getattr(of, key), vehicle.provenance.get(f"{owner}.{key}")
         if told is None and (value is None or np.array_equal(value, defaults[key])):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from coadjoint.texts import Table
 from coadjoint_vehicles.importing.bodies import Joint, Link, link_named
 from coadjoint_vehicles.importing.draft import Draft
 from coadjoint_vehicles.importing.elements import Element
@@ -41,12 +41,12 @@ def thrusters(
         k = _coefficient(draft, plugin)
         if rad and k < 0:
             k, direction, low, high = -k, -direction, -high, -low
-        curve: dict[str, Any] = {"quadratic": (k, k)} if rad else {"linear": 1.0}
+        curve: Table = {"quadratic": (k, k)} if rad else {"linear": 1.0}
         limit = np.array([-math.sqrt(-low / k), math.sqrt(high / k)] if rad else [low, high])
         unit = "rad/s" if rad else "N"
         kind, value = next(iter(curve.items()))
         draft.take(f"{name}.curve.{kind}", np.asarray(value), "SI", plugin)
-        more: dict[str, Any] = {}
+        more: Table = {}
         if (dead := number_in(plugin, "deadband", 0.0)) > 0:
             more["dead_band"] = draft.take(f"{name}.dead_band", dead, unit, plugin)
         draft.parts.append(
@@ -117,7 +117,7 @@ def add_foil(
     joint: Joint | None,
     pose: Placement,
     zero: float,
-    numbers_of: dict[str, Any],
+    numbers_of: Table,
     lag: float = 0.0,
 ) -> None:
     """A foil; directions in the axes of the base. Its normal is such that its command is the angle of its joint."""

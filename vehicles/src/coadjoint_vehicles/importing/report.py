@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import printable
+from coadjoint.texts import Table
 
 
 class Taken(NamedTuple):
@@ -41,7 +42,7 @@ class Report:
     unsaid: list[str] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Table:
         """All of it for JSON."""
         return {
             "format": self.format,

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.texts import Table
 from coadjoint_vehicles.importing.bodies import Joint, Link, link_named
 from coadjoint_vehicles.importing.draft import Draft, places
 from coadjoint_vehicles.importing.elements import Element
@@ -49,7 +50,7 @@ def add_thrusters(draft: Draft, name: str, group: list[Thruster]) -> None:
     place, where = places(one.plugin for one in group), places(one.origin for one in group)
     kind, *values = first.curve
     value = {"quadratic": tuple(values), "table": np.array(values)}[kind]
-    more: dict[str, Any] = {}
+    more: Table = {}
     if first.limit is not None:
         more["limit"] = draft.take(f"{name}.limit", np.array(first.limit), "rad/s", place)
     if first.lag:

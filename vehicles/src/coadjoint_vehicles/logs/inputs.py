@@ -13,6 +13,7 @@ from coadjoint import checks
 from coadjoint.clocks import Unsorted
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import Held, Linear
+from coadjoint.texts import Table
 from coadjoint_vehicles.logs.csv_file import CsvFile, read_csv
 
 MOST_ROWS = 100_000
@@ -49,7 +50,7 @@ def inputs_from_csv(
 
 def _gathered(table: CsvFile) -> dict[str, np.ndarray]:
     """The columns, those of the components of one thing put together."""
-    found: dict[str, Any] = {}
+    found: Table = {}
     for name, values in table.columns.items():
         component = re.fullmatch(r"(.+)\[(\d+)\]", name)
         if component is None:

@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from coadjoint.csv_tables import Sheet, csv_text, read_sheet
 from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.identification import Log
+from coadjoint.texts import Table
 from coadjoint_vehicles.axes import Axes, space_axes
 from coadjoint_vehicles.logs.bags import BAG_FORMATS
 from coadjoint_vehicles.logs.columns import written
@@ -74,7 +74,7 @@ def _read(
     ignore: Collection[str],
     jumps: Jumps,
     unsorted: Unsorted,
-    options: dict[str, Any],
+    options: Table,
 ) -> Log:
     if Path(path).suffix.lower() in BAG_FORMATS or Path(path).is_dir():
         from coadjoint_vehicles.logs.bags.reading import read_bag

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.extending import Setup
 from coadjoint.mechanics.members import Each, count_members
 from coadjoint.sections import in_si
+from coadjoint.texts import Table
 from coadjoint.units import split_name
 from coadjoint_vehicles.figures.scenes import BOTTOM, GEOMETRY
 from coadjoint_vehicles.figures.shapes import geometry
@@ -86,7 +87,7 @@ def bottom_of_sensors(file: MissionSections) -> float | Bottom | None:
     return file.mission.bottom if grid is None else grid
 
 
-def _inputs(file: MissionSections, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
+def _inputs(file: MissionSections, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> Table:
     """The inputs of [mission], all that the controller wants among them."""
     inputs = file.mission.inputs({**commands, **wanted}, file.located)
     lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
@@ -126,7 +127,7 @@ def _controller(section: Mapping[str, Any], vehicle: Any) -> Any:
         raise ArgumentError(f"Section [controller]: {str(error).split('() ')[-1]}.") from error
 
 
-def _start(file: MissionSections, units: Mapping[str, str]) -> dict[str, Any]:
+def _start(file: MissionSections, units: Mapping[str, str]) -> Table:
     """[initial] as keywords of `Craft.start`; units: those of the actuators."""
     found = file.initial.arguments(file.axes)
     if "actuators" in found:

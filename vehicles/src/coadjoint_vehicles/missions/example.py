@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.extending import to_toml
 from coadjoint.units import ending
 from coadjoint_vehicles.model.vehicle import Vehicle
@@ -48,7 +49,7 @@ kind = "uniform"
 velocity_m_s = [0.0, 0.1, 0.0]  # north, east, down"""
 
 
-def _controller(own: Any) -> str:
+def _controller(own: PyTree) -> str:
     if own is None:
         return '# The vehicle has no controller: [mission] commands its actuators.\n[controller]\nkind = "none"'
     return f"""# The controller is the vehicle's own, a {type(own).__name__}; its kind, gains and period can be changed.
@@ -56,7 +57,7 @@ def _controller(own: Any) -> str:
 period = {float(own.period)}"""
 
 
-def _mission(vehicle: Any, own: Any, speed: float) -> str:
+def _mission(vehicle: Any, own: PyTree, speed: float) -> str:
     lines = ["[mission]", "time_s = [0, 20, 80]"]
     if own is None:
         wanted = {part.name: part.command.unit for part in vehicle.commanded if part.command.shape == ()}

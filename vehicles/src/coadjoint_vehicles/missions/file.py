@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from coadjoint.checks import choice
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import read
+from coadjoint.texts import Table
 from coadjoint_vehicles.missions.faults import read_fault
 from coadjoint_vehicles.missions.lost_sensors import is_of_sensor, read_lost_sensor
 from coadjoint_vehicles.missions.mission_section import MissionSection
@@ -58,7 +59,7 @@ class MissionFile(MissionSections):
             vehicle, _ = self.vehicle.load(self.located)
             observe(self.sensors, vehicle, bottom_of_sensors(self), self.lost_sensors, run)
 
-    def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
+    def results(self, folder: Path, run: Run) -> tuple[Table, list[str]]:
         from coadjoint_vehicles.missions.results import figures, members, results
 
         if self.run.members > 1:

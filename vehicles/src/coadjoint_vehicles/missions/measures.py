@@ -8,10 +8,11 @@ from typing import Any
 from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths, respelled
 from coadjoint.sections import in_si
+from coadjoint.texts import Table
 from coadjoint.units import split_name
 
 
-def parameters_in_si(title: str, given: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
+def parameters_in_si(title: str, given: Mapping[str, Any], kinds: Mapping[str, Any]) -> Table:
     """The values of a section, and of tables in it such as [parameters.rudder], by their names and in SI units.
 
     kinds: the dimension of each, in dictionaries as the parameters are. Raises ArgumentError as `in_si`, and for a name

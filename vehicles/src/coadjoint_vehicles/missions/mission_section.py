@@ -14,6 +14,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.checks import number, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, keys
+from coadjoint.texts import Table
 from coadjoint.units import LENGTH, TIME, dimension_of, factor_to
 from coadjoint_vehicles.logs.headers import loose
 
@@ -117,7 +118,7 @@ class MissionSection:
 
         return space_vector(given, "ENU/FLU")
 
-    def inputs(self, units: Mapping[str, str], located: Callable[[str], Path]) -> dict[str, Any]:
+    def inputs(self, units: Mapping[str, str], located: Callable[[str], Path]) -> Table:
         """The set points and commands by name: co.Held or co.Linear over `time`, or numbers that stay.
 
         units: of the inputs of controller and actuators, by name. located: where `file` is. Raises ArgumentError for
@@ -125,7 +126,7 @@ class MissionSection:
         """
         import coadjoint as co
 
-        found: dict[str, Any] = {}
+        found: Table = {}
         if self.file:
             from coadjoint_vehicles.logs.inputs import inputs_from_csv
 
@@ -158,7 +159,7 @@ class MissionSection:
                 require_unit("[mission]", point.key, name, point.unit, units[name])
         return found
 
-    def following(self, controller: Any, start: Any) -> Any:
+    def following(self, controller: Any, start: PyTree) -> Any:
         """The controller as the helm of one that follows the way points, from where the vehicle starts.
 
         start: (3,) m, north, east, depth. Without way points, returns `controller`. Raises ArgumentError for way points

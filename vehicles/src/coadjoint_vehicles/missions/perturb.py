@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.mechanics import System
@@ -44,13 +45,11 @@ def perturbed(section: PerturbSection, members: int, system: System, kinds: Mapp
     return system.replace(**_varied(deviations, system.parameters, members, random)) if deviations else system
 
 
-def _varied(
-    deviations: Mapping[str, object], values: object, members: int, random: np.random.Generator
-) -> dict[str, Any]:
+def _varied(deviations: Mapping[str, object], values: object, members: int, random: np.random.Generator) -> Table:
     """p + σ ζ of each member in the place of σ."""
     import coadjoint as co
 
-    found: dict[str, Any] = {}
+    found: Table = {}
     for name, given in deviations.items():
         value = getattr(values, name)
         if isinstance(given, Mapping):

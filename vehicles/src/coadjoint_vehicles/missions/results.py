@@ -14,6 +14,7 @@ from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths
 from coadjoint.plotting.plots import Plots, available, save_figures
+from coadjoint.texts import Table
 from coadjoint_vehicles.figures.declared import FIGURES
 from coadjoint_vehicles.missions.sensors import counts, logs
 from coadjoint_vehicles.missions.summary import mission_summary, spread
@@ -65,7 +66,7 @@ def left_water(dataset: xarray.Dataset) -> list[str]:
     ]
 
 
-def results(output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[Array], str]) -> dict[str, Any]:
+def results(output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[Array], str]) -> Table:
     """Write the log and the animation of one run, and return the mission's part of the summary.
 
     reached: which of the ends of [mission] a place is at.
@@ -84,7 +85,7 @@ def results(output: MissionOutputSection, folder: Path, run: Run, reached: Calla
     }
 
 
-def members(output: MissionOutputSection, folder: Path, fleet: Any) -> dict[str, Any]:
+def members(output: MissionOutputSection, folder: Path, fleet: Any) -> Table:
     """Write a table with a row for each member and the animation, and return the summary of all of them.
 
     The row holds the parameters that were varied and the member's figures; the summary mean, standard deviation,
@@ -129,7 +130,7 @@ def _shown(output: MissionOutputSection, members: int, done: int) -> list[str]:
     return [f"Of an ensemble {'; '.join(found)}."] if found else []
 
 
-def flat(summary: dict[str, Any], prefix: str = "") -> dict[str, float]:
+def flat(summary: Table, prefix: str = "") -> dict[str, float]:
     """The numbers of nested tables under joined names; computing times do not belong to a member."""
     found: dict[str, float] = {}
     for key, value in summary.items():

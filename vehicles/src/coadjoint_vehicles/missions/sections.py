@@ -9,11 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import Runnable, initial_values
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
 from coadjoint.sections import key, written
+from coadjoint.texts import Table
 from coadjoint.units import ANGLE, ANGULAR_VELOCITY, LENGTH, SPEED, TIME
 from coadjoint_vehicles.missions.faults import FaultSection
 from coadjoint_vehicles.missions.lost_sensors import LostSensor
@@ -55,7 +57,7 @@ class VehicleSection:
 class InitialSection:
     """Where the vehicle starts, as `Craft.start` takes it, with yaw or heading, pitch and roll one by one."""
 
-    position: Any = key("position of O", LENGTH, default=None)
+    position: PyTree = key("position of O", LENGTH, default=None)
     speed: Any = key("speed ahead, through the water", SPEED, default=None)
     velocity: Any = key("velocity in body axes, through the water", SPEED, default=None)
     euler_zyx: Any = key("yaw, pitch, roll", ANGLE, default=None)
@@ -68,7 +70,7 @@ class InitialSection:
     axes: str = key("axes of the start, where they are not those of the file", words=("", *AXES), default="")
     t: Any = key("time at the start", TIME, default=None)
 
-    def arguments(self, axes: str) -> dict[str, Any]:
+    def arguments(self, axes: str) -> Table:
         """The keywords of `Craft.start`; axes: those of the file. Raises ArgumentError."""
         given = {**written(self), "axes": self.axes or axes}
         if "heading" in given:

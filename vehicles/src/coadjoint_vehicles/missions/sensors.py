@@ -6,13 +6,14 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coadjoint.checks import unknown, whole
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.sections import key
+from coadjoint.texts import Table
 from coadjoint.units import LENGTH
 from coadjoint_vehicles.missions.lost_sensors import LostSensor, without_lost
 
@@ -103,7 +104,7 @@ def logs(dataset: xarray.Dataset, folder: Path) -> None:
         write_text(folder / f"sensor_{name}.csv", sensor_text(dataset, name))
 
 
-def counts(dataset: xarray.Dataset) -> dict[str, Any]:
+def counts(dataset: xarray.Dataset) -> Table:
     """The summary of each sensor: the number of readings that arrived, and that were attempted."""
     from coadjoint_vehicles.readings.taken import PREFIX, read_sensors
 

@@ -59,9 +59,9 @@ class Rule(InternalRule):
         if self.controller is not None:
             require_declared(self.controller)
 
-    def start(self, actuators: Mapping[str, object], t: float) -> dict[str, Any]:
+    def start(self, actuators: Mapping[str, object], t: float) -> dict[str, PyTree]:
         """The internal state at the start, with these actuators."""
-        found: dict[str, Any] = {part.name: part.at_rest(actuators[part.name]) for part in self.vehicle.commanded}
+        found: dict[str, PyTree] = {part.name: part.at_rest(actuators[part.name]) for part in self.vehicle.commanded}
         if self.controller is not None:
             memory = self.controller.memory()
             found["controller"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)
@@ -70,9 +70,9 @@ class Rule(InternalRule):
         remembered = self.water.start()
         return {**found, "water": remembered} if remembered else found
 
-    def __call__(self, motion: NodeMotion, h: Scalar, p: Any) -> dict[str, Any]:
+    def __call__(self, motion: NodeMotion, h: Scalar, p: PyTree) -> dict[str, PyTree]:
         inputs, ahead = self.inputs(motion), self.inputs(motion._replace(inputs=motion.ahead))
-        after: dict[str, Any] = {}
+        after: dict[str, PyTree] = {}
         wanted = {} if self.controller is None else self.controller.inputs
         commands = {name: value for name, value in ahead.items() if name in self._shapes and name not in wanted}
         if self.controller is not None:
@@ -129,7 +129,7 @@ class Rule(InternalRule):
         """Why the step of length h from t has failed, if its controller knows."""
         return self.controller.failure(t, h) if isinstance(self.controller, FunctionController) else None
 
-    def warnings(self, h: Any, p: Any) -> list[str]:
+    def warnings(self, h: Any, p: PyTree) -> list[str]:
         """A sentence where a step is longer than the period of the controller."""
         if self.controller is None:
             return []
@@ -144,11 +144,11 @@ class Rule(InternalRule):
             f"of {period:g} s or less."
         ]
 
-    def driven(self, inputs: Any, begin: float, end: float, p: Any) -> list[str]:
+    def driven(self, inputs: PyTree, begin: float, end: float, p: PyTree) -> list[str]:
         """A sentence for each part whose commands are clipped."""
         return [] if traced(p) else list(clipped(self.vehicle, inputs, begin, end, p))
 
-    def report(self, motion: NodeMotion, p: Any) -> dict[str, Any]:
+    def report(self, motion: NodeMotion, p: PyTree) -> dict[str, PyTree]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
 
         Nor for an ensemble whose members have waters of their own, since p is theirs together.
@@ -160,12 +160,12 @@ class Rule(InternalRule):
         around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
         return {"current": self.water.current(around.place(), motion.t, around.memory, p.water)}
 
-    def command_limits(self, p: Any) -> dict[str, tuple[float, float]]:
+    def command_limits(self, p: PyTree) -> dict[str, tuple[float, float]]:
         """The range of each part that has one, the same for all members."""
         ranges = {part.name: command_range(part, getattr(p, part.name)) for part in self.vehicle.commanded}
         return {name: ends for name, ends in ranges.items() if ends is not None}
 
-    def limits(self, p: Any) -> dict[str, tuple[float | None, float | None]]:
+    def limits(self, p: PyTree) -> dict[str, tuple[float | None, float | None]]:
         """±`limit`, or `low` and `high`, of the actuators for which these are one number."""
         found: dict[str, tuple[float | None, float | None]] = {}
         for part in self.vehicle.commanded:
@@ -179,14 +179,14 @@ class Rule(InternalRule):
         return {part.name: part.command.shape for part in self.vehicle.commanded if part.command is not None}
 
     def _sample(
-        self, controller: Controller, motion: NodeMotion, h: Scalar, p: Any, inputs: Named
+        self, controller: Controller, motion: NodeMotion, h: Scalar, p: PyTree, inputs: Named
     ) -> tuple[Any, set[str]]:
         """The controller's samples after h, and the names of the parts that it steers."""
         steered: set[str] = set()
         feedback = seen(self.water, self.vehicle, motion, p, inputs)
         own = p if isinstance(controller, FunctionController) else p.controller
 
-        def update(last: Any) -> dict[str, Any]:
+        def update(last: Any) -> dict[str, PyTree]:
             memory = getattr(last, MEMORY) if MEMORY in last else Named()
             commands, remembered = steer(controller, feedback, memory, own, self.vehicle)
             commands = self._checked(commands)
@@ -198,7 +198,7 @@ class Rule(InternalRule):
         samples = sampled(motion, h, held, update, period=p.controller.period, delay=p.controller.delay)
         return samples, steered
 
-    def _checked(self, commands: PyTree) -> dict[str, Any]:
+    def _checked(self, commands: PyTree) -> dict[str, PyTree]:
         """The commands of a controller; raises ArgumentError for commands that the vehicle cannot follow."""
         if not isinstance(commands, dict):
             raise ArgumentError(
@@ -226,7 +226,7 @@ class Rule(InternalRule):
                 f"{_columns(name, shapes[name])}."
             )
 
-    def inputs(self, motion: NodeMotion) -> dict[str, Any]:
+    def inputs(self, motion: NodeMotion) -> dict[str, PyTree]:
         """The inputs of the run by name; raises ArgumentError for an unknown or missing one."""
         given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
         if motion.inputs is not None and not isinstance(motion.inputs, Named):
@@ -251,7 +251,7 @@ class Rule(InternalRule):
         return {name: value if name in wanted else self._shaped(name, value) for name, value in given.items()}
 
 
-def seen(water: Water, vehicle: Vehicle, motion: NodeMotion, p: Any, inputs: Named) -> Feedback:
+def seen(water: Water, vehicle: Vehicle, motion: NodeMotion, p: PyTree, inputs: Named) -> Feedback:
     """The craft as its controller sees it."""
     around = Surroundings(water, motion.n, motion.a, motion.t, motion.internal, p)
     roll, pitch, heading = attitude_angles(motion.a.down, motion.a.north)
@@ -298,7 +298,7 @@ def _columns(name: str, shape: tuple[int, ...]) -> str:
     )
 
 
-def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
+def starting_actuators(vehicle: Vehicle, given: Any, p: PyTree) -> dict[str, PyTree]:
     """The start of each actuator; raises ArgumentError for an unknown name, wrong shapes, and values out of range."""
     if given is not None:
         checks.instance(given, "actuators", Mapping, "name → where it starts")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.mechanics.members import Each, count_members, member_of
@@ -17,7 +18,7 @@ FIXED = ("inertia", "added_mass", "allocation", "positions", "directions")
 """Arrays whose shape other code relies on: a diagonal cannot replace a matrix."""
 
 
-def require_possible(owner: object, nominal: Mapping[str, Any], found: Mapping[str, Any], path: str = "") -> None:
+def require_possible(owner: object, nominal: Mapping[str, PyTree], found: Mapping[str, PyTree], path: str = "") -> None:
     """Raise ArgumentError unless the owner of numbers can be built with those that were found, for every member.
 
     nominal: the original numbers, in nested dictionaries for those of its parts. path: their place among the parameters
@@ -56,9 +57,9 @@ def part_of(owner: object, name: str) -> Any:
     return getattr(owner, "owners", {}).get(name, getattr(owner, name, None))
 
 
-def _by_owner(values: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
+def _by_owner(values: Mapping[tuple[str, ...], Any]) -> dict[str, PyTree]:
     """Dictionaries in dictionaries, from paths."""
-    found: dict[str, Any] = {}
+    found: dict[str, PyTree] = {}
     for (key, *rest), value in values.items():
         found[key] = {**found.get(key, {}), tuple(rest): value} if rest else value
     return {key: _by_owner(value) if isinstance(value, Mapping) else value for key, value in found.items()}
@@ -68,7 +69,7 @@ def _rebuilt(owner: object, values: Mapping[str, object]) -> Any:
     """The owner with these numbers; raises ArgumentError. Numbers that are not its fields need no check."""
     if not is_dataclass(owner):
         return owner
-    own: dict[str, Any] = {field.name: getattr(owner, field.name) for field in fields(owner)}
+    own: dict[str, PyTree] = {field.name: getattr(owner, field.name) for field in fields(owner)}
     new: dict[str, object] = {}
     for key, value in values.items():
         made = _rebuilt(part_of(owner, key), value) if isinstance(value, Mapping) else value

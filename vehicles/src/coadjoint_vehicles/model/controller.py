@@ -82,7 +82,7 @@ class Controller(Numbers, ABC):
         """The set points that a run must give, and their units."""
         return {}
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         """Its internal state, such as integrals, at the start."""
         return {}
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, CoadjointError, nearest
 from coadjoint.extending import Untraceable
 from coadjoint.spaces import Named
@@ -17,8 +18,8 @@ _UNKNOWN = re.compile(r"There is no `(\w+)` here; there is: (.*)\.$")
 
 
 def steer(
-    controller: Controller, feedback: Feedback, memory: Any, own: Any, vehicle: Any
-) -> tuple[dict[str, Any], dict[str, Any]]:
+    controller: Controller, feedback: Feedback, memory: PyTree, own: PyTree, vehicle: Any
+) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
     """The commands and the memory of the controller; raises ArgumentError for any failure inside it."""
     try:
         found = controller.steer(feedback, memory, own, vehicle)
@@ -31,7 +32,7 @@ def steer(
     return _require_memory(controller, found)
 
 
-def _require_memory(controller: Controller, found: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def _require_memory(controller: Controller, found: Any) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
     """Raise ArgumentError unless a controller returned commands, and a memory with the names that it began with."""
     if not isinstance(found, tuple) or len(found) != 2:
         raise ArgumentError(

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
 from coadjoint.mechanics import Force, Parameters, State, System
@@ -76,7 +77,7 @@ class Craft:
         self._checked(made.parameters.asdict())
         return made
 
-    def _checked(self, found: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _checked(self, found: Mapping[str, PyTree]) -> Mapping[str, PyTree]:
         """Replaced parameters; raises ArgumentError for values that vehicle, parts, controller or water reject."""
         nominal, body = self._nominal, [name for name in BODY if name in found]
         require_possible(self.vehicle, {name: nominal[name] for name in body}, {name: found[name] for name in body})
@@ -102,7 +103,7 @@ class Craft:
         )
 
     @property
-    def _nominal(self) -> dict[str, Any]:
+    def _nominal(self) -> dict[str, PyTree]:
         """The numbers that vehicle, water and controller were made with."""
         body = {name: getattr(self.vehicle, name) for name in BODY}
         return {**body, **{name: owner.parameters() for name, owner in self.owners.items()}}
@@ -116,12 +117,12 @@ class Craft:
     def start(
         self,
         *,
-        position: Any = (0.0, 0.0, 0.0),
+        position: PyTree = (0.0, 0.0, 0.0),
         speed: Any = None,
         velocity: Any = None,
         euler_zyx: Any = (0.0, 0.0, 0.0),
         angular_velocity: Any = (0.0, 0.0, 0.0),
-        actuators: Mapping[str, Any] | None = None,
+        actuators: Mapping[str, PyTree] | None = None,
         axes: turned.Axes = "NED/FRD",
         t: float = 0.0,
     ) -> State:

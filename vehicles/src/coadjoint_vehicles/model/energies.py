@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.mechanics import Force, Motion
 from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.part import Flow, Part, acting_at
@@ -18,7 +18,7 @@ from coadjoint_vehicles.water.water import Water
 class Surroundings:
     """The water as a craft meets it, in body axes, with the parameters p."""
 
-    def __init__(self, water: Water, n: Array, a: Any, t: Any, internal: Any, p: Any):
+    def __init__(self, water: Water, n: Array, a: Any, t: Any, internal: PyTree, p: PyTree):
         self.water, self.t = water, t
         self.down, self.north = a.down, a.north
         self.back = jnp.stack([a.north, jnp.cross(a.down, a.north), a.down], axis=1)  # R⁻¹, from space to body

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.extending import traced
 from coadjoint.spaces import Named
@@ -43,18 +43,18 @@ class FunctionController(Controller):
     """
 
     function: Callable[..., Any]
-    remembers: Mapping[str, Any] | None = None
+    remembers: Mapping[str, PyTree] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_arguments(self.function, ("feedback", "p") if self.remembers is None else ("feedback", "memory", "p"))
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, PyTree]:
         return dict(self.remembers or {})
 
     def steer(
         self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         if isinstance(feedback.inputs, Named):
             feedback = feedback._replace(inputs=Read(**feedback.inputs.asdict()))
         arguments = (feedback, own) if self.remembers is None else (feedback, memory, own)

@@ -40,7 +40,7 @@ class Read(Named):
         self._seen.update(self._values)
         return Named(**self._values).__reduce__()
 
-    def asdict(self) -> dict[str, Any]:
+    def asdict(self) -> dict[str, PyTree]:
         self._seen.update(self._values)
         return super().asdict()
 

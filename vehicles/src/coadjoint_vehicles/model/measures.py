@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.paths import paths
 from coadjoint.sections import keys
 from coadjoint.spaces import Named
@@ -44,7 +44,7 @@ def dimensions(of: object) -> dict[str, Dimension | None]:
     return {name: found.dimension for name, found in keys(of).items()}
 
 
-def parameter_units(vehicle: Vehicle, parameters: Named, owners: Mapping[str, Any]) -> dict[str, str]:
+def parameter_units(vehicle: Vehicle, parameters: Named, owners: Mapping[str, PyTree]) -> dict[str, str]:
     """The SI unit of each parameter of a craft that measures one thing, by its path as "rudder.area"."""
     known = paths(measures(vehicle, parameters, owners)).items()
     return {path: kind.si.replace("^2", "²").replace("^3", "³") for path, kind in known if kind is not None}

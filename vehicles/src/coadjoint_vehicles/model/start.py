@@ -28,7 +28,7 @@ def starting_motion(
     angular_velocity: object,
     t: float,
     axes: PyTree,
-) -> dict[str, Any]:
+) -> dict[str, PyTree]:
     """R, q, q̇ = R v + c(q, t) and ω as `System.state` takes them; with `co.each` where an argument has it."""
     given = {
         "position": _vectors(position, "position"),
@@ -39,7 +39,7 @@ def starting_motion(
         "memory": starting_values(water.start() or None),
     }
 
-    def motion(given: dict[str, Any]) -> dict[str, Any]:
+    def motion(given: dict[str, PyTree]) -> dict[str, PyTree]:
         R = given["R"]
         q = turned.space_vector(given["position"], axes)
         drift = water.current(q, jnp.asarray(t, dtype=float), given["memory"], given["own"])

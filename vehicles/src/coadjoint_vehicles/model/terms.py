@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.mechanics import Force, Motion
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model import energies
@@ -25,7 +25,9 @@ class Lagrangian:
     water: Water
     parts: tuple[Part, ...]
 
-    def __call__(self, xi: Array, n: Array, nu: Array, a: Any, p: Any, *, t: Any = 0.0, internal: Any = None) -> Array:
+    def __call__(
+        self, xi: Array, n: Array, nu: Array, a: Any, p: PyTree, *, t: Any = 0.0, internal: PyTree = None
+    ) -> Array:
         return energies.lagrangian(self.water, self.parts, xi, n, nu, a, p, t, internal)
 
     @property
@@ -46,7 +48,7 @@ class Push:
     water: Water
     rule: Rule | None
 
-    def __call__(self, motion: Motion, p: Any) -> Force:
+    def __call__(self, motion: Motion, p: PyTree) -> Force:
         if self.rule is not None:
             self.rule.inputs(motion)  # pyright: ignore[reportArgumentType]
         around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
@@ -70,7 +72,7 @@ class Shear:
     water: Water
     parts: tuple[Part, ...]
 
-    def __call__(self, motion: Motion, p: Any) -> Force:
+    def __call__(self, motion: Motion, p: PyTree) -> Force:
         return energies.shear(self.water, self.parts, motion, p)
 
 

@@ -61,7 +61,7 @@ class Derivatives(Part):
     """
 
     kind: ClassVar[str] = "derivatives"
-    coefficients: Mapping[str, Any]
+    coefficients: Mapping[str, PyTree]
     length: Measured = measured(u.LENGTH, positive, default=None)
     limit: Measured = measured(u.ANGLE, positive, default=None)
     lag: Measured = measured(u.TIME, not_negative, default=None)
@@ -89,7 +89,7 @@ class Derivatives(Part):
         self.set(coefficients=checked)
         object.__setattr__(self, "_monomials", monomials)
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         """The coefficients by name, and the numbers of the actuator."""
         return {**self.coefficients, **super().parameters()}
 

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, cast
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.spaces import Named
@@ -52,7 +52,7 @@ class ForceCurve(Numbers, ABC):
         """F(u), N, of commands of any shape."""
 
     @abstractmethod
-    def command(self, force: Array, own: Any, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
         """u with F(u) = force, for forces between F(limit[0]) and F(limit[1])."""
 
     def require_growth(self, limit: tuple[float, float], name: str) -> None:
@@ -88,7 +88,7 @@ class Linear(ForceCurve):
     def force(self, command: Array, own: Named) -> Array:
         return own.slope * command
 
-    def command(self, force: Array, own: Any, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
         return force / own.slope
 
 
@@ -127,7 +127,7 @@ class Quadratic(ForceCurve):
     def force(self, command: Array, own: Named) -> Array:
         return jnp.where(command > 0, own.ahead, own.astern) * jnp.abs(command) * command
 
-    def command(self, force: Array, own: Any, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
         square = jnp.abs(force) / jnp.where(force > 0, own.ahead, own.astern)
         pushing = square > 0
         return jnp.sign(force) * jnp.where(pushing, jnp.sqrt(jnp.where(pushing, square, 1.0)), 0.0)
@@ -149,7 +149,7 @@ class Polynomial(ForceCurve):
             total = (total + own.coefficients[k]) * command
         return total
 
-    def command(self, force: Array, own: Any, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
         """By halving, to 2⁻²⁰ of the limits, and four steps of Newton's method kept between them."""
         low = jnp.broadcast_to(jnp.asarray(limit[0], dtype=float), jnp.shape(force))
         high = jnp.broadcast_to(jnp.asarray(limit[1], dtype=float), jnp.shape(force))
@@ -256,7 +256,7 @@ class Table(ForceCurve):
             total = total + (part if i >= z else -part) * ((F[i + 1] - F[i]) / width)
         return total
 
-    def command(self, force: Array, own: Any, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
         z, u, F = self._rest, own.commands, own.forces
         total = jnp.zeros(jnp.shape(force)) + u[z]
         for i in range(len(self.commands) - 1):

@@ -69,7 +69,7 @@ def numbers(size: int) -> Callable[[Any, str], Any]:
     return partial(vector, size=size)
 
 
-def six(value: Any, axes: Any) -> Any:
+def six(value: Any, axes: PyTree) -> Any:
     """A (6, 6) matrix turned from other axes; a diagonal keeps its signs."""
     return value if np.ndim(value) == 1 else border.twist_matrix(value, axes)
 

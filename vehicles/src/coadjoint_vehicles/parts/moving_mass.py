@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -43,10 +43,10 @@ class MovingMass(BoundedTravel):
     def units(self) -> dict[str, str]:
         return {"position": "m", "speed": "m/s"}
 
-    def at_rest(self, where: object) -> dict[str, Any]:
+    def at_rest(self, where: object) -> dict[str, PyTree]:
         return {"position": where, "speed": 0.0}
 
-    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> dict[str, Any]:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> dict[str, PyTree]:
         found = towards(actual.position, wanted := self.wanted(command, own), h, own)
         begin, end = (self._speed(wanted - x, own) for x in (actual.position, found.end))
         return {"position": found, "speed": Course(end, (found.end - actual.position) / h, begin)}

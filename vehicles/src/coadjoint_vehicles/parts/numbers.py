@@ -8,13 +8,14 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics.members import Each
 
 
 class Numbers:
     """The parameters of a dataclass, which its methods get as `own`."""
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         """The numbers that can be replaced and varied: by default all fields that hold numbers."""
         given: Any = {field.name: getattr(self, field.name) for field in fields(self)}  # pyright: ignore[reportArgumentType]
         kinds = (int, float, np.ndarray, jax.Array, Each)

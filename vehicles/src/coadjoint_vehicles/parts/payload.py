@@ -44,7 +44,7 @@ class Payload(Part):
     def units(self) -> dict[str, str]:
         return {"dropped": "1", "momentum": "N s"}
 
-    def at_rest(self, where: object) -> dict[str, Any]:
+    def at_rest(self, where: object) -> dict[str, PyTree]:
         return {"dropped": where, "momentum": np.zeros(3)}
 
     def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> Any:

@@ -27,7 +27,7 @@ COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
 """The dimension of values in the unit of the commands."""
 
 
-def _columns(value: Any, axes: Any) -> Any:
+def _columns(value: Any, axes: PyTree) -> Any:
     return border.twist(np.transpose(value), axes).T
 
 
@@ -128,7 +128,7 @@ class Thrusters(Part):
     def command(self) -> Command:
         return Command(self.unit, (self.count,), self.curve.neutral)
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {**super().parameters(), "curve": self.curve.parameters()}
 
     def matrix(self, own: Named) -> Array:

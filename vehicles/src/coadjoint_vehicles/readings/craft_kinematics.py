@@ -7,7 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, System, continuous
 from coadjoint_vehicles.model.craft import Craft
@@ -27,7 +27,7 @@ def kinematics(
     of = craft.system if system is None else system
     water = craft.water
 
-    def at(state: State, p: Any) -> Kinematics:
+    def at(state: State, p: PyTree) -> Kinematics:
         own = replace_parameters(of, p)
         there = state.holding(state.internal)
         xi, nu = continuous.velocities(own, there)

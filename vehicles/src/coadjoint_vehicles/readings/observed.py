@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.models.quantities import not_negative
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model.craft import Craft
@@ -29,5 +30,5 @@ def observations(
     return {PREFIX + one.name: partial(_read, one, at) for one in chosen_sensors(craft, sensors)}
 
 
-def _read(sensor: Sensor, at: Callable[..., Any], state: Any, p: Any) -> Any:
+def _read(sensor: Sensor, at: Callable[..., Any], state: Any, p: PyTree) -> Any:
     return sensor.reading(at(state, p), Named(**sensor.parameters()))

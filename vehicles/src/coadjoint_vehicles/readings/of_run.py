@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.extending import Origin, StreamedRun, tabulate, with_ledger
 from coadjoint.extending import kernel_backend as kernels
@@ -135,7 +136,7 @@ def in_blocks(function: Callable[..., object], rows: object) -> Any:
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *found)
 
 
-def _rows(tree: Any, index: Any) -> Any:
+def _rows(tree: PyTree, index: Any) -> Any:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.units import ending
@@ -102,7 +103,7 @@ class Readings(Mapping[str, SensorReading]):
             for channel in sensor.channels:
                 count = len(channel.components)
                 axis = f"{key}_{channel.name}_component"
-                attrs: dict[str, Any] = {"units": channel.unit, "kind": sensor.kind, "rate": float(sensor.rate)}
+                attrs: dict[str, PyTree] = {"units": channel.unit, "kind": sensor.kind, "rate": float(sensor.rate)}
                 attrs |= {"latency": float(sensor.latency)}
                 attrs |= {key: np.asarray(getattr(sensor, key), float) for key in ("position", "euler_zyx")}
                 values = read.values[:, begin : begin + count]

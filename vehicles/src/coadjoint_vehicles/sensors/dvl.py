@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.measured import Measured, measured
@@ -81,7 +81,7 @@ class DvlBeams(Dvl):
     beam_angle: Measured = measured(u.ANGLE, _acute)
     azimuth: Measured = measured(u.ANGLE, turn, default=0.0)
 
-    def beams(self, own: Any = None) -> Array:
+    def beams(self, own: PyTree = None) -> Array:
         """The unit vectors b_i, (4, 3), in its own axes."""
         own = self if own is None else own
         numbers = np if own is self else jnp

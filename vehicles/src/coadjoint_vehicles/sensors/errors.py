@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.units import Dimension, per_root
@@ -87,7 +88,7 @@ def dimensions(channel: Channel) -> dict[str, Dimension]:
 def checked(errors: object, channel: Channel, whose: str) -> Errors:
     """The errors of a channel as float64 numbers; raises ArgumentError, naming the field and `whose` it is."""
     checks.instance(errors, f"Argument `{channel.name}` of the {whose}", Errors, "Errors(…)")
-    found: dict[str, Any] = {}
+    found: dict[str, PyTree] = {}
     for name in dimensions(channel):
         value = getattr(errors, name)
         if value is not None:

@@ -146,7 +146,7 @@ class Sensor(Numbers, ABC):
         """The covariance of the white noise of one reading, (m, m); biases and outliers are not in it."""
         return np.diag(self.deviation**2)
 
-    def measured(self, motion: Kinematics, own: Any = None) -> Array:
+    def measured(self, motion: Kinematics, own: PyTree = None) -> Array:
         """Its error-free reading of a motion, (m,) in `units`; differentiable, and traced inside jit and grad.
 
         own: its numbers, by name as `parameters()` gives them; by default those that it has. Raises ArgumentError for a
@@ -154,11 +154,11 @@ class Sensor(Numbers, ABC):
         """
         return self._evaluated(self.reading, motion, own)
 
-    def available(self, motion: Kinematics, own: Any = None) -> Array:
+    def available(self, motion: Kinematics, own: PyTree = None) -> Array:
         """Whether it reads at all in a motion, one truth value: whether that is within its limits."""
         return self._evaluated(self.within, motion, own)
 
-    def _evaluated(self, function: Any, motion: Any, own: Any) -> Any:
+    def _evaluated(self, function: Any, motion: Any, own: PyTree) -> Any:
         checks.instance(motion, "motion", Kinematics, "Kinematics(…)")
         own = Named(**self.parameters()) if own is None else own
         own = Named(**own) if isinstance(own, dict) else own

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, System, continuous
 
@@ -18,7 +18,7 @@ class Inertial(NamedTuple):
     specific_force: Array
 
 
-def inertial(system: System, place: Any, state: State, p: Any) -> Inertial:
+def inertial(system: System, place: Any, state: State, p: PyTree) -> Inertial:
     """ω and f = ν̇ + ω × ν − g_O + ω̇ × r + ω × (ω × r) at r, body axes, of a craft's system at a node.
 
     ω and ν are those of the momenta at the node, ω̇ and ν̇ those of the continuous equations (P20)–(P22) with all forces

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.groups.attitude import to_quaternion
 from coadjoint.mechanics import State
@@ -24,7 +25,7 @@ MOST_ERRORS = 10
 """How many errors are answered within a second."""
 
 
-def fields(reading: Reading) -> dict[str, Any]:
+def fields(reading: Reading) -> dict[str, PyTree]:
     """The reading at a node, by name; quaternion (w, x, y, z), from body to space."""
     found = {**reading._asdict(), "quaternion": to_quaternion(reading.rotation)}
     del found["rotation"]
@@ -70,7 +71,7 @@ class Service:
                 return self._sparingly()
             _require_known(request, KEYS, "A request")
             self._carry_out(request)
-            found: dict[str, Any] = fields(self.served.reading())
+            found: dict[str, PyTree] = fields(self.served.reading())
         except (ArgumentError, StepError) as error:
             found = {"error": str(error)}
             self.counts["errors"] += 1
@@ -89,7 +90,7 @@ class Service:
             self._errors.append(now)
         return self._answer
 
-    def _carry_out(self, request: Mapping[str, Any]) -> None:
+    def _carry_out(self, request: Mapping[str, PyTree]) -> None:
         steps, commands, reset = request.get("steps", 1), request.get("commands", {}), request.get("reset", False)
         checks.whole(steps, "`steps`", 0, MOST_STEPS)
         checks.instance(commands, "`commands`", dict, "an object of names and numbers")
@@ -130,7 +131,7 @@ def _require_known(given: Mapping[str, object], known: Sequence[str], what: str)
         raise ArgumentError(f"{what} has the keys {', '.join(known)}, but not {shown(', '.join(unknown))[1:-1]}.")
 
 
-def _number(request: Mapping[str, Any]) -> int | str | None:
+def _number(request: Mapping[str, PyTree]) -> int | str | None:
     found = request.get("id")
     whole = isinstance(found, int) and not isinstance(found, bool) and abs(found) < 2**63
     if found is None or whole or (isinstance(found, str) and len(found) <= LONGEST_ID):

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import State
 from coadjoint.models.quantities import vector
@@ -57,10 +58,10 @@ class Served:
         self.place = vector(imu, "imu", 3)
         self.commands = _commands(craft)
         self._missing = self._needed
-        more: dict[str, Any] = {"inputs": self.commands, "observe": self._observe(), "accuracy": accuracy}
+        more: dict[str, PyTree] = {"inputs": self.commands, "observe": self._observe(), "accuracy": accuracy}
         self.stepper = Stepper(craft.system, start, dt=dt, **more)
 
-    def _observe(self) -> dict[str, Any]:
+    def _observe(self) -> dict[str, PyTree]:
         system, group = self.craft.system, self.craft.system.group
         measured = partial(inertial, system, self.place)
         commanded = [part.name for part in self.craft.vehicle.commanded]
@@ -78,7 +79,7 @@ class Served:
     def _needed(self) -> set[str]:
         return set(self.commands) if self.craft.controller is not None else set()
 
-    def advance(self, commands: Mapping[str, Any], steps: int) -> None:
+    def advance(self, commands: Mapping[str, PyTree], steps: int) -> None:
         """`steps` steps with commands held over them; those that are left out stay as they are.
 
         Raises ArgumentError for commands that there are not, and StepError where a step fails: the craft stays at the
@@ -116,11 +117,11 @@ class Served:
         return Reading(t=float(self.stepper.t), actuators=actuators, **measured)
 
 
-def _commands(craft: Craft) -> dict[str, Any]:
+def _commands(craft: Craft) -> dict[str, PyTree]:
     """The names of the commands, with where they start."""
     if craft.controller is not None:
         return dict.fromkeys(craft.controller.inputs, 0.0)
-    found: dict[str, Any] = {}
+    found: dict[str, PyTree] = {}
     for part in craft.vehicle.commanded:
         if part.command is not None:
             found[part.name] = np.full(part.command.shape, part.command.start)

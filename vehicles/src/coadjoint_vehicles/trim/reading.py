@@ -30,7 +30,7 @@ class Trim:
     """ω·down, rad/s; positive to starboard."""
     radius: float
     """Of the circle, m; infinite on a straight course."""
-    actuators: dict[str, Any]
+    actuators: dict[str, PyTree]
     exceeded: dict[str, tuple[float, float]]
     """Of actuators that would have to go beyond their limits: the value that is furthest beyond, and its limit."""
 

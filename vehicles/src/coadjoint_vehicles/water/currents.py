@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, traced
@@ -59,7 +59,7 @@ class TimeCurrent(Water):
             )
         _require_finite(evaluate(lambda t: self.current(jnp.zeros(3), t, None, None), np.float64(0.0)), "The current")
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         return returned(self.function, (t,), (3,), "The current as a function of time")
 
 
@@ -87,7 +87,7 @@ class CurrentField(Water):
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return _arguments(self.function) == 1
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         arguments = (position,) if self.steady else (position, t)
         return returned(self.function, arguments, (3,), "The current as a function of place")
 
@@ -104,7 +104,7 @@ class TidalCurrent(Water):
     constituents: Sequence[object]
     amplitudes: Any
     phases: Any = None
-    mean: Any = (0.0, 0.0, 0.0)
+    mean: PyTree = (0.0, 0.0, 0.0)
 
     steady = False
 
@@ -133,9 +133,9 @@ class TidalCurrent(Water):
             raise ArgumentError(f"The period of a constituent must be positive, in s, but is {one!r}.")
         return one
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {"periods": self.periods, "amplitudes": self.amplitudes, "phases": self.phases, "mean": self.mean}
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         angle = 2 * jnp.pi * t / own.periods[:, None] - own.phases
         return own.mean + jnp.sum(own.amplitudes * jnp.cos(angle), axis=0)

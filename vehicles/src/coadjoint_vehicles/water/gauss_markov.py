@@ -35,7 +35,7 @@ class GaussMarkovCurrent(Water):
 
     deviation: Any
     correlation_time: Any
-    mean: Any = (0.0, 0.0, 0.0)
+    mean: PyTree = (0.0, 0.0, 0.0)
     seed: Any = 0
 
     steady = False
@@ -53,10 +53,10 @@ class GaussMarkovCurrent(Water):
             raise ArgumentError("Argument `seed` must have another number for each member, but some are the same.")
         _ = self._begun
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {"deviation": self.deviation, "correlation_time": self.correlation_time, "mean": self.mean}
 
-    def start(self) -> dict[str, Any]:
+    def start(self) -> dict[str, PyTree]:
         return self._begun
 
     @cached_property
@@ -69,7 +69,7 @@ class GaussMarkovCurrent(Water):
     def seeded(self, seed: object) -> GaussMarkovCurrent:
         return replace(self, seed=seed)
 
-    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, PyTree]:
         zeta, random = normal(internal.random, 3)
         kept = jnp.exp(-h / own.correlation_time)
         return {
@@ -77,5 +77,5 @@ class GaussMarkovCurrent(Water):
             "random": jumped(random),
         }
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         return own.mean + own.deviation * internal.z

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, vector
@@ -42,7 +42,7 @@ class LinearShear(Water):
             )
         object.__setattr__(self, "gradient", gradient)
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         return own.surface + own.gradient * position[2]
 
 
@@ -141,16 +141,16 @@ class Sheared(Water):
     def timed(self) -> bool:
         return self.surface.timed
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {"surface": self.surface.parameters(), "profile": self.profile.parameters()}
 
-    def start(self) -> dict[str, Any]:
+    def start(self) -> dict[str, PyTree]:
         return self.surface.start()
 
-    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, PyTree]:
         return self.surface.advance(internal, h, own.surface)
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         above = self.surface.current(position, t, internal, own.surface)
         return above * self.profile.part(position[2], own.profile)
 

@@ -65,10 +65,10 @@ class Sea(Water):
         """The owners of its parameters, by name."""
         return {**self.currents, **({} if self.own_density is None else {"density": self.own_density})}
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, PyTree]:
         return {name: owner.parameters() for name, owner in self.owners.items()}
 
-    def start(self) -> dict[str, Any]:
+    def start(self) -> dict[str, PyTree]:
         begun = {name: current.start() for name, current in self.currents.items()}
         return {name: values for name, values in begun.items() if values}
 
@@ -81,12 +81,12 @@ class Sea(Water):
         currents = {name: c.seeded(own[name]) if name in own else c for name, c in self.currents.items()}
         return Sea(density=self.own_density, **currents)
 
-    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, PyTree]:
         return {
             name: self.currents[name].advance(getattr(internal, name), h, getattr(own, name)) for name in self.start()
         }
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         remembering = self.start()
         total = jnp.zeros(3)
         for name, current in self.currents.items():
@@ -109,7 +109,7 @@ class Sea(Water):
         return f"Sea({', '.join(parts + ([] if self.own_density is None else [f'density={self.own_density!r}']))})"
 
 
-def _require_different_seeds(start: dict[str, Any]) -> None:
+def _require_different_seeds(start: dict[str, PyTree]) -> None:
     """Raise where two random currents begin with the same random numbers: they would go together, not add up."""
     states = {
         name.removesuffix(RANDOM): np.atleast_2d(leaf.values if isinstance(leaf, Each) else leaf)

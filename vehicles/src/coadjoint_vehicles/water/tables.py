@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.extending import traced
 from coadjoint.mechanics import Linear
@@ -78,7 +78,7 @@ class CurrentTable(Water):
         depths = _require_grid(table, times)
         return cls(rows.reshape(len(times), len(depths), 3), times, depths)
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         rows = own.velocities
         if self.times is not None:
             rows = Linear(own.times, rows)(t)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import vector
 from coadjoint.spaces import Named
@@ -41,7 +41,7 @@ class Water(Numbers, ABC):
         own = type(self)
         return own.density is not Water.density or own.pressure_head is not Water.pressure_head
 
-    def start(self) -> dict[str, Any]:
+    def start(self) -> dict[str, PyTree]:
         """The internal state of the water at the start, as of a random current; {} if it has none."""
         return {}
 
@@ -49,12 +49,12 @@ class Water(Numbers, ABC):
         """The same water with random numbers of another seed, or co.each of seeds; unchanged if it is not random."""
         return self
 
-    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, Any]:
+    def advance(self, internal: Named, h: Scalar, own: Named) -> dict[str, PyTree]:
         """The internal state after h."""
         return {}
 
     @abstractmethod
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         """c(q, t), the velocity of the water, (3,) m/s."""
 
     def density(self, depth: Array, own: Named) -> Array:
@@ -75,7 +75,7 @@ class UniformWater(Water):
     def __post_init__(self) -> None:
         object.__setattr__(self, "velocity", vector(self.velocity, "velocity"))
 
-    def current(self, position: Array, t: Scalar, internal: Any, own: Any) -> Array:
+    def current(self, position: Array, t: Scalar, internal: PyTree, own: PyTree) -> Array:
         return own.velocity
 
 

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.sections import key, read
 from coadjoint.texts import file_text, read_table
@@ -97,7 +98,7 @@ class SensorSection:
     )
     density: float = key("density of the water, kg/m³", check=partial(_number, least=1.0), default=WaterAbove().density)
     origin: Any = key("latitude and longitude from which north and east count", check=_origin, default=None)
-    position: Any = key("its place on the body", LENGTH, needs_unit=True, check=_three, default=None)
+    position: PyTree = key("its place on the body", LENGTH, needs_unit=True, check=_three, default=None)
     euler_zyx: Any = key(
         "yaw, pitch and roll of its axes on the body", ANGLE, needs_unit=True, check=_three, default=None
     )

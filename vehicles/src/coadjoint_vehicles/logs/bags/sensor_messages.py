@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from coadjoint.groups import attitude
+from coadjoint.texts import Table
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.axes import Axes
 from coadjoint_vehicles.files.kinds import kinds
@@ -92,10 +93,10 @@ class _Writer(NamedTuple):
     origin: tuple[float, float] | None
     water: WaterAbove
 
-    def vector(self, path: str, along: np.ndarray) -> dict[str, Any]:
+    def vector(self, path: str, along: np.ndarray) -> Table:
         return vector(path, signed(along, border.body_axes(self.axes)))
 
-    def attitude(self, path: str, tilt: np.ndarray, heading: np.ndarray) -> dict[str, Any]:
+    def attitude(self, path: str, tilt: np.ndarray, heading: np.ndarray) -> Table:
         (roll, pitch), yaw = tilt.T, heading[:, 0]
         return quaternion(path, quaternions(np.asarray(attitude.zyx(yaw, pitch, roll)), self.axes))
 
@@ -108,7 +109,7 @@ class _Writer(NamedTuple):
         latitude, longitude = fixes(np.pad(place, ((0, 0), (0, 1))), self.origin)
         return {"latitude": latitude, "longitude": longitude}
 
-    def place(self, place: np.ndarray) -> tuple[str, dict[str, Any]]:
+    def place(self, place: np.ndarray) -> tuple[str, Table]:
         """A position with no attitude, where no origin is known."""
         unknown, gone = np.full((len(place), 4), np.nan), np.full((len(place), 1), np.nan)
         along = signed(np.concatenate([place, gone], axis=1), border.space_axes(self.axes))
@@ -118,9 +119,9 @@ class _Writer(NamedTuple):
             **quaternion("pose.pose.orientation", unknown),
         }
 
-    def message(self, message: Message, numbers: Mapping[str, np.ndarray]) -> tuple[str, dict[str, Any]]:
+    def message(self, message: Message, numbers: Mapping[str, np.ndarray]) -> tuple[str, Table]:
         """Type and fields of a sensor's message."""
-        found: dict[str, Any] = dict.fromkeys(message.unknown, _UNKNOWN)
+        found: Table = dict.fromkeys(message.unknown, _UNKNOWN)
         found |= {f"{path}.{axis}": np.nan for path in message.silent for axis in "xyz"}
         for field in message.fields:
             channels = [numbers[name] for name in field.channels]
@@ -130,7 +131,7 @@ class _Writer(NamedTuple):
         return message.type, found
 
 
-def _own(name: str, kind: str, channels: Mapping[str, object]) -> tuple[str, str, dict[str, Any]]:
+def _own(name: str, kind: str, channels: Mapping[str, object]) -> tuple[str, str, Table]:
     """Type, definition and fields of a sensor that declares no message: its numbers by their names."""
     parts = [(str(one), column) for values in channels.values() for one, column in _columns(values)]
     fields = {_word(one, f"value_{place}"): column for place, (one, column) in enumerate(parts)}
