@@ -22,7 +22,7 @@ class Portable:
     Raises ArgumentError for a lambda and for a function within another one, unless the pickler takes these by value.
     """
 
-    def __getstate__(self) -> Any:
+    def __getstate__(self) -> object:
         found = object.__getstate__(self)
         if isinstance(found, dict):
             kind = type(self)
@@ -44,7 +44,7 @@ class Remade:
         made.__dict__["_made_from"] = given, named
         return made
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> tuple[object, ...]:
         given = self.__dict__["_made_from"]
         require_portable(given, f"A {type(self).__name__}")
         return _made, (type(self), *given), {name: self.__dict__[name] for name in self.STANDING}

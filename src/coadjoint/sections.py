@@ -16,6 +16,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from types import UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import choice, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.texts import Table
@@ -73,7 +74,7 @@ def keys(of: Any) -> dict[str, Key]:
     return {f.name: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
 
 
-def checked(declared: Key, value: object, name: str) -> Any:
+def checked(declared: Key, value: object, name: str) -> PyTree:
     """A value after the check of its key; raises ArgumentError with `name`."""
     if declared.words:
         return choice(value, name, declared.words)
@@ -160,7 +161,7 @@ def _apart(given: Mapping[str, object], known: Collection[str]) -> tuple[Table, 
 
 def _converted(
     title: str, in_file: str, value: object, unit: str, name: str, measured: Mapping[str, Dimension | None]
-) -> Any:
+) -> PyTree:
     wanted = measured.get(name, dimension_of(unit))
     _require_numbers(f"[{title}] {in_file}", value)
     try:
@@ -192,7 +193,7 @@ _WORDS = {
 }
 
 
-def _typed(what: str, value: object, expected: object) -> Any:
+def _typed(what: str, value: object, expected: object) -> PyTree:
     """`value` as one of the expected types; an integer counts as a number, true and false do not.
 
     The check of the key handles types that TOML does not have.

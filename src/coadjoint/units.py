@@ -11,6 +11,7 @@ from collections.abc import Collection
 from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -150,12 +151,12 @@ def ending(unit: str) -> str:
     return next((f"_{end}" for end, word in ENDINGS.items() if unit_of(word) == wanted), "")
 
 
-def in_si(value: object, unit: str, dimension: Dimension, what: str) -> Any:
+def in_si(value: object, unit: str, dimension: Dimension, what: str) -> PyTree:
     """Numbers in SI units; raises ArgumentError as `factor_to`. value: numbers, as lists of any depth."""
     return times(value, factor_to(dimension, unit, what))
 
 
-def times(value: Any, factor: float) -> Any:
+def times(value: Any, factor: float) -> PyTree:
     """Numbers, as lists of any depth, by a factor."""
     if isinstance(value, list):
         return [times(inner, factor) for inner in value]

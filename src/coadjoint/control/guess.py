@@ -141,7 +141,7 @@ def _interpolated(transcription: Transcription) -> State:
     between = evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, target.g)
     turn = _logarithm(group, between)
 
-    def element(s: Any) -> Any:
+    def element(s: Any) -> PyTree:
         return group.compose(start.g, group.exp(s * turn))
 
     given: dict[str, PyTree] = {

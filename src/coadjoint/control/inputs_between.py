@@ -155,7 +155,7 @@ def symbolic(tracer: Tracer, name: str, source: object, example: Any, t: Scalar,
     return Symbolic({"begin": begin, "t": t, "slope": slope}, [*flat(begin), *flat(end)], [])
 
 
-def first(given: Any, t: float) -> Any:
+def first(given: Any, t: float) -> PyTree:
     """Its value held over the first step, with its guess."""
     if isinstance(given, Profile) or given.course == "held":
         return given.guess
@@ -170,7 +170,7 @@ def guesses(inputs: Mapping[str, object]) -> dict[str, PyTree] | None:
     return found or None
 
 
-def flown_inputs(inputs: Mapping[str, PyTree], chosen: Mapping[str, np.ndarray], begin: float, h: float) -> Any:
+def flown_inputs(inputs: Mapping[str, PyTree], chosen: Mapping[str, np.ndarray], begin: float, h: float) -> PyTree:
     """Inputs as `co.simulate` takes them, with the optimal numbers; None if there are none."""
     found = {}
     for name, given in inputs.items():
@@ -192,10 +192,10 @@ class _Command:
     signal: Held
     h: float
 
-    def __call__(self, motion: NodeMotion) -> Any:
+    def __call__(self, motion: NodeMotion) -> PyTree:
         return self.signal(motion.t + 0.5 * self.h)
 
 
-def _held(values: np.ndarray, begin: float, h: float) -> Any:
+def _held(values: np.ndarray, begin: float, h: float) -> PyTree:
     """values[k] over the step k."""
     return _Command(Held(begin + h * np.arange(len(values)), values), h)

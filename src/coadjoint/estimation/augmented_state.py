@@ -55,11 +55,11 @@ class Drifting:
         ends = np.cumsum([0, *self.sizes.values()]).tolist()
         return {name: slice(*pair) for name, *pair in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
 
-    def moved(self, theta: Array, h: Scalar) -> Any:
+    def moved(self, theta: Array, h: Scalar) -> Array:
         """θ (…, k) after a step of h without noise."""
         return self.means + (theta - self.means) * self._each(h, lambda drift: drift.factor(h))
 
-    def variances(self, h: Scalar) -> Any:
+    def variances(self, h: Scalar) -> Array:
         """q(h) of every number, (k,)."""
         return self._each(h, lambda drift: drift.variance(h))
 
@@ -67,7 +67,7 @@ class Drifting:
         """θ by names."""
         return Named(**{name: theta[here] for name, here in self.slices.items()})
 
-    def _each(self, h: Scalar, value: Callable[[Drift], Any]) -> Any:
+    def _each(self, h: Scalar, value: Callable[[Drift], Any]) -> Array:
         xp = jnp if traced(h) else np
         parts = [xp.broadcast_to(value(drift), (self.sizes[name],)) for name, drift in self._drifts.items()]
         return xp.concatenate(parts) if parts else np.zeros(0)

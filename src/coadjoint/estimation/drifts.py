@@ -23,11 +23,11 @@ class Drift(ABC):
     """m, one number or (k,)."""
 
     @abstractmethod
-    def factor(self, h: Scalar) -> Any:
+    def factor(self, h: Scalar) -> Scalar:
         """φ(h), one number."""
 
     @abstractmethod
-    def variance(self, h: Scalar) -> Any:
+    def variance(self, h: Scalar) -> Scalar:
         """q(h), one number or one for each of θ."""
 
 
@@ -43,11 +43,11 @@ class RandomWalk(Drift):
     def __post_init__(self):
         object.__setattr__(self, "density", not_negative(self.density, "density", "co.estimation.RandomWalk"))
 
-    def factor(self, h: Scalar) -> Any:
+    def factor(self, h: Scalar) -> Scalar:
         """1."""
         return 1.0
 
-    def variance(self, h: Scalar) -> Any:
+    def variance(self, h: Scalar) -> Scalar:
         """density² h."""
         return self.density**2 * h
 
@@ -69,11 +69,11 @@ class GaussMarkov(Drift):
         object.__setattr__(self, "time", checks.positive(self.time, "Argument `time` of co.estimation.GaussMarkov"))
         object.__setattr__(self, "mean", finite(self.mean, "mean", "co.estimation.GaussMarkov"))
 
-    def factor(self, h: Scalar) -> Any:
+    def factor(self, h: Scalar) -> Scalar:
         """exp(−h/τ)."""
         return _of(h).exp(-h / self.time)
 
-    def variance(self, h: Scalar) -> Any:
+    def variance(self, h: Scalar) -> Scalar:
         """deviation² (1 − exp(−2h/τ))."""
         return -(self.deviation**2) * _of(h).expm1(-2.0 * h / self.time)
 

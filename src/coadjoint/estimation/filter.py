@@ -34,6 +34,7 @@ from coadjoint.estimation.timetable import (
     series,
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
+from coadjoint.mechanics.state import State
 from coadjoint.portable import Remade
 
 
@@ -134,7 +135,7 @@ class Filter(Remade):
         return float(self.process.time(self.rows[0]))
 
     @property
-    def state(self) -> Any:
+    def state(self) -> State:
         """The estimated state; of many members with a leading axis in every leaf."""
         return self.process.state(self.rows[0] if self.members is None else self.rows)
 

@@ -76,7 +76,7 @@ class Filtered:
         return replace(self, rows=rows, deviations=deviations, covariances=covariances)
 
     @property
-    def states(self) -> Any:
+    def states(self) -> State:
         """The states, with a leading axis of nodes in every leaf."""
         return self._process.state(self.rows)
 

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.estimation.process import Process
 from coadjoint.groups.element_statistics import logarithms
@@ -30,17 +31,17 @@ class InvariantErrors(Process):
     _layout: Layout
     _first: np.ndarray
 
-    def _unpacked(self, row: Any) -> tuple[State, Any]:
+    def _unpacked(self, row: Array) -> tuple[State, Any]:
         size = self._layout.size
         return self._layout.views(row[:size]), row[size:]
 
-    def _split(self, e: Any) -> list[Any]:
+    def _split(self, e: Array) -> list[Any]:
         group, Q, _ = self._system.places
         d, q = group.dim, Q.ambient(group)
         ends = np.cumsum([0, d, q, d, q])
         return [e[a:b] for a, b in zip(ends, [*ends[1:], self.width], strict=True)]
 
-    def retract(self, row: Any, e: Any) -> Any:
+    def retract(self, row: Array, e: Array) -> Array:
         (group, Q, V), (state, theta) = self._system.places, self._unpacked(row)
         eta, dq, dmu, dpi, dtheta = self._split(e)
         turn = group.exp(eta)
@@ -55,7 +56,7 @@ class InvariantErrors(Process):
         moved = state.replace(g=g, n=n, a=V.act(group, back, state.a), mu=mu, pi=pi)
         return jnp.concatenate([flattened(moved), theta + dtheta])
 
-    def differ(self, row: Any, other: Any) -> Any:
+    def differ(self, row: Array, other: Any) -> Array:
         """e with other = retract(row, e), (n,): η to first order, the others exactly."""
         (group, Q, _), (a, theta), (b, later) = self._system.places, self._unpacked(row), self._unpacked(other)
         if self.error == "left":
@@ -92,7 +93,7 @@ class InvariantErrors(Process):
         """(), (x, y) ↦ ĝ⁻¹g, or gĝ⁻¹ of right errors, as a matrix."""
         group, size = self._system.group, len(self._first)
 
-        def turning(x: Any, y: Any) -> Any:
+        def turning(x: Array, y: Array) -> Array:
             a, b = self._unpacked(y[:size])[0].g, self._unpacked(y[size:])[0].g
             pair = (group.inverse(a), b) if self.error == "left" else (b, group.inverse(a))
             return jnp.ravel(group.matrix(group.compose(*pair)))

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.augmented_state import DriftingParameters
@@ -160,13 +160,13 @@ class ModelProcess(InvariantErrors):
     def _velocities(self) -> RowFunction:
         """(), x ↦ (ξ, ν)."""
 
-        def velocities(_: Any, row: Any) -> Any:
+        def velocities(_: Any, row: Array) -> Array:
             state = self.observed(row)[0]
             return jnp.concatenate([state.xi, state.nu])
 
         return RowFunction(velocities, np.zeros(0), self._first)
 
-    def with_velocities(self, rows: np.ndarray, xi: Any, nu: Any) -> np.ndarray:
+    def with_velocities(self, rows: np.ndarray, xi: Array, nu: Array) -> np.ndarray:
         """Rows (…, size) with the momenta that velocities have there by ℓ: xi (…, dim G) and nu (…, ambient).
 
         Raises ArgumentError for other shapes.
@@ -188,12 +188,12 @@ class ModelProcess(InvariantErrors):
         size, d = len(self._first), self._system.group.dim
         state = self._begun
 
-        def moving(_: Any, y: Any) -> Any:
+        def moving(_: Any, y: Array) -> Array:
             return self._moving(y[:size], y[size : size + d], y[size + d :])
 
         return RowFunction(moving, np.zeros(0), np.concatenate([self._first, state.xi, state.nu]))
 
-    def _moving(self, row: Any, xi: Any, nu: Any) -> Any:
+    def _moving(self, row: Array, xi: Array, nu: Array) -> Array:
         """The row with the momenta of these velocities, traced."""
         state, theta = self._unpacked(row)
         system = replace_parameters(self._system, self._drifts.replaced(theta).system)
@@ -203,11 +203,11 @@ class ModelProcess(InvariantErrors):
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., self._t]
 
-    def motion(self, row: Any) -> tuple[Any, ...]:
+    def motion(self, row: Array) -> tuple[Any, ...]:
         state, p, biases = self.observed(row)
         return replace_parameters(self._system, p).motion_at(state, state.inputs), p, biases
 
-    def observed(self, row: Any) -> tuple[Any, ...]:
+    def observed(self, row: Array) -> tuple[Any, ...]:
         state, theta = self._unpacked(row)
         p = self._drifts.replaced(theta).system
         return at_node(replace_parameters(self._system, p), state), p, self._drifts.biases(theta)
@@ -272,7 +272,7 @@ class ModelProcess(InvariantErrors):
         lengths = np.ones(1 if len(self.substeps) == 1 else 4)
         return RowFunction(self._error_after, x, np.concatenate([self._first, self._first, lengths]))
 
-    def _error_after(self, x: Any, y: Any) -> Any:
+    def _error_after(self, x: Array, y: Array) -> Array:
         """See `tangent`: the residual of a substep, and the error after it."""
         m, n, size = self.unknowns, self.width, len(self._first)
         row, after, lengths = y[:size], y[size : 2 * size], y[2 * size :]
@@ -307,7 +307,7 @@ class ModelProcess(InvariantErrors):
         """The places of the inputs and the internal state over a step that depend on the error at its start, and with
         which it reaches the second substep and later ones."""
 
-        def over_step(e: Any) -> list[Any]:
+        def over_step(e: Array) -> list[Any]:
             state, theta = self._unpacked(self.retract(self._first, e))
             return parts(self._program.prepare(self._drifts.replaced(theta), state, 1.0))
 
@@ -332,7 +332,7 @@ class ModelProcess(InvariantErrors):
         root = J * given
         return root @ root.T
 
-    def _from_velocities(self, row: Any, v: Any) -> Any:
+    def _from_velocities(self, row: Array, v: Array) -> Array:
         """e of errors (η, δq, δξ, δν, δθ) of a row, with velocities instead of momenta."""
         eta, dq, dxi, dnu, dtheta = self._split(v)
         still = jnp.zeros(len(dxi) + len(dnu))

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.numbers import float64, numbers
@@ -86,11 +86,11 @@ class Process(Remade, ABC):
         """A row, (size,)."""
 
     @abstractmethod
-    def retract(self, row: object, e: object) -> Any:
+    def retract(self, row: object, e: object) -> Array:
         """The row (size,) of the state that differs from another by e (n,)."""
 
     @abstractmethod
-    def differ(self, row: object, other: object) -> Any:
+    def differ(self, row: object, other: object) -> Array:
         """e (n,) with other = retract(row, e), to first order, or exactly."""
 
     truths: str = ""
@@ -121,7 +121,7 @@ class Process(Remade, ABC):
         """The row (size,) of a state; raises ArgumentError unless it is one of this process."""
 
     @abstractmethod
-    def state(self, row: np.ndarray) -> Any:
+    def state(self, row: np.ndarray) -> PyTree:
         """The state of a row (size,)."""
 
     @abstractmethod
@@ -292,7 +292,7 @@ class Process(Remade, ABC):
                 f"needs {taken} arguments."
             )
 
-        def read(e: object, row: object) -> Any:
+        def read(e: object, row: object) -> PyTree:
             return jnp.ravel(jnp.asarray(function(*see(self.retract(row, e))[:taken]), dtype=float))
 
         return RowFunction(read, np.zeros(self.width), self.example)

@@ -164,7 +164,7 @@ class StrapdownProcess(Process):
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., 0]
 
-    def motion(self, row: Any) -> tuple[Any, ...]:
+    def motion(self, row: Array) -> tuple[Any, ...]:
         x, theta = _pose(row), self._drifts.named(row[22:])
         omega = self._mount @ (row[16:19] - _of(theta, "gyroscope_bias"))
         q, north = x.q - x.R @ self._lever, x.R[0]
@@ -176,7 +176,7 @@ class StrapdownProcess(Process):
 
     # Errors.
 
-    def retract(self, row: Any, e: Any) -> Any:
+    def retract(self, row: Array, e: Array) -> Array:
         x, turn = _pose(row), exponential(e[:9])
         x = product(x, turn) if self.error == "left" else product(turn, x)
         return jnp.concatenate([row[:1], _flat(x), row[16:22], row[22:] + e[9:]])
@@ -185,7 +185,7 @@ class StrapdownProcess(Process):
         x, y = _pose(row), _pose(other)
         return product(inverse(x), y) if self.error == "left" else product(y, inverse(x))
 
-    def differ(self, row: Any, other: Any) -> Any:
+    def differ(self, row: Array, other: Any) -> Array:
         """e with other = retract(row, e), (n,), to second order."""
         turn = self._between(row, other)
         return jnp.concatenate([logarithm(turn, small_turn(turn.R)), other[22:] - row[22:]])
@@ -203,7 +203,7 @@ class StrapdownProcess(Process):
         """(), (x, y, η) ↦ e, where η is known."""
         size = len(self._first)
 
-        def differing(_: object, y: Array) -> Any:
+        def differing(_: object, y: Array) -> Array:
             row, other = y[:size], y[size : 2 * size]
             return jnp.concatenate([logarithm(self._between(row, other), y[2 * size :]), other[22:] - row[22:]])
 
@@ -211,7 +211,7 @@ class StrapdownProcess(Process):
 
     # Steps.
 
-    def _after(self, row: Any, h: Scalar, w: Any) -> Any:
+    def _after(self, row: Array, h: Scalar, w: Array) -> Array:
         """The row after a step of h, with the integrals w = (w_g, w_a) of the white noises over it."""
         x, theta = _pose(row), self._drifts.named(row[22:])
         phi = self._mount @ ((row[16:19] - _of(theta, "gyroscope_bias")) * h - w[:3])
@@ -242,7 +242,7 @@ class StrapdownProcess(Process):
     def _tangent(self) -> RowFunction:
         n, size = self.width, len(self._first)
 
-        def error_after(x: Array, y: Array) -> Any:
+        def error_after(x: Array, y: Array) -> Array:
             row, after, h = y[:size], y[size : 2 * size], y[2 * size]
             there = self._after(self.retract(row, x[:n]), h, x[n:])
             return jnp.concatenate([self.differ(after, there), there[22:], self._drifts.variances(h)])
@@ -272,11 +272,11 @@ class StrapdownProcess(Process):
         return root @ root.T
 
 
-def _pose(row: Any) -> ExtendedPose:
+def _pose(row: Array) -> ExtendedPose:
     return ExtendedPose(row[1:10].reshape(3, 3), row[10:13], row[13:16])
 
 
-def _flat(x: ExtendedPose) -> Any:
+def _flat(x: ExtendedPose) -> PyTree:
     return jnp.concatenate([x.R.reshape(9), x.v, x.q])
 
 

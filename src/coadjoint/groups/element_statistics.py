@@ -93,7 +93,7 @@ def stacked(group: LieGroup, elements: PyTree) -> Element:
     return jax.tree.unflatten(structure, arrays)
 
 
-def _between(group: LieGroup, m: Element, g: Element) -> Any:
+def _between(group: LieGroup, m: Element, g: Element) -> Array:
     """log(m⁻¹g_i), (count, dim G)."""
     back = group.inverse(m)
     return jax.vmap(lambda one: group.log(group.compose(back, one)))(g)
@@ -102,7 +102,7 @@ def _between(group: LieGroup, m: Element, g: Element) -> Any:
 def _require_near(group: LieGroup, m: Element, g: Element, xi: np.ndarray) -> None:
     """Raise GroupError that names the first element without exp(ξ_i) = m⁻¹g_i, ξ (count, dim G)."""
 
-    def misfit(m: Element, g: Element, xi: Array) -> Any:
+    def misfit(m: Element, g: Element, xi: Array) -> Array:
         off = group.matrix(group.compose(m, group.exp(xi))) - group.matrix(g)
         return jnp.max(jnp.abs(off)) / jnp.max(jnp.abs(group.matrix(g)), initial=1.0)
 

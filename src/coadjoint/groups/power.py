@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Element, LieGroup
 
@@ -87,14 +87,14 @@ class Power(LieGroup):
         """ξ or μ (N·dim G,) as the user's functions see it, (N, dim G)."""
         return jnp.reshape(xi, (self.count, -1))
 
-    def each(self, function: Callable[..., object], *arguments: object) -> Any:
+    def each(self, function: Callable[..., object], *arguments: object) -> PyTree:
         """`function` of every link's part of these arguments, with a leading axis of links.
 
         Arguments are elements, or vectors and covectors of any number of numbers a link, end to end.
         """
         return jax.vmap(function)(*(self._links(argument) for argument in arguments))
 
-    def _links(self, argument: Any) -> Any:
+    def _links(self, argument: Any) -> PyTree:
         vector = hasattr(argument, "ndim") and argument.ndim == 1
         return jnp.reshape(argument, (self.count, -1)) if vector else argument
 

@@ -118,14 +118,14 @@ class Shooting:
         return batch.grouped(self.samples.table)
 
     @cached_property
-    def held(self) -> Any:
+    def held(self) -> PyTree:
         """The internal state with which all segments start until a better one is known."""
         begun = self.template.internal
         return self._after_gaps(
             jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), begun)
         )
 
-    def _after_gaps(self, internal: PyTree) -> Any:
+    def _after_gaps(self, internal: PyTree) -> PyTree:
         """Internal states with actuators as logged, in the segments after a gap."""
         after = self.samples.after_gap
         if not isinstance(internal, Named) or not after.any():
@@ -196,7 +196,7 @@ class Shooting:
         a0 = evaluate(lambda s: V.act(group, s.g, s.a), self.template)
         return [np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0) for leaf in (self.unknowns.numbers, a0)]
 
-    def _starting(self, like: Any) -> Any:
+    def _starting(self, like: Any) -> PyTree:
         system, template, size = replace_parameters(self.unknowns.system, None), self.template, self.size
         group, Q, V = system.places
         structure, shape = layout(like), layout(self.unknowns.system.parameters)
@@ -302,7 +302,7 @@ class Shooting:
             found[component, self.active.index(place)] = 1.0
         return found
 
-    def internal(self, found: Prediction) -> Any:
+    def internal(self, found: Prediction) -> PyTree:
         """The internal state from which each segment starts: that at the end of the previous segment, and after a gap
         the logged states of actuators."""
         first = self.held

@@ -25,15 +25,15 @@ class Layout(NamedTuple):
         return sum(map(math.prod, self.shapes))
 
     @property
-    def places(self) -> Any:
+    def places(self) -> PyTree:
         """The PyTree whose leaves are the places of their numbers in a row."""
         return self.unpack(np.arange(self.size))
 
-    def unpack(self, numbers: np.ndarray) -> Any:
+    def unpack(self, numbers: np.ndarray) -> PyTree:
         """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
         return jax.tree.map(lambda leaf: leaf.copy(), self.views(numbers))
 
-    def views(self, numbers: np.ndarray | jax.Array) -> Any:
+    def views(self, numbers: np.ndarray | jax.Array) -> PyTree:
         """The same as views into the numbers, also of traced ones: for long rows that are copied later anyway."""
         lead, leaves, start = numbers.shape[:-1], [], 0
         for shape in self.shapes:

@@ -129,7 +129,7 @@ class Stage(Protocol):
         """How its equations are solved."""
         ...
 
-    def carried(self, state: State) -> Any:
+    def carried(self, state: State) -> PyTree:
         """The data that the solution of the last step left in the state for this one; () where nothing is carried
         over."""
         ...

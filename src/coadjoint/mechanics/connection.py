@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
@@ -85,7 +84,7 @@ def random_shapes(size: int, count: int) -> np.ndarray:
     return np.random.default_rng(1935).normal(scale=0.5, size=(count, size))
 
 
-def finite(value: object, what: str) -> Any:
+def finite(value: object, what: str) -> PyTree:
     """The value itself; raises ArgumentError where a number in it is not finite."""
     if not all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(value)):
         raise ArgumentError(f"{what} is not finite at these shapes.")

@@ -275,7 +275,7 @@ def _size(system: ReducedFunctions, what: str, constraint: Constraint) -> int:
     return size
 
 
-def _called(system: ReducedFunctions, function: Callable[..., Any], at: Site) -> Any:
+def _called(system: ReducedFunctions, function: Callable[..., Any], at: Site) -> PyTree:
     arguments = []
     if system.additional != TRIVIAL:
         arguments.append(system.additional.view(system.group, at.n))

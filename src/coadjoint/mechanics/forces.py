@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import CoadjointError, LagrangianError, shown
 from coadjoint.groups import LieGroup, Power
 from coadjoint.mechanics.signatures import require_signature
@@ -60,7 +60,7 @@ def _whose(name: str) -> str:
     return "`forces`" if name == UNNAMED else f"The force `{name}`"
 
 
-def _called(name: str, function: Callable[..., Force], arguments: tuple[Any, ...]) -> Any:
+def _called(name: str, function: Callable[..., Force], arguments: tuple[Any, ...]) -> PyTree:
     """The value of a force; missing inputs raise an error that says so."""
     try:
         return function(*arguments)

@@ -119,7 +119,7 @@ def parts(system: System) -> dict[str, PyTree]:
 def _sources(inputs: Inputs) -> tuple[object, ...]:
     """Signals by their functions, and functions of the motion, under their names."""
 
-    def part(source: object) -> Any:
+    def part(source: object) -> object:
         if type(source) is Signal:
             return "signal", Traced(source.function)
         return source if isinstance(source, Signal) or not callable(source) else Traced(source)

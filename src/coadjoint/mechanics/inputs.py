@@ -46,7 +46,7 @@ class Inputs:
         """Whether some are functions of the motion, held over each step."""
         return not all(isinstance(source, Signal) for source in self.sources)
 
-    def held(self, motion: NodeMotion, before: PyTree = None) -> Any:
+    def held(self, motion: NodeMotion, before: PyTree = None) -> PyTree:
         """The inputs held over the step that starts with this motion; None where all are signals.
 
         Commands are taken from `before`, the inputs held until then.
@@ -60,7 +60,7 @@ class Inputs:
         held = {name: source for name, source in pairs if not isinstance(source, Signal)}
         return Named(**{n: getattr(before, n) if isinstance(s, Command) else named(s(motion)) for n, s in held.items()})
 
-    def at(self, t: Scalar, held: PyTree) -> Any:
+    def at(self, t: Scalar, held: PyTree) -> PyTree:
         """The inputs that ℓ and forces read at time t, one number in s, of a step over which `held` is held."""
         if self.names is None:
             return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
@@ -69,7 +69,7 @@ class Inputs:
         return Named(**{name: _now(source, t, given.get(name)) for name, source in pairs})
 
 
-def _now(source: object, t: Scalar, held: PyTree) -> Any:
+def _now(source: object, t: Scalar, held: PyTree) -> PyTree:
     """One input at time t of a step over which `held` is held; None where that is not known yet."""
     if isinstance(source, Signal):
         return source(t)

@@ -17,7 +17,7 @@ from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 
 
-def starting_values(given: object) -> Any:
+def starting_values(given: object) -> PyTree:
     """The argument `internal` of a start: a dictionary of numbers, possibly nested, of float64 or `Each`."""
     if given is None:
         return None
@@ -29,7 +29,7 @@ def starting_values(given: object) -> Any:
     return _values(given, "internal")
 
 
-def _values(value: object, name: str) -> Any:
+def _values(value: object, name: str) -> PyTree:
     if isinstance(value, (Mapping, Named)):
         parts = value.asdict() if isinstance(value, Named) else value
         return Named(**{str(key): _values(part, f"{name}.{key}") for key, part in parts.items()})
@@ -91,18 +91,18 @@ def sampled(
     }
 
 
-def ordered(tree: PyTree, like: object) -> Any:
+def ordered(tree: PyTree, like: object) -> PyTree:
     """The values as float64, under names in the order of the start's."""
     if isinstance(like, Named):
         return Named(**{name: ordered(getattr(tree, name), getattr(like, name)) for name in like})
     return jnp.asarray(tree, dtype=float)
 
 
-def _where(condition: Array, new: object, old: object) -> Any:
+def _where(condition: Array, new: object, old: object) -> PyTree:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
-def _like(values: object, pending: Named) -> Any:
+def _like(values: object, pending: Named) -> PyTree:
     values = named(values)
     if not isinstance(values, Named) or set(values) != set(pending):
         raise LagrangianError(

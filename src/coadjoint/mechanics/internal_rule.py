@@ -20,7 +20,7 @@ class InternalRule(ABC):
     """
 
     @abstractmethod
-    def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> Any:
+    def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> PyTree:
         """The internal state after h (s), in the structure of the start's; jax.numpy only."""
 
     @property
@@ -57,7 +57,7 @@ class InternalRule(ABC):
 class _Plain(InternalRule):
     """A function as a rule."""
 
-    def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> Any:
+    def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> PyTree:
         raise NotImplementedError
 
 

@@ -106,7 +106,7 @@ def _along(record: State, first: float, length: float) -> State:
         return record
     change = jax.tree.map(lambda begin, end: end - begin, record.internal, record.internal_end)
 
-    def moved(tree: PyTree, part: float) -> Any:
+    def moved(tree: PyTree, part: float) -> PyTree:
         return jax.tree.map(lambda x, slope: x + part * slope, tree, change)
 
     return record.with_course(
@@ -139,13 +139,13 @@ def _jumps(tree: PyTree) -> bool:
     return isinstance(tree, Named) and set(tree) >= HELD
 
 
-def _end(tree: PyTree) -> Any:
+def _end(tree: PyTree) -> PyTree:
     if isinstance(tree, Course):
         return named(tree.end)
     return Named(**{name: _end(getattr(tree, name)) for name in tree}) if isinstance(tree, Named) else tree
 
 
-def _begin(tree: PyTree, before: PyTree) -> Any:
+def _begin(tree: PyTree, before: PyTree) -> PyTree:
     if isinstance(tree, Course):
         return before if tree.begin is None else named(tree.begin)
     if isinstance(tree, Named) and not _jumps(tree):
@@ -153,7 +153,7 @@ def _begin(tree: PyTree, before: PyTree) -> Any:
     return tree if _jumps(tree) else before
 
 
-def _mean(tree: PyTree, begin: object, end: PyTree) -> Any:
+def _mean(tree: PyTree, begin: object, end: PyTree) -> PyTree:
     if isinstance(tree, Course) and tree.mean is not None:
         return named(tree.mean)
     if isinstance(tree, Named) and not _jumps(tree):
@@ -161,7 +161,7 @@ def _mean(tree: PyTree, begin: object, end: PyTree) -> Any:
     return end if _jumps(tree) else jax.tree.map(lambda x, y: 0.5 * (x + y), begin, end)
 
 
-def _fitting(tree: PyTree, like: object) -> Any:
+def _fitting(tree: PyTree, like: object) -> PyTree:
     """The values in the structure of the start's; raises LagrangianError for another one."""
     given, found = (
         [(jax.tree_util.keystr(path).lstrip("."), jnp.shape(leaf)) for path, leaf in leaves]

@@ -31,7 +31,7 @@ class Each:
 
     __rmul__ = __mul__
 
-    def member(self, index: int) -> Any:
+    def member(self, index: int) -> PyTree:
         """The value of one member."""
         return jax.tree.map(lambda leaf: leaf[index], self.values)
 
@@ -74,7 +74,7 @@ def count_members(*trees: PyTree) -> int | None:
     return lengths.pop() if lengths else None
 
 
-def member_of(tree: PyTree, index: int) -> Any:
+def member_of(tree: PyTree, index: int) -> PyTree:
     """The tree of one member."""
     return jax.tree.map(lambda leaf: leaf.member(index) if isinstance(leaf, Each) else leaf, tree)
 

@@ -167,7 +167,7 @@ class ReducedFunctions:
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
         return {key: value() for key, value in values.items() if keyword_only(known, key)}
 
-    def inputs_at(self, t: Scalar, held) -> Any:
+    def inputs_at(self, t: Scalar, held) -> PyTree:
         """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
         return held if self.inputs is None else self.inputs.at(t, held)
 

@@ -80,7 +80,7 @@ def _changed(before: Parameters | None, after: Parameters | None) -> str:
     return f"{', '.join(f'`{name}`' for name in names)} changed" if names else ""
 
 
-def _leaves(tree: PyTree) -> Any:
+def _leaves(tree: PyTree) -> PyTree:
     return jax.tree_util.tree_leaves_with_path(tree)
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import traced
@@ -85,7 +85,7 @@ class _Table(Signal):
         size = (1 << len(borders).bit_length()) - 1
         return np.concatenate([borders, np.full(size - len(borders), np.inf)]), columns
 
-    def _time(self, t: Array | float) -> Any:
+    def _time(self, t: Array | float) -> Scalar:
         """A time unchanged, several as an array; raises ArgumentError for anything else."""
         plain = isinstance(t, float) and abs(t) < inf
         return t if plain or isinstance(t, Tracer) else float64(t, f"The time of co.{type(self).__name__}")

@@ -109,7 +109,7 @@ class State:
         return replace(self.holding(self.internal), **alone, origin=Origin())
 
     @property
-    def over_step(self) -> Any:
+    def over_step(self) -> PyTree:
         """The internal state that forces, ℓ, ℋ and Λ read over the step from here."""
         return self.internal if self.internal_mean is None else self.internal_mean
 
@@ -126,7 +126,7 @@ class State:
         t = self.t + step
         return replace(self, t=t, t_rest=step - (t - self.t), **changes)
 
-    def each(self, function: Callable[[State], object]) -> Any:
+    def each(self, function: Callable[[State], object]) -> PyTree:
         """function of a single state, mapped over the leading axes of records; NumPy unless traced."""
         for _ in range(np.ndim(self.t)):
             function = jax.vmap(function)
@@ -157,12 +157,12 @@ class State:
 class Parts(NamedTuple):
     """Points, velocities, momenta and advected parameters by the names that a dictionary of spaces gave them."""
 
-    n: Any
-    nu: Any
-    pi: Any
-    a: Any
-    q: Any
-    qdot: Any
+    n: PyTree
+    nu: PyTree
+    pi: PyTree
+    a: PyTree
+    q: PyTree
+    qdot: PyTree
 
 
 class Motion(NamedTuple):
@@ -174,9 +174,9 @@ class Motion(NamedTuple):
     """
 
     xi: Array
-    n: Any
-    nu: Any
-    a: Any
+    n: PyTree
+    nu: PyTree
+    a: PyTree
     t: Scalar
     inputs: PyTree
     internal: PyTree
@@ -197,14 +197,14 @@ class NodeMotion(NamedTuple):
     """
 
     xi: Array
-    n: Any
-    nu: Any
-    a: Any
+    n: PyTree
+    nu: PyTree
+    a: PyTree
     t: Scalar
     inputs: PyTree
     internal: PyTree
     g: PyTree
-    q: Any
+    q: PyTree
     ahead: Any = None
 
     def __getattr__(self, name: str) -> Any:

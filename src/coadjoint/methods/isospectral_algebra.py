@@ -42,27 +42,27 @@ class Algebra(abc.ABC):
         """μ (dim,) of the coordinates of W̃, (unknowns,)."""
 
     @abc.abstractmethod
-    def matrix(self, xi: Array) -> Any:
+    def matrix(self, xi: Array) -> Array:
         """ξ̂, (n, n), of ξ (dim,)."""
 
     @abc.abstractmethod
-    def unknown(self, z: Array) -> Any:
+    def unknown(self, z: Array) -> Array:
         """W̃, (n, n), of its coordinates (unknowns,)."""
 
     @abc.abstractmethod
-    def products(self, P: Any, W: Any) -> tuple[Array, Array]:
+    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
         """The coordinates (unknowns,) of [P, W] and of PWP, of P and W (n, n)."""
 
     @abc.abstractmethod
-    def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
+    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
         """The coordinates (unknowns,) of [B, Θ] and of BΘP + PΘB, of matrices (n, n): the action of B on W."""
 
     @abc.abstractmethod
-    def turn(self, xi: Array, epsilon: Scalar) -> Any:
+    def turn(self, xi: Array, epsilon: Scalar) -> Array:
         """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂) and ξ (dim,)."""
 
     @abc.abstractmethod
-    def element(self, D: Any) -> Element:
+    def element(self, D: Array) -> Element:
         """C†, (n, n), as an element of the group."""
 
 
@@ -165,7 +165,7 @@ class Copies(Algebra):
     def _rows(self, x: Array) -> Array:
         return jnp.reshape(x, (self.copies, -1))
 
-    def _each(self, function: Callable[..., object], *arguments: object) -> Any:
+    def _each(self, function: Callable[..., object], *arguments: object) -> Array:
         """The results of a function for each copy, coordinates or a pair of them, concatenated."""
         return jax.tree.map(lambda found: jnp.reshape(found, -1), jax.vmap(function)(*arguments))
 
@@ -175,22 +175,22 @@ class Copies(Algebra):
     def momentum(self, z: Array) -> Array:
         return self._each(self.inner.momentum, self._rows(z))
 
-    def matrix(self, xi: Array) -> Any:
+    def matrix(self, xi: Array) -> Array:
         return jax.vmap(self.inner.matrix)(self._rows(xi))
 
-    def unknown(self, z: Array) -> Any:
+    def unknown(self, z: Array) -> Array:
         return jax.vmap(self.inner.unknown)(self._rows(z))
 
-    def products(self, P: Any, W: Any) -> tuple[Array, Array]:
+    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
         return self._each(self.inner.products, P, W)
 
-    def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
+    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
         return self._each(self.inner.products_of_force, B, Theta, P)
 
-    def turn(self, xi: Array, epsilon: Scalar) -> Any:
+    def turn(self, xi: Array, epsilon: Scalar) -> Array:
         return jax.vmap(lambda xi: self.inner.turn(xi, epsilon))(self._rows(xi))
 
-    def element(self, D: Any) -> Element:
+    def element(self, D: Array) -> Element:
         found = jax.vmap(self.inner.element)(D)
         if isinstance(self.group, Power):
             return found
@@ -214,22 +214,22 @@ class Reversed(Algebra):
     def momentum(self, z: Array) -> Array:
         return self.inner.momentum(z)
 
-    def matrix(self, xi: Array) -> Any:
+    def matrix(self, xi: Array) -> Array:
         return self.inner.matrix(-xi)
 
-    def unknown(self, z: Array) -> Any:
+    def unknown(self, z: Array) -> Array:
         return self.inner.unknown(z)
 
-    def products(self, P: Any, W: Any) -> tuple[Array, Array]:
+    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
         return self.inner.products(P, W)
 
-    def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
+    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
         return self.inner.products_of_force(B, Theta, P)
 
-    def turn(self, xi: Array, epsilon: Scalar) -> Any:
+    def turn(self, xi: Array, epsilon: Scalar) -> Array:
         return self.inner.turn(-xi, epsilon)
 
-    def element(self, D: Any) -> Element:
+    def element(self, D: Array) -> Element:
         return self.group.inverse(self.inner.element(D))
 
 

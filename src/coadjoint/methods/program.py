@@ -209,7 +209,7 @@ class StepStage:
     def structure(self) -> Structure:
         return self.step.structure(self.skeleton)
 
-    def carried(self, state: State) -> Any:
+    def carried(self, state: State) -> PyTree:
         """The values that the solution of the last step left in the state, () if none are carried over."""
         return self.step.carried(state)
 

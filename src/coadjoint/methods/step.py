@@ -62,7 +62,7 @@ class Step(ABC):
         """The fastest rate, 1/s, at which the step itself damps, besides forces of the system."""
         return 0.0
 
-    def carried(self, state: State) -> Any:
+    def carried(self, state: State) -> PyTree:
         """Factors that the solution of the last step left in the state for this one; () if there are none."""
         return state.memory if isinstance(state.memory, Factors) else ()
 
@@ -70,7 +70,7 @@ class Step(ABC):
         """The state after a step with its factors for the next one; `carried` None removes them, () changes nothing."""
         return after if carried == () else after.replace(memory=carried)
 
-    def evaluated(self, system: System, state: State, h: Scalar, z: Array) -> Any:
+    def evaluated(self, system: System, state: State, h: Scalar, z: Array) -> PyTree:
         """The function values for `structure` at the unknowns z (unknowns,): `residual`."""
         return self.residual(system, state, h, z)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from coadjoint.arrays import PyTree
 from coadjoint.extensions import import_string
@@ -38,7 +38,7 @@ class CatalogueEntry:
         for key in ("parameters", "initial"):
             object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> tuple[object, ...]:
         plain = {"parameters": dict(self.parameters), "initial": dict(self.initial)}
         return type(self), tuple(plain.get(one.name, getattr(self, one.name)) for one in fields(self))
 

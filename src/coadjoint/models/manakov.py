@@ -147,7 +147,7 @@ def _matrix(mu: Array, moments: Array) -> Array:
     return below - xp.swapaxes(below, -1, -2)
 
 
-def _moments(value: object, name: str, count: int | None = None) -> Any:
+def _moments(value: object, name: str, count: int | None = None) -> Array:
     """λ_i, (n,); of `count` where that is given."""
     found = float64(value, f"Argument `{name}`")
     if np.ndim(found) != 1 or len(found) < 2 or (count is not None and len(found) != count):

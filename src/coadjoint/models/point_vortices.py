@@ -152,7 +152,7 @@ def _system(group: Any, energy: Any, given: dict[str, PyTree], watched: object, 
     return System(group, hamiltonian=energy, parameters=Parameters(**given), invariance="right", **options)
 
 
-def _circulations(value: object, name: str, count: int | None = None) -> Any:
+def _circulations(value: object, name: str, count: int | None = None) -> Array:
     """Γ_i, (N,); of `count` vortices where that is given."""
     found = float64(value, f"Argument `{name}`")
     if np.ndim(found) != 1 or len(found) < 2:

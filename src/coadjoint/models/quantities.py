@@ -33,7 +33,7 @@ def checked(checks: Mapping[str, Check], given: Mapping[str, object]) -> dict[st
     return {name: _checked(checks[name], value, name) if name in checks else value for name, value in given.items()}
 
 
-def _checked(check: Check, value: object, name: str) -> Any:
+def _checked(check: Check, value: object, name: str) -> PyTree:
     if not isinstance(value, Each):
         return check(value, name)
     return each([check(member_of(value, member), f"{name}` of member `{member}") for member in range(len(value))])
@@ -47,7 +47,7 @@ def number(value: object, name: str, at_least: float | None = None) -> Array:
     return found
 
 
-def not_negative(value: object, name: str) -> Any:
+def not_negative(value: object, name: str) -> Array:
     """A number of at least 0; raises ArgumentError."""
     return number(value, name, at_least=0.0)
 
@@ -60,7 +60,7 @@ def positive(value: object, name: str) -> Array:
     return found
 
 
-def positive_pair(value: object, name: str) -> Any:
+def positive_pair(value: object, name: str) -> PyTree:
     """Two positive numbers, (2,); raises ArgumentError."""
     found = vector(value, name, 2)
     for one in () if traced(found) else found:
@@ -68,7 +68,7 @@ def positive_pair(value: object, name: str) -> Any:
     return found
 
 
-def angles(value: object, name: str) -> Any:
+def angles(value: object, name: str) -> PyTree:
     """Angles, rad, of at most `TURNS` turns; raises ArgumentError."""
     found = float64(value, f"Argument `{name}`")
     most = 0.0 if traced(found) else float(np.max(np.abs(found), initial=0.0))
@@ -85,7 +85,7 @@ def vector(value: object, name: str, size: int = 3) -> Array:
     return array(value, name, (size,))
 
 
-def place(value: object, name: str) -> Any:
+def place(value: object, name: str) -> PyTree:
     """A point of a vehicle, (3,) m, up to `LONGEST` from the origin; raises ArgumentError."""
     found = vector(value, name)
     distance = 0.0 if traced(found) else float(np.linalg.norm(found))

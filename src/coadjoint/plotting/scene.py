@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.groups.attitude import to_quaternion
 from coadjoint.texts import Table
 
@@ -112,7 +113,7 @@ def plain(scene: Scene) -> Table:
     return {**found, "wayPoints": [] if points is None else points}
 
 
-def _plain(name: str, value: object) -> Any:
+def _plain(name: str, value: object) -> PyTree:
     if isinstance(value, np.ndarray):
         full = name in ("vertices", "faces", "current")
         digits = _DIGITS.get(name, _digits(value))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.texts import Table
 
@@ -141,5 +142,5 @@ def _gap(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object) -> PyTree:
     return value.item() if isinstance(value, np.generic) else value

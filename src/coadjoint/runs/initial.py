@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import in_si
 from coadjoint.texts import Table
@@ -46,7 +47,7 @@ def initial_values(given: Mapping[str, object], known: Collection[str]) -> Table
     return found
 
 
-def together(values: list[Any]) -> Any:
+def together(values: list[Any]) -> PyTree:
     """Numbers as one vector; with `co.each` among them, one for each member."""
     many = {len(value): value for value in values if hasattr(value, "member")}
     if not many:

@@ -66,7 +66,7 @@ class MadeMembers:
         """
         places = {*varying, *self.varying}
 
-        def one(path: Any, *leaves: PyTree) -> Any:
+        def one(path: Any, *leaves: PyTree) -> PyTree:
             return Each(np.stack(leaves)) if jax.tree_util.keystr(path) in places else leaves[0]
 
         parameters, arguments = jax.tree_util.tree_map_with_path(one, *self._numbers)
@@ -129,7 +129,7 @@ def _rows(file: RunFile) -> list[tuple[Table, Table]]:
     return [jax.tree.unflatten(structure, row) for row in zip(*columns, strict=True)]
 
 
-def _arrays(value: object) -> Any:
+def _arrays(value: object) -> PyTree:
     """An argument of a start with arrays for its numbers; lists are arrays, tuples are elements of several."""
     if value is None:
         return None
@@ -148,7 +148,7 @@ def _differ(leaves: Sequence[np.ndarray]) -> bool:
     return any(np.shape(one) != first.shape or np.asarray(one).tobytes() != first.tobytes() for one in leaves[1:])
 
 
-def _element(given: object, count: int) -> Any:
+def _element(given: object, count: int) -> PyTree:
     """An element of a group; with `co.each` in one of its parts, `co.each` of elements."""
     if not isinstance(given, tuple) or not any(isinstance(one, Each) for one in given):
         return given

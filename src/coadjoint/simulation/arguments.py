@@ -25,7 +25,7 @@ from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.methods.method import Method
 
 
-def read_of(read: Callable[[State], Any], what: str, state: State) -> Any:
+def read_of(read: Callable[[State], Any], what: str, state: State) -> PyTree:
     """read(state); passes its errors on, or raises ArgumentError if `what` can be read only from a state with g."""
     try:
         return read(state)
@@ -60,7 +60,7 @@ def require_kinds(system: Any, start: PyTree, method: Any) -> None:
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {shown(method)}.")
 
 
-def step_size(dt: Any) -> Any:
+def step_size(dt: Any) -> Scalar:
     """A step of a trajectory: one number, traced or finite, not zero; negative ones go back in time."""
     h = array(dt, "dt", ())
     if not traced(h) and h == 0:
@@ -116,7 +116,7 @@ def with_inputs(system: System, start: State, inputs: PyTree, by_velocities: boo
     return system, start.replace(inputs=held)
 
 
-def held_at(system: System, state: State) -> Any:
+def held_at(system: System, state: State) -> PyTree:
     """The inputs held over the step that starts at a state."""
 
     def first(state):

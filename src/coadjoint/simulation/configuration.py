@@ -107,7 +107,7 @@ def _has_names(g: object) -> bool:
     return hasattr(g, "_fields") or any(map(_has_names, inner))
 
 
-def _tree(tree: PyTree, numbers: dict[str, np.ndarray]) -> Any:
+def _tree(tree: PyTree, numbers: dict[str, np.ndarray]) -> PyTree:
     if tree is None:
         return None
     if isinstance(tree, (Named, dict)):
@@ -136,7 +136,7 @@ def start_from(form: Any, numbers: Mapping[str, np.ndarray], system: System) -> 
     return State(**grown, **form["fixed"], places=system.places)
 
 
-def _planted(form: Any, numbers: Mapping[str, np.ndarray]) -> Any:
+def _planted(form: Any, numbers: Mapping[str, np.ndarray]) -> PyTree:
     if form is None:
         return None
     if isinstance(form, str):

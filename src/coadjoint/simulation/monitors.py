@@ -55,7 +55,7 @@ class Monitor:
     def __call__(self, system: object, step: Any, record: Any, h: object, constants: PyTree) -> Any:
         return self.observe(system, step, record, h, constants)
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> tuple[object, ...]:
         """By name if the monitor replaces its function in the module of that function; otherwise by its fields."""
         module, name = self.observe.__module__, getattr(self.observe, "__name__", "")
         if getattr(sys.modules.get(module), name, None) is self:

@@ -66,7 +66,7 @@ def native_trajectory(program: StepProgram, arguments: object, blocks: Blocks, b
     return run(arguments)
 
 
-def on_host(function: Callable[[Any], Any], argument: object, like: object) -> Any:
+def on_host(function: Callable[[Any], Any], argument: object, like: object) -> PyTree:
     """function(argument) by NumPy on the host: float64 PyTrees in and out, the result shaped as `like`.
 
     Numbers are passed as pairs of 32-bit words: JAX calls back on its own threads, where the float64 scope of the
@@ -94,7 +94,7 @@ def _words(tree: PyTree) -> tuple[Any, Callable[[np.ndarray], Any]]:
     ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
     flat = jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
 
-    def read(words: np.ndarray) -> Any:
+    def read(words: np.ndarray) -> PyTree:
         numbers = np.ascontiguousarray(words).view(np.float64).reshape(-1)
         return structure.unflatten([numbers[ends[i] : ends[i + 1]].reshape(s) for i, s in enumerate(shapes)])
 

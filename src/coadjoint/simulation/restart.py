@@ -138,7 +138,7 @@ def _multipliers(record: dict[tuple[str, ...], np.ndarray]) -> Reactions | None:
     return Reactions(record["memory", "step"], record["memory", "end"], projector=None, base=None)
 
 
-def _tree(leaves: dict[tuple[str, ...], np.ndarray]) -> Any:
+def _tree(leaves: dict[tuple[str, ...], np.ndarray]) -> PyTree:
     """An array alone, values under names, or None."""
     if () in leaves:
         return leaves[()]

@@ -28,6 +28,7 @@ from zarr.codecs import Crc32cCodec
 from zarr.storage import MemoryStore
 
 from coadjoint import disk
+from coadjoint.arrays import PyTree
 from coadjoint.errors import FileError
 from coadjoint.kernels.run.backend import monitor_shapes
 from coadjoint.log import logger
@@ -278,5 +279,5 @@ def _checkpoint(slot: int) -> str:
     return f"checkpoint-{slot}.npz"
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object) -> PyTree:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups import LieGroup, Opposite
 from coadjoint.groups.group import Element
@@ -81,7 +80,7 @@ class ByInverse(Space):
     def defect(self, group: LieGroup, x: Array) -> Array | float:
         return self.space.defect(_of(group), x)
 
-    def view(self, group: LieGroup, x: Array) -> Any:
+    def view(self, group: LieGroup, x: Array) -> PyTree:
         return self.space.view(_of(group), x)
 
     def point(self, group: LieGroup, value: object, name: str) -> Array:

@@ -98,7 +98,7 @@ class Links(Space):
             return 0.0
         return jnp.max(self._map(group, lambda G, one: jnp.asarray(self.space.defect(G, one)), x))
 
-    def view(self, group: LieGroup, x: Array) -> Any:
+    def view(self, group: LieGroup, x: Array) -> PyTree:
         power = _power(group)
         return jax.vmap(lambda one: self.space.view(power.factor, one))(jnp.reshape(x, (power.count, -1)))
 
@@ -298,7 +298,7 @@ def _flat(tree: PyTree) -> Array:
     return jnp.reshape(jnp.concatenate([jnp.reshape(leaf, (leaf.shape[0], -1)) for leaf in leaves], axis=1), -1)
 
 
-def _rows(value: object, count: int, size: int) -> Any:
+def _rows(value: object, count: int, size: int) -> Array:
     """The numbers (count, size) given for all links, end to end or by leaves; None where they are not given for all."""
     try:
         leaves = (

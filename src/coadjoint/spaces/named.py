@@ -77,7 +77,7 @@ class Named:
         return _made(cls, dict(zip(keys, values, strict=True)))
 
 
-def named(tree: PyTree) -> Any:
+def named(tree: PyTree) -> PyTree:
     """A dictionary, and the dictionaries in it, as namespaces; anything else unchanged."""
     if not isinstance(tree, Mapping):
         return tree

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Element, LieGroup, transpose
@@ -105,7 +105,7 @@ class Space:
         """How far x is from the space, one number; zero on a flat space."""
         return 0.0
 
-    def view(self, group: LieGroup, x: Array) -> Any:
+    def view(self, group: LieGroup, x: Array) -> PyTree:
         """A point x (ambient,) as the user's functions see it: an array, or a namespace of arrays."""
         return x
 

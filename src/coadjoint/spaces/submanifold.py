@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
@@ -124,7 +124,7 @@ class Submanifold(Embedded):
     def defect(self, group: LieGroup, x: Array) -> Array:
         return jnp.max(jnp.abs(self.equations(group, x)))
 
-    def view(self, group: LieGroup, x: Array) -> Any:
+    def view(self, group: LieGroup, x: Array) -> PyTree:
         return self.inside.view(group, x)
 
     def components(self, group: LieGroup, name: str) -> dict[str, slice]:

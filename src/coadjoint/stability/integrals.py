@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -28,7 +27,7 @@ def casimirs(reduced: Reduced) -> dict[str, Callable]:
     """The polynomial Casimir functions of the bracket on y modulo K, as functions of a state."""
     C, near = reduced.essential, reduced.near
 
-    def tensor(u: Array) -> Any:
+    def tensor(u: Array) -> Array:
         def rate(i: int) -> Array:
             moving = vector_field(lambda s: jnp.concatenate([s.mu, s.n, s.pi, s.a])[i], _at(near, C.T @ u))
             return jnp.concatenate(moving)
@@ -67,8 +66,8 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
         return
     zero, still = np.zeros(sum(reduced.sizes)), np.zeros(len(reduced.symmetries))
 
-    def slopes(state: State) -> Any:
-        def at(z: Array) -> Any:
+    def slopes(state: State) -> Array:
+        def at(z: Array) -> Array:
             moved = reduced.with_momenta(reduced.moved(state, z))
             return jnp.stack([C(moved) for C in integrals]), reduced.phase(moved, still)[0]
 

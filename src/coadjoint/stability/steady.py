@@ -217,7 +217,7 @@ def _solve(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: n
     if solved:
         return w
 
-    def slope(w: np.ndarray) -> Any:
+    def slope(w: np.ndarray) -> Array:
         return _finite(both(w)[1])
 
     jacobian: Any = slope
@@ -273,7 +273,7 @@ def _held(state: State, path: str) -> tuple[str, Any]:
     )
 
 
-def _replaced(values: Any, path: str, value: Any) -> Any:
+def _replaced(values: Any, path: str, value: Any) -> PyTree:
     """The values with one of them replaced."""
     name, _, rest = path.partition(".")
     return values.replace(**{name: _replaced(getattr(values, name), rest, value) if rest else value})

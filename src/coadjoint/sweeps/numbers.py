@@ -83,7 +83,7 @@ class Varied:
         """Those that vary, in their order."""
         return list(_leaves(self.template))
 
-    def value(self, rows: Mapping[str, object]) -> Any:
+    def value(self, rows: Mapping[str, object]) -> PyTree:
         """The value of one member, in the form of a file. rows: the values of its numbers, by name."""
         return _filled(self.template, rows)
 
@@ -123,7 +123,7 @@ def _is_number(value: Any) -> bool:
     )
 
 
-def _template(value: Any, name: str) -> Any:
+def _template(value: Any, name: str) -> PyTree:
     if isinstance(value, list):
         return [_template(inner, f"{name}[{place}]") for place, inner in enumerate(value)]
     if isinstance(value, Mapping):
@@ -187,7 +187,7 @@ def _leaves(template: PyTree) -> Iterator[Number]:
             yield from _leaves(inner)
 
 
-def _filled(template: PyTree, rows: Mapping[str, object]) -> Any:
+def _filled(template: PyTree, rows: Mapping[str, object]) -> PyTree:
     if isinstance(template, list):
         return [_filled(inner, rows) for inner in template]
     if isinstance(template, Number):

@@ -41,11 +41,11 @@ class Algorithm(DenseStage):
         """The equations that F and s solve, (dim G,) on 𝔤* and (ambient,) on T*Q at n."""
         raise NotImplementedError
 
-    def following(self, pair: Any, h: Scalar, F: Element, s: Array) -> Any:
+    def following(self, pair: Any, h: Scalar, F: Element, s: Array) -> PyTree:
         """The next pair, from the increment F and the point s (ambient,)."""
         raise NotImplementedError
 
-    def run(self, pair: object, h: Scalar, steps: int) -> Any:
+    def run(self, pair: object, h: Scalar, steps: int) -> PyTree:
         """The pairs 0 … steps, every leaf with a leading axis; raises StepError at a step that fails."""
         pair = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), pair)
         with jax.enable_x64(True):
@@ -70,7 +70,7 @@ class Algorithm(DenseStage):
     def blocks(self) -> tuple[int, ...]:
         return self.group.dim, self.space.dim(self.group)
 
-    def prepare(self, parameters: PyTree, state: PyTree, h: Array | float) -> Any:
+    def prepare(self, parameters: PyTree, state: PyTree, h: Array | float) -> PyTree:
         return state
 
     def monitors(self, parameters: PyTree, record: PyTree, h: Scalar) -> Mapping[str, Array]:
@@ -109,11 +109,11 @@ class Algorithm(DenseStage):
         F = self._last(state, h)[0]
         return self.difference_map.chart(self.group, h * (z[: self.group.dim] - self._velocity(F, h)))
 
-    def record(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> Any:
+    def record(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> PyTree:
         """The pair itself; the unknowns z (dim G + dim Q,) are in the next one."""
         return state
 
-    def advance(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array, sound: Array) -> Any:
+    def advance(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array, sound: Array) -> PyTree:
         """The next pair, from the unknowns z (dim G + dim Q,)."""
         return self.following(state, h, *self._solution(state, h, z))
 

@@ -170,7 +170,7 @@ class WithKeywords:
     function: Callable[..., Any]
     keywords: tuple[str, ...]
 
-    def __call__(self, *arguments: Any, **given: Any) -> Any:
+    def __call__(self, *arguments: Any, **given: Any) -> PyTree:
         return self.function(*arguments, **given)
 
     @property

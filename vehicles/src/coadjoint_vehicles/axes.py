@@ -35,12 +35,12 @@ def body_axes(axes: Axes) -> np.ndarray:
     return _known(axes, _BODY)
 
 
-def space_vector(vector: object, axes: Axes) -> Any:
+def space_vector(vector: object, axes: Axes) -> Array:
     """N v of a position, velocity or current in space, (..., 3)."""
     return _array(vector, "vector", (3,)) @ space_axes(axes)
 
 
-def body_vector(vector: object, axes: Axes) -> Any:
+def body_vector(vector: object, axes: Axes) -> Array:
     """B v of a velocity, an angular velocity, a place, a force or a torque of the body, (..., 3).
 
     Angular velocities and torques turn like other vectors, because B is a rotation and no reflection.
@@ -48,18 +48,18 @@ def body_vector(vector: object, axes: Axes) -> Any:
     return _array(vector, "vector", (3,)) @ body_axes(axes)
 
 
-def body_tensor(tensor: object, axes: Axes) -> Any:
+def body_tensor(tensor: object, axes: Axes) -> Array:
     """B J B of an inertia or of another matrix that takes body vectors to body vectors, (..., 3, 3)."""
     B = body_axes(axes)
     return B @ _array(tensor, "tensor", (3, 3)) @ B
 
 
-def twist(both: object, axes: Axes) -> Any:
+def twist(both: object, axes: Axes) -> Array:
     """diag(B, B) (v, ω) of a velocity with an angular velocity, or of a force with a torque, (..., 6)."""
     return _array(both, "both", (6,)) @ np.kron(np.eye(2), body_axes(axes))
 
 
-def twist_matrix(matrix: object, axes: Axes) -> Any:
+def twist_matrix(matrix: object, axes: Axes) -> Array:
     """T M T, T = diag(B, B), of an added mass or a damping matrix, (..., 6, 6), order surge ... yaw.
 
     An entry that couples one of surge and roll with one of the other four changes its sign, and no other does.
@@ -68,12 +68,12 @@ def twist_matrix(matrix: object, axes: Axes) -> Any:
     return T @ _array(matrix, "matrix", (6, 6)) @ T
 
 
-def rotation(R: Array, axes: Axes) -> Any:
+def rotation(R: Array, axes: Axes) -> Array:
     """N R B of an attitude, (..., 3, 3), from the body to space."""
     return space_axes(axes) @ _array(R, "R", (3, 3)) @ body_axes(axes)
 
 
-def euler_zyx(angles: object, axes: Axes) -> Any:
+def euler_zyx(angles: object, axes: Axes) -> Array:
     """Yaw, pitch and roll, (..., 3) rad: (π/2 − yaw, −pitch, roll) between ENU/FLU and NED/FRD, yaw in (−π, π].
 
     N R_z(y)R_y(p)R_x(r) B = R_z(π/2 − y)R_y(−p)R_x(r), since N B = R_z(π/2) and B turns about x by π: a heading of
@@ -97,5 +97,5 @@ def _known(axes: PyTree, table: dict[str, object]) -> Any:
     return table[axes]
 
 
-def _array(value: object, name: str, last: tuple[int, ...]) -> Any:
+def _array(value: object, name: str, last: tuple[int, ...]) -> Array:
     return checks.array(value, name, f"(…, {', '.join(map(str, last))})")

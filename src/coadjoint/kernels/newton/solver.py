@@ -60,15 +60,15 @@ class DenseStage:
         """The function z ↦ residual(z)."""
         return partial(cast(Any, self).residual, parameters, state, h)
 
-    def solved(self, state: PyTree, found: Any) -> Any:
+    def solved(self, state: PyTree, found: Any) -> PyTree:
         """The state, unchanged."""
         return state
 
-    def carried(self, state: PyTree) -> Any:
+    def carried(self, state: PyTree) -> PyTree:
         """()."""
         return ()
 
-    def carry(self, after: PyTree, carried: PyTree) -> Any:
+    def carry(self, after: PyTree, carried: PyTree) -> PyTree:
         """The state, unchanged."""
         return after
 

@@ -245,7 +245,7 @@ def _loops(program: Program, parameters, states, h, steps, save_every, *, capaci
     return jax.vmap(one)(parameters, states)
 
 
-def _spread(tree: PyTree, axes: PyTree) -> Any:
+def _spread(tree: PyTree, axes: PyTree) -> PyTree:
     """Every leaf with a leading member axis; `axes`, a prefix of the tree, is True where there is one already."""
     leaves, structure = jax.tree.flatten(tree)
     flags = jax.tree.leaves(jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes, tree))

@@ -6,11 +6,11 @@ For set-up, checks and tests: one evaluation costs about as much as its tracing,
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.kernels.trace.interpreter import Interpreter
@@ -27,7 +27,7 @@ def traced(*values: object) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
 
 
-def evaluate(function: Callable, *args: object) -> Any:
+def evaluate(function: Callable, *args: object) -> PyTree:
     """function(*args) with NumPy leaves; floats count as float64.
 
     `function` is pure and traceable by JAX, `args` are PyTrees of arrays. A primitive without a rule here sends the
@@ -61,7 +61,7 @@ def tabulate(function: Callable, *args: object) -> Callable:
             straight.append(Straight(_NUMBERS, closed))
         return straight[0](leaves)
 
-    def call(*values: object) -> Any:
+    def call(*values: object) -> PyTree:
         values = jax.tree_util.tree_map(_numpy, values)
         leaves, given = jax.tree_util.tree_flatten(values)
         if given != expected or [leaf.shape for leaf in leaves] != shapes:

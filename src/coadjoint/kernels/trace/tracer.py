@@ -26,7 +26,7 @@ class Tracer:
         self._interpreter = Interpreter(NUMERIC, CONTROL, expression_rules(self.graph))
         self._jaxprs: dict[tuple, Any] = {}
 
-    def symbols(self, name: str, tree: PyTree) -> Any:
+    def symbols(self, name: str, tree: PyTree) -> PyTree:
         """`tree` with every element replaced by a separate symbol, numbered through the leaves."""
         leaves, structure = jax.tree_util.tree_flatten(tree)
         placed, count = [], 0
@@ -37,7 +37,7 @@ class Tracer:
             count += size
         return jax.tree_util.tree_unflatten(structure, placed)
 
-    def trace(self, function: Callable, *args: object) -> Any:
+    def trace(self, function: Callable, *args: object) -> PyTree:
         """function(*args) as a PyTree of arrays of expressions.
 
         `args` are PyTrees of arrays of expressions or numbers. Untraceable names what the language lacks. A method

@@ -199,7 +199,7 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
     """What each parameter of a rod is kept as, or ArgumentError, by name."""
     three = not layout.planar
 
-    def lengths(value: object, name: str) -> Any:
+    def lengths(value: object, name: str) -> Array:
         found = float64(value, f"Argument `{name}`")
         if np.shape(found) == ():
             return np.full(layout.elements, positive(found, name) / layout.elements)
@@ -207,17 +207,17 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
             positive(one, name)
         return found
 
-    def pair(value: object, name: str) -> Any:
+    def pair(value: object, name: str) -> Array:
         found = float64(value, f"Argument `{name}`")
         both = jnp.broadcast_to if traced(found) else np.broadcast_to
         return positive_pair(both(found, 2) if np.shape(found) == () else found, name)
 
-    def bodies(value: object, name: str) -> Any:
+    def bodies(value: object, name: str) -> Array:
         for one in vector(value, name):
             positive(one, name)
         return float64(value, name)
 
-    def curvature(value: object, name: str) -> Any:
+    def curvature(value: object, name: str) -> Array:
         one, all_ = ((3,), (layout.elements, 3)) if three else ((), (layout.elements,))
         found = array(value, name, one, all_)
         return jnp.broadcast_to(found, all_) if traced(found) else np.broadcast_to(found, all_)

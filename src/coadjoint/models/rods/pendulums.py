@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, PyTree
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, Power, Translation
 from coadjoint.mechanics.members import Quantity
@@ -139,14 +139,14 @@ def points_start(chain: System, *, directions: object = (0.0, 0.0, -1.0), rates:
     return chain.state(q=found[0], qdot=found[1])
 
 
-def _kinetic(w: Array, p: PyTree) -> Any:
+def _kinetic(w: Array, p: PyTree) -> Scalar:
     """½ Σ m |v|² of mass centres, of the rates w (N, 3) of the links' directions."""
     reached = jnp.cumsum(p.length[:, None] * w, axis=0) - p.length[:, None] * w
     v = reached + p.center[:, None] * w
     return 0.5 * jnp.sum(p.mass[:, None] * v**2)
 
 
-def _heights(along: object, p: PyTree) -> Any:
+def _heights(along: object, p: PyTree) -> Array:
     """Σ m g x·d, of d·R e₁ (N,) of the links."""
     reached = jnp.cumsum(p.length * along) - p.length * along
     return p.gravity * p.mass @ (reached + p.center * along)

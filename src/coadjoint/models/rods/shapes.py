@@ -84,7 +84,7 @@ def centerline(state: State) -> np.ndarray:
     return np.asarray(g[1])
 
 
-def curve(rod: System, first: Any, strain: Any) -> Any:
+def curve(rod: System, first: Any, strain: Any) -> PyTree:
     """The poses (M + 1, …) of sections one after the other from the first one, of strains (M, d)."""
     group: Any = rod.group
     p: PyTree = rod.parameters
@@ -169,7 +169,7 @@ def _require_closed(poses: Any, length: np.ndarray) -> None:
         )
 
 
-def _clamps(rod: System, pairs: Any, poses: Any) -> Any:
+def _clamps(rod: System, pairs: Any, poses: Any) -> PyTree:
     """e₀ of every element: e, and the poses of clamped ends, with those of the first one inverted."""
     R, x = poses
     size = x.shape[1]

@@ -172,7 +172,7 @@ def _moved(rod: System, state: State, a0: PyTree, eta: np.ndarray) -> State:
     return state.replace(g=g, a=a, xi=still, mu=still)
 
 
-def _by_strains(rod: System, state: State, g: PyTree, a0: Any, eta: np.ndarray) -> Any:
+def _by_strains(rod: System, state: State, g: PyTree, a0: Any, eta: np.ndarray) -> PyTree:
     """The elements of the sections one after the other, from the moved first one, or from the clamp."""
     group, _, V = rod.places
     p: PyTree = rod.parameters

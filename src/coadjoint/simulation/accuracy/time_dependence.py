@@ -75,7 +75,7 @@ def bent(rows: np.ndarray, span: float, least: float = 0.0) -> bool:
     return bool(np.median(np.minimum(off_line, off_constant)) > max(BENT * span, LARGE * size, least))
 
 
-def _values(run: Any, records: PyTree, times: np.ndarray) -> Any:
+def _values(run: Any, records: PyTree, times: np.ndarray) -> PyTree:
     """The inputs at the times (rows, parts) of steps from the records."""
     given = records.replace(mu=None, pi=None, ledger=None, memory=None), times
     shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(given))
@@ -83,7 +83,7 @@ def _values(run: Any, records: PyTree, times: np.ndarray) -> Any:
 
 
 @lru_cache(maxsize=32)
-def _table(system: Any, structure: Any, shapes: Any) -> Any:
+def _table(system: Any, structure: Any, shapes: Any) -> PyTree:
     """`_values` traced once for a system."""
     given = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
 

@@ -229,7 +229,7 @@ class StepperBase(StepperWarnings):
         self._judge(flags & StatusFlag.NOT_FINITE)
 
     @property
-    def state(self) -> Any:
+    def state(self) -> PyTree:
         """A copy of all numbers of the current state by their names, as `restore` takes them."""
         with self._turn.reading():
             return self.face.state.views(self._of_members(of_lanes(self._buffers.state)))
@@ -296,7 +296,7 @@ class StepperBase(StepperWarnings):
 
     # Members.
 
-    def _of_members(self, rows: np.ndarray) -> Any:
+    def _of_members(self, rows: np.ndarray) -> PyTree:
         """Rows of the members alone; the row of a single one."""
         return rows[: self.face.count] if self.face.members is not None else rows[0]
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels import packing
 from coadjoint.kernels.packing import Layout, layout
@@ -38,7 +38,7 @@ def rows_where(tree: PyTree, axes: PyTree) -> np.ndarray:
     return members_of(tree, jax.tree.map(lambda axis: axis == 0, axes, is_leaf=lambda axis: axis is None))[1]
 
 
-def spread(tree: PyTree, lead: tuple[int, ...]) -> Any:
+def spread(tree: PyTree, lead: tuple[int, ...]) -> PyTree:
     """A tree of one member for each member."""
     return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (*lead, *np.shape(leaf))).copy(), tree)
 
@@ -156,11 +156,11 @@ def carried(beginning: Beginning, states: np.ndarray, before: np.ndarray, after:
     return rows
 
 
-def _mass_matrix(system: System, place: tuple[Any, ...]) -> Any:
+def _mass_matrix(system: System, place: tuple[Any, ...]) -> Array:
     """∂²ℓ/∂(ξ, ν)², a square matrix."""
     xi, n, nu, *rest = place
 
-    def momenta(velocities: Any) -> Any:
+    def momenta(velocities: Any) -> PyTree:
         return jnp.concatenate(legendre(system, velocities[: xi.size], n, velocities[xi.size :], *rest))
 
     return jax.jacfwd(momenta)(jnp.concatenate([xi, nu]))

@@ -304,7 +304,7 @@ class Stepper(Stepping):
         return packing.rows(states.replace(internal=seeded(states.internal, seeds)), len(rows))
 
     @property
-    def parameters(self) -> Any:
+    def parameters(self) -> PyTree:
         """The current parameters of the system; if members have different ones, with a first axis of members."""
         rows = self._parameter_rows()
         return self._beginning.constants.unpack(rows[0] if len(rows) == 1 else rows).system

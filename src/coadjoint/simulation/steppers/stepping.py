@@ -157,13 +157,13 @@ class Stepping(StepperBase):
         """
         return save(path, overwrite, lambda _: to_bytes(self))
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> tuple[object, ...]:
         return opened, (to_bytes(self),)
 
     # Parameters.
 
     @property
-    def parameters(self) -> Any:
+    def parameters(self) -> PyTree:
         """A copy of the parameters by their names; if members have different ones, with a first axis of members."""
         rows = self._parameter_rows()
         return self.face.parameters.views((rows[0] if len(rows) == 1 else rows).copy())

@@ -252,5 +252,5 @@ def _summary(vehicle: Vehicle, found: Any, failures: dict[float, str], picture: 
     return {"vehicle": vehicle.name, "motions": motions, "not_found": failed, "figure": picture and str(picture)}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any) -> PyTree:
     return {key: _plain(getattr(value, key)) for key in value} if hasattr(value, "asdict") else value.tolist()

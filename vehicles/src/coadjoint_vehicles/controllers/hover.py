@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_of, level
@@ -65,7 +65,7 @@ class Hover(Thrusting):
         commands = self.commands(acceleration, turn, feedback, own, vehicle)
         return commands, {"position": integral, "attitude": of_attitude}
 
-    def wanted(self, feedback: Feedback) -> Any:
+    def wanted(self, feedback: Feedback) -> Array:
         """R_d, (3, 3)."""
         return heading_near(feedback)
 
@@ -85,7 +85,7 @@ class Pose(Hover):
     def inputs(self) -> dict[str, str]:
         return {"north": "m", "east": "m", "depth": "m", "attitude": "1"}
 
-    def wanted(self, feedback: Feedback) -> Any:
+    def wanted(self, feedback: Feedback) -> Array:
         return feedback.inputs.attitude
 
 
@@ -153,7 +153,7 @@ class Manoeuvre(Thrusting):
         return commands, {"depth": of_depth, "speed": of_speed, "attitude": of_attitude}
 
 
-def heading_near(feedback: Feedback) -> Any:
+def heading_near(feedback: Feedback) -> Array:
     """Level with the heading wanted, or with one LARGEST_TURN from the present one on the way there."""
     turned = nearest_turn(feedback.inputs.heading - feedback.heading)
     return level(feedback.heading + jnp.clip(turned, -LARGEST_TURN, LARGEST_TURN))

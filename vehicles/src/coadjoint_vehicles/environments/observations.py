@@ -64,7 +64,7 @@ def of_feedback(common: Common, function: Function) -> Callable[[State, Any], An
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [x for x in inspect.signature(function).parameters.values() if x.kind in kinds and x.default is x.empty]
 
-    def observe(state: State, p: Named) -> Any:
+    def observe(state: State, p: Named) -> PyTree:
         feedback = common(state, p)
         return function(feedback) if len(takes) < 2 else function(feedback, p)
 
@@ -75,7 +75,7 @@ def actuators(craft: Craft) -> Callable[[State, Any], Any]:
     """The positions of the actuators, scaled as actions: between −1 and 1, one after the other."""
     scale = actuator_actions(craft)
 
-    def observe(state: State, p: Named) -> Any:
+    def observe(state: State, p: Named) -> PyTree:
         found = []
         for name, place in scale.places.items():
             where = jnp.ravel(standing(name, state))[: place.stop - place.start]
@@ -92,7 +92,7 @@ def observable(
 ) -> dict[str, Callable[[State, Any], Any]]:
     """All that can be observed by name, as a stepper takes it; `added` by the task."""
 
-    def commands(state: State) -> Any:
+    def commands(state: State) -> PyTree:
         return jnp.concatenate([jnp.ravel(getattr(state.inputs, name)) for name in actions.shapes])
 
     found: dict[str, PyTree] = {

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.extending import Fields, StepperBase, require_portable
 from coadjoint.mechanics import State
@@ -92,7 +92,7 @@ class Simulated:
         """The current observation of the stepper."""
         return self.stepper.observed
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> tuple[object, ...]:
         """By its arguments, whose functions are named, and the state of its stepper."""
         require_portable(self._given, "The environment")
         return _standing_as, (type(self), self._given, self.stepper)
@@ -107,7 +107,7 @@ class Simulated:
         made.__dict__.update(self.__dict__)
         return made
 
-    def _row(self, state: State, p: Named) -> Any:
+    def _row(self, state: State, p: Named) -> Array:
         """All observations, one number after the other, by one function, so that shared terms are traced once."""
         seen = {name: jnp.asarray(function(state, p), dtype=float) for name, function in self._shown.items()}
         self._shapes = {name: np.shape(value) for name, value in seen.items()}
@@ -122,7 +122,7 @@ class Simulated:
         places = actuators(self.craft) if given is None and effort else None
         inner = of_feedback(self.common, self.task.reward if given is None else given)
 
-        def reward(state: State, p: Named) -> Any:
+        def reward(state: State, p: Named) -> Array:
             found = jnp.reshape(inner(state, p), ())
             if places is not None:
                 found = found - effort * jnp.mean(places(state, p) ** 2)
@@ -131,7 +131,7 @@ class Simulated:
 
         return reward
 
-    def _ended(self, state: State, p: Named) -> Any:
+    def _ended(self, state: State, p: Named) -> Array:
         """A 1 for each end that has come, (ends,)."""
         found = [of_feedback(self.common, end.when)(state, p) for end in self.ends.values()]
         return jnp.array([jnp.where(jnp.reshape(one, ()), 1.0, 0.0) for one in found]) if found else jnp.zeros(0)

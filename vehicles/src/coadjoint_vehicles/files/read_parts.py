@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.sections import keys
 from coadjoint.texts import Table
@@ -68,7 +68,7 @@ def read_fields(
     return values
 
 
-def _turned(section: Section, name: str, value: Any, turn: Callable[[Any, Any], Any], axes: border.Axes) -> Any:
+def _turned(section: Section, name: str, value: Any, turn: Callable[[Any, Any], Any], axes: border.Axes) -> Array:
     """The value in FRD; raises ArgumentError for a shape that cannot turn."""
     try:
         return turn(np.asarray(value, dtype=float), axes)

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.texts import Table
 from coadjoint.units import NUMBER, Dimension, in_si
@@ -182,7 +183,7 @@ class Section:
             raise self.book.fail(f"{what} has no `value`.")
         return given
 
-    def _numbers(self, value: object, what: str) -> Any:
+    def _numbers(self, value: object, what: str) -> PyTree:
         """Finite numbers in rectangular lists; raises ArgumentError."""
         if isinstance(value, list):
             found = [self._numbers(inner, what) for inner in value]
@@ -201,7 +202,7 @@ class Section:
 
     def _uncertainty(
         self, name: str, given: dict[str, object], unit: str, dimension: Dimension | None, special: tuple[str, ...]
-    ) -> Any:
+    ) -> PyTree:
         """The standard deviation of a quantity: a share of it such as "5 %", or in SI units; None if there is none."""
         found = given.get("uncertainty")
         if found is None:

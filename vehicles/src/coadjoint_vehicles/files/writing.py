@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.sections import keys
 from coadjoint.texts import Table
 from coadjoint.units import Dimension
@@ -170,7 +171,7 @@ def _value(value: object) -> str:
     return "[" + ", ".join(_value(inner) for inner in found) + "]"
 
 
-def _diagonal(value: object) -> Any:
+def _diagonal(value: object) -> Array:
     """The diagonal of a diagonal matrix, for readability."""
     found = np.asarray(value)
     return np.diag(found) if found.ndim == 2 and np.array_equal(found, np.diag(np.diag(found))) else found

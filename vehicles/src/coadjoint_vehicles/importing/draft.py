@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint_vehicles.importing.elements import Element
 from coadjoint_vehicles.importing.report import Left, Report, Taken
@@ -35,7 +36,7 @@ class Draft:
     flip: np.ndarray = field(default_factory=lambda: np.array([1.0, -1.0, -1.0]))
     """The signs of x, y, z from the axes of the files to forward, starboard, down."""
 
-    def take(self, key: str, value: object, unit: str, where: Element | str, note: str = "") -> Any:
+    def take(self, key: str, value: object, unit: str, where: Element | str, note: str = "") -> PyTree:
         """Remember where a number is from, and return it. key: as in the provenance, "body.mass"."""
         place = where if isinstance(where, str) else where.place
         value = _plain(value)
@@ -44,7 +45,7 @@ class Draft:
         self.report.taken.append(Taken(key, value, unit, place))
         return value
 
-    def given(self, key: str, value: object, unit: str, note: str) -> Any:
+    def given(self, key: str, value: object, unit: str, note: str) -> PyTree:
         """As `take`, for a number that is in no file."""
         self.provenance[key] = Quantity(value, unit, GIVEN, note)
         self.report.taken.append(Taken(key, value, unit, note))
@@ -88,7 +89,7 @@ class Draft:
             raise FileError(f"{self.source}: no vehicle can be made of it: {error}") from error
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object) -> PyTree:
     """A number or an array without -0.0, a matrix of six rows that is diagonal as its diagonal."""
     found = np.asarray(value, dtype=float) + 0.0
     if found.ndim == 0:

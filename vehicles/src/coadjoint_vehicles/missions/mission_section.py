@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import number, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, keys
@@ -282,7 +282,7 @@ def arrival(controller: Any) -> Any:
     points, acceptance = np.asarray(controller.way_points), float(controller.acceptance)
     last = len(points) - 2
 
-    def gap(state: PyTree) -> Any:
+    def gap(state: PyTree) -> Array:
         here = leg(state.q, jnp.asarray(points[-2]), jnp.asarray(points[-1]))
         off = state.q[:2] - points[-1, :2]
         left = jnp.minimum(jnp.sqrt(off @ off + 1e-300) - acceptance, here.length - here.along)

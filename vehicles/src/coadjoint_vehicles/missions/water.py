@@ -137,7 +137,7 @@ def _made(axes: str, located: Located, given: Any, title: str, kinds: dict[str, 
         ) from error
 
 
-def _turned(key: str, value: object, axes: PyTree) -> Any:
+def _turned(key: str, value: object, axes: PyTree) -> PyTree:
     """A field of a current in NED; standard deviations and phases change places and keep their signs."""
     from coadjoint_vehicles.axes import space_axes
 

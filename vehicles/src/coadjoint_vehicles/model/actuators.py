@@ -91,7 +91,7 @@ class Rule(InternalRule):
 
     def _followed(
         self, part: Part, command: PyTree, motion: NodeMotion, h: Scalar, p: Named, there: dict[str, Array]
-    ) -> Any:
+    ) -> PyTree:
         """The course of a part under its command and its faults; None stays."""
         now, own = getattr(motion.internal, part.name), getattr(p, part.name)
         faults = [fault for fault in self.faults if fault.part == part.name]
@@ -111,7 +111,7 @@ class Rule(InternalRule):
                 course = fault.stands(course, now, there[fault.name])
         return course
 
-    def _unmoved(self, part: Part) -> Any:
+    def _unmoved(self, part: Part) -> PyTree:
         """The command, before its fault, of a part without an input: the command's starting value."""
         if part.command is None or part.travel(named(part.parameters())) is not None:
             raise ArgumentError(f"The fault of the {part.title}` needs a command that it replaces: give an input.")
@@ -213,7 +213,7 @@ class Rule(InternalRule):
             self._require_command(name, value, "The controller commands")
         return {name: self._shaped(name, value) for name, value in commands.items()}
 
-    def _shaped(self, name: str, value: Any) -> Any:
+    def _shaped(self, name: str, value: Any) -> PyTree:
         """A command in the shape of its part: one number for a single thruster is that of a row of one."""
         return jnp.reshape(value, self._shapes[name]) if name in self._shapes and jnp.shape(value) == () else value
 

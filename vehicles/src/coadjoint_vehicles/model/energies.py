@@ -73,7 +73,7 @@ def volumes(parts: tuple[Part, ...], internal: Named, p: Named) -> Iterator[tupl
             yield from part.displaced(actual_of(part, internal), getattr(p, part.name))
 
 
-def actual_of(part: Part, internal: Named) -> Any:
+def actual_of(part: Part, internal: Named) -> PyTree:
     """The actual value of a part's actuator; None without one."""
     return None if part.command is None else getattr(internal, part.name)
 

@@ -85,7 +85,7 @@ class Fault:
         assert self.time is not None
         return jnp.where(motion.t >= self.time - BARELY, 1.0, 0.0)
 
-    def command(self, command: PyTree, there: Array) -> Any:
+    def command(self, command: PyTree, there: Array) -> PyTree:
         """The command of a part whose state is more than its command."""
         return jnp.where(there > 0.5, self.value, command)
 

@@ -132,13 +132,13 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
 
     # As pairs of 32 bits, since JAX takes callbacks' numbers for float32 on the threads that they run on.
     @jax.custom_jvp
-    def outside(all_of: Any) -> Any:
+    def outside(all_of: Any) -> PyTree:
         bits = jax.ShapeDtypeStruct((size, 2), np.uint32)
         asked = lax.bitcast_convert_type(all_of, jnp.uint32)
         return lax.bitcast_convert_type(jax.pure_callback(call, bits, asked, vmap_method="sequential"), jnp.float64)
 
     @outside.defjvp
-    def refuse(primals: object, tangents: object) -> Any:
+    def refuse(primals: object, tangents: object) -> PyTree:
         raise ArgumentError(
             f"{name} is called from outside JAX and has no derivatives: write it with jax.numpy, and jnp.where for "
             "`if`, to differentiate a run through it."
@@ -187,7 +187,7 @@ def _at_rest(arguments: tuple[object, ...]) -> tuple[Any, ...]:
     )
 
 
-def _numbers(found: object) -> Any:
+def _numbers(found: object) -> PyTree:
     """Dictionaries of float64 arrays, without types unknown to JAX."""
     if isinstance(found, tuple):
         return tuple(_numbers(part) for part in found)

@@ -57,7 +57,7 @@ def starting_motion(
     return {name: each(np.asarray(value)) for name, value in found.items()}
 
 
-def through_water(speed: Any, velocity: Any) -> Any:
+def through_water(speed: Any, velocity: Any) -> PyTree:
     """The velocity v of the body origin through the water, body axes, from a speed ahead or from itself."""
     if speed is not None and velocity is not None:
         raise ArgumentError("Give one of `speed` and `velocity`, not both.")
@@ -70,21 +70,21 @@ def through_water(speed: Any, velocity: Any) -> Any:
     return _vectors((0.0, 0.0, 0.0) if velocity is None else velocity, "velocity")
 
 
-def _attitude(angles: object, axes: PyTree) -> Any:
+def _attitude(angles: object, axes: PyTree) -> PyTree:
     """R of yaw, pitch and roll, or each of the members'."""
     found = turned.euler_zyx(angles.values if isinstance(angles, Each) else angles, axes)
     R = attitude.zyx(found[..., 0], found[..., 1], found[..., 2])
     return each(R) if isinstance(angles, Each) else R
 
 
-def _angles(given: object) -> Any:
+def _angles(given: object) -> PyTree:
     """Yaw, pitch and roll, (3,), or those of each member; raises ArgumentError."""
     found = _vectors(given, "euler_zyx")
     angles(found.values if isinstance(found, Each) else found, "euler_zyx")
     return found
 
 
-def _vectors(value: Any, name: str) -> Any:
+def _vectors(value: Any, name: str) -> PyTree:
     """A vector (3,), or one for each member; raises ArgumentError."""
     if not isinstance(value, Each):
         return vector(value, name)

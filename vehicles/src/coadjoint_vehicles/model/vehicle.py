@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint import units as u
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
@@ -33,7 +34,7 @@ class Quantity(NamedTuple):
     uncertainty: Any = None
 
 
-def _six_semidefinite(value: object, name: str) -> Any:
+def _six_semidefinite(value: object, name: str) -> PyTree:
     return positive_semidefinite(value, name, size=6)
 
 
@@ -80,7 +81,7 @@ class Vehicle:
         _require_inside(self)
 
     @property
-    def buoyancy(self) -> Any:
+    def buoyancy(self) -> PyTree:
         """B = ρ V g, N."""
         return self.fluid_density * self.volume * self.gravity
 

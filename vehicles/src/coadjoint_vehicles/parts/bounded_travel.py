@@ -38,7 +38,7 @@ class BoundedTravel(Part):
         """Where it goes: clip(command, low, high)."""
         return jnp.clip(command, own.low, own.high)
 
-    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> Any:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> PyTree:
         """x over h, co.mechanics.Course: ẋ = clip((wanted − x)/τ, ±rate), exact for a command that is held."""
         return towards(actual, self.wanted(command, own), h, own)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -17,7 +17,7 @@ from coadjoint_vehicles.parts.measured import Measured, measured, numbers, six
 from coadjoint_vehicles.parts.part import Flow, Part, speed_of
 
 
-def _six(value: object, name: str) -> Any:
+def _six(value: object, name: str) -> PyTree:
     found = float64(value, f"Argument `{name}`")
     checks.shape(found, name, (6, 6), (6,))
     return found

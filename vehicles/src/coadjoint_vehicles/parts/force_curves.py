@@ -33,7 +33,7 @@ class ForceCurve(Numbers, ABC):
         return cast(Any, cls)(numbers)
 
     @property
-    def in_file(self) -> Any:
+    def in_file(self) -> PyTree:
         """Its numbers in a vehicle file, of which `of` makes it again."""
         return getattr(self, fields(self)[0].name)
 
@@ -60,7 +60,7 @@ class ForceCurve(Numbers, ABC):
         return
 
 
-def _numbers(value: object, key: str, kind: str, shape: tuple[object, ...]) -> Any:
+def _numbers(value: object, key: str, kind: str, shape: tuple[object, ...]) -> PyTree:
     found = float64(value, f"`{key}` of a {kind} force curve")
     if np.ndim(found) != len(shape) or (shape and np.shape(found)[0] == 0):
         expected = "a list of numbers" if shape else "one number"
@@ -108,7 +108,7 @@ class Quadratic(ForceCurve):
         return cls(*numbers) if np.ndim(numbers) == 1 else cls(numbers)
 
     @property
-    def in_file(self) -> Any:
+    def in_file(self) -> PyTree:
         return [self.ahead, self.astern]
 
     def __post_init__(self) -> None:
@@ -204,7 +204,7 @@ class Table(ForceCurve):
         return cls(rows[:, 0], rows[:, 1])
 
     @property
-    def in_file(self) -> Any:
+    def in_file(self) -> PyTree:
         return np.column_stack([self.commands, self.forces])
 
     def __post_init__(self) -> None:

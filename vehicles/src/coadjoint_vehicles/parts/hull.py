@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +21,7 @@ TURNING = 1e-30
 """rad²/s²: below it the flow across the hull is the same everywhere."""
 
 
-def _one_or_two(value: object, name: str) -> Any:
+def _one_or_two(value: object, name: str) -> PyTree:
     return checks.array(value, name, (), (2,))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import direction, number, vector
@@ -51,7 +51,7 @@ def measured(
     return key("", dimension, check=check, turn=turn, words=words, default=default)
 
 
-def share(value: object, name: str) -> Any:
+def share(value: object, name: str) -> PyTree:
     """A number from 0 to 1; raises ArgumentError."""
     found = not_negative(value, name)
     if not traced(found) and found > 1:
@@ -59,7 +59,7 @@ def share(value: object, name: str) -> Any:
     return found
 
 
-def lag_or_none(value: object, name: str) -> Any:
+def lag_or_none(value: object, name: str) -> PyTree:
     """A time of at least 0, None for 0; raises ArgumentError."""
     return not_negative(value, name) or None
 
@@ -69,7 +69,7 @@ def numbers(size: int) -> Callable[[Any, str], Any]:
     return partial(vector, size=size)
 
 
-def six(value: Any, axes: PyTree) -> Any:
+def six(value: Any, axes: PyTree) -> Array:
     """A (6, 6) matrix turned from other axes; a diagonal keeps its signs."""
     return value if np.ndim(value) == 1 else border.twist_matrix(value, axes)
 

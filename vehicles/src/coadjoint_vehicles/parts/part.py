@@ -90,7 +90,7 @@ class Part(Numbers, ABC):
         """The command that a controller may set; None for a part without one."""
         return None
 
-    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> Any:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> PyTree:
         """The actuator over h, co.mechanics.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact
         for u held.
 
@@ -99,7 +99,7 @@ class Part(Numbers, ABC):
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
         return towards(actual, wanted, h, own)
 
-    def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> Any:
+    def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> PyTree:
         """As `advance`, for a part that needs to know how the craft goes at the node."""
         return self.advance(actual, command, h, own)
 
@@ -120,7 +120,7 @@ class Part(Numbers, ABC):
         """Units of the keys of the actuator's internal state, where that is a dictionary."""
         return None
 
-    def at_rest(self, where: object) -> Any:
+    def at_rest(self, where: object) -> PyTree:
         """The actuator's internal state at rest where this command has taken it."""
         return where
 

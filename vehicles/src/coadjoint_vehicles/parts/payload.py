@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -47,7 +47,7 @@ class Payload(Part):
     def at_rest(self, where: object) -> dict[str, PyTree]:
         return {"dropped": where, "momentum": np.zeros(3)}
 
-    def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> Any:
+    def follow(self, actual: PyTree, command: Array, h: Scalar, own: Named, passing: Passing) -> PyTree:
         going = (command >= 0.5) & (actual.dropped < 0.5)
         velocity = passing.turn @ (passing.velocity + jnp.cross(passing.omega, own.position))
         return {

@@ -27,7 +27,7 @@ COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
 """The dimension of values in the unit of the commands."""
 
 
-def _columns(value: Any, axes: PyTree) -> Any:
+def _columns(value: Any, axes: PyTree) -> PyTree:
     return border.twist(np.transpose(value), axes).T
 
 
@@ -95,7 +95,7 @@ class Thrusters(Part):
             given["torque"] = checks.array(self.torque, f"torque{of}", (), (len(given["positions"]),))
         return given
 
-    def _effectiveness(self, of: str) -> Any:
+    def _effectiveness(self, of: str) -> PyTree:
         """e, (n,)."""
         found = checks.array(self.effectiveness, f"effectiveness{of}", (), (self.count,))
         if not traced(found) and np.any((found < 0) | (found > 1)):
@@ -104,7 +104,7 @@ class Thrusters(Part):
             )
         return found if traced(found) else np.broadcast_to(found, (self.count,)).copy()
 
-    def _limits(self, of: str) -> Any:
+    def _limits(self, of: str) -> PyTree:
         """(lowest, highest) command."""
         if self.limit is None:
             if isinstance(self.curve, Polynomial):
@@ -154,7 +154,7 @@ class Thrusters(Part):
         both = self.matrix(own) @ self.thrusts(actual, own, flow.density)
         return Force(torque=both[3:], force=both[:3])
 
-    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> Any:
+    def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> PyTree:
         return towards(actual, jnp.clip(command, *_ends(own)) if "limit" in own else command, h, own)
 
     def commands_for(self, thrusts: Array, own: Named) -> Array:

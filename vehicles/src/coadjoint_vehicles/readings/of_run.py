@@ -125,7 +125,7 @@ def _blocks(run: Run) -> Iterator[tuple[State, int]]:
         left = left - count if count == BLOCK else -1
 
 
-def in_blocks(function: Callable[..., object], rows: object) -> Any:
+def in_blocks(function: Callable[..., object], rows: object) -> PyTree:
     """function(rows) of trees with a leading axis, `BLOCK` rows at a time, the last block filled up."""
     count = len(jax.tree.leaves(rows)[0])
     made, found = None, []
@@ -136,7 +136,7 @@ def in_blocks(function: Callable[..., object], rows: object) -> Any:
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *found)
 
 
-def _rows(tree: PyTree, index: Any) -> Any:
+def _rows(tree: PyTree, index: Any) -> PyTree:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
 
 

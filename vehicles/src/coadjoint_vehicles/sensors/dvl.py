@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +20,7 @@ from coadjoint_vehicles.sensors.message import Message, MessageField
 from coadjoint_vehicles.sensors.sensor import Sensor, along_beams, angle_within, tilt, turn
 
 
-def _acute(value: object, name: str) -> Any:
+def _acute(value: object, name: str) -> Array:
     return angle_within(0.5 * np.pi, "a right angle, π/2")(positive(value, name), name)
 
 

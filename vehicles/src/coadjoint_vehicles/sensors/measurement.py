@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation import Measurement
 from coadjoint.spaces import Named
@@ -47,13 +47,13 @@ def measurement(
         checks.known(name, [channel.name for channel in sensor.channels], "channel", f"The {sensor.title}`")
     own = Named(**sensor.parameters())
 
-    def exact(motion: PyTree, p: Named) -> Any:
+    def exact(motion: PyTree, p: Named) -> Array:
         if kinematics is None:
             return sensor.reading(_of_motion(sensor, motion, p, bottom), own)
         found = kinematics(motion, p)
         return sensor.reading(found if bottom is None else found._replace(bottom=bottom), own)
 
-    def with_biases(motion: PyTree, p: Named, biases: object) -> Any:
+    def with_biases(motion: PyTree, p: Named, biases: object) -> Array:
         return exact(motion, p) + jnp.concatenate(
             [_bias(sensor, channel, biased, biases) for channel in sensor.channels]
         )
@@ -63,7 +63,7 @@ def measurement(
     return Measurement(function, R, gate=gate, angles=sensor.angles, of_state=kinematics is not None)
 
 
-def _bias(sensor: Sensor, channel: Any, biased: Sequence[str], biases: Any) -> Any:
+def _bias(sensor: Sensor, channel: Any, biased: Sequence[str], biases: Any) -> Array:
     if channel.name not in biased:
         return jnp.zeros(len(channel.components))
     name = f"{sensor.name}_{channel.name}"

@@ -29,7 +29,7 @@ from coadjoint_vehicles.sensors.message import Message
 def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
     """The check of angles, rad, of at most `most` in size, which sentences call `words`."""
 
-    def check(value: object, name: str) -> Any:
+    def check(value: object, name: str) -> PyTree:
         found = angles(value, name)
         if not traced(found) and np.any(np.abs(found) > most * (1 + 1e-12)):
             raise ArgumentError(
@@ -41,21 +41,21 @@ def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
     return check
 
 
-def _pose(value: object, name: str) -> Any:
+def _pose(value: object, name: str) -> PyTree:
     return angle_within(2 * np.pi, "a turn, 2π")(vector(value, name), name)
 
 
-def tilt(value: object, name: str) -> Any:
+def tilt(value: object, name: str) -> PyTree:
     """A positive angle of at most π, rad; raises ArgumentError."""
     return angle_within(np.pi, "half a turn, π")(positive(value, name), name)
 
 
-def turn(value: object, name: str) -> Any:
+def turn(value: object, name: str) -> PyTree:
     """One angle of at most a turn, rad; raises ArgumentError."""
     return angle_within(2 * np.pi, "a turn, 2π")(number(value, name), name)
 
 
-def _turned_pose(value: object, axes: PyTree) -> Any:
+def _turned_pose(value: object, axes: PyTree) -> Array:
     """Yaw, pitch and roll from the body's axes, where both, the sensor's and the body's, are other ones."""
     yaw_pitch_roll = np.asarray(value, dtype=float)
     if yaw_pitch_roll.shape != (3,):
@@ -158,7 +158,7 @@ class Sensor(Numbers, ABC):
         """Whether it reads at all in a motion, one truth value: whether that is within its limits."""
         return self._evaluated(self.within, motion, own)
 
-    def _evaluated(self, function: Any, motion: Any, own: PyTree) -> Any:
+    def _evaluated(self, function: Any, motion: Any, own: PyTree) -> PyTree:
         checks.instance(motion, "motion", Kinematics, "Kinematics(…)")
         own = Named(**self.parameters()) if own is None else own
         own = Named(**own) if isinstance(own, dict) else own
@@ -167,7 +167,7 @@ class Sensor(Numbers, ABC):
     def residual(self, reading: object, expected: object) -> Array:
         """reading − expected, (m,), angles by the shorter way: in [−π, π). Raises ArgumentError for other shapes."""
 
-        def difference(reading: Any, expected: Any) -> Any:
+        def difference(reading: Any, expected: Any) -> Array:
             left = reading - expected
             return jnp.where(self.angles, wrapped(left), left)
 
@@ -187,7 +187,7 @@ def wrapped(angle: Any) -> Array:
     return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
 
 
-def needs(motion: Kinematics, name: str, who: str) -> Any:
+def needs(motion: Kinematics, name: str, who: str) -> PyTree:
     """A field of the motion that may be None; raises ArgumentError."""
     value = getattr(motion, name)
     if value is None:

@@ -7,7 +7,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,7 @@ def fields(reading: Reading) -> dict[str, PyTree]:
     return {name: _plain(value) for name, value in found.items()}
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object) -> PyTree:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 

@@ -128,7 +128,7 @@ def _commands(craft: Craft) -> dict[str, PyTree]:
     return found
 
 
-def standing(name: str, state: State) -> Any:
+def standing(name: str, state: State) -> PyTree:
     """The actual value of an actuator: a number, an array, or the numbers of its state one after another."""
     found = getattr(state.internal, name)
     leaves: Sequence[Any] = list(found.asdict().values()) if isinstance(found, Named) else [found]

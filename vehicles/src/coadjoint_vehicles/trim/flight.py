@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate
 from coadjoint.mechanics import State
@@ -226,7 +227,7 @@ class SteadyFlight:
         rest = f", and not {', '.join(staying)}: free one of these" if staying else ", all that it has: give it more"
         return f"{moved}{rest}, or take another speed or climb."
 
-    def _conditions(self, state: State, speed: Any) -> Any:
+    def _conditions(self, state: State, speed: Any) -> Array:
         down = self.craft.system.advected.view(self.craft.system.group, state.a).down
         if self._vertical:
             return state.nu + np.sign(self.climb) * speed * down
@@ -251,11 +252,11 @@ def _of_buoyancy(extra: float) -> str:
     return f"The vehicle is {abs(extra):.3g} N {word} than the water that it displaces ({sign} buoyant)."
 
 
-def _at_rest(state: State, _: object) -> Any:
+def _at_rest(state: State, _: object) -> PyTree:
     return jnp.concatenate([state.nu, state.xi])
 
 
-def _between(rest: Any, wanted: Any, part: float) -> Any:
+def _between(rest: Any, wanted: Any, part: float) -> PyTree:
     if isinstance(wanted, Mapping):
         return type(rest)(**{key: _between(getattr(rest, key), wanted[key], part) for key in wanted})
     if np.shape(rest) != np.shape(wanted) and not np.size(rest) == np.size(wanted) == 1:

@@ -37,7 +37,7 @@ class Level:
         self._system, self._start = craft.system, craft.start()
 
     @cached_property
-    def push(self) -> Any:
+    def push(self) -> Array:
         """(motion, commands) → d(p, π)/dt without weight and buoyancy, (6,); traced once, with its derivative."""
         return jax.jit(self._rates)
 
@@ -64,14 +64,14 @@ class Level:
         return evaluate(jax.jacfwd(momenta), np.zeros(6))
 
     @cached_property
-    def rates(self) -> Any:
+    def rates(self) -> Array:
         """`push` on numbers."""
         return tabulate(self.push, np.zeros(6), self.rest)
 
     def slopes(self, motion: np.ndarray, commands: np.ndarray) -> np.ndarray:
         """∂`push`/∂(motion, commands), (6, 6 + commands)."""
 
-        def along(at: object, direction: object) -> Any:
+        def along(at: object, direction: object) -> Array:
             return jax.jvp(self.push, at, direction)[1]
 
         at = motion, commands

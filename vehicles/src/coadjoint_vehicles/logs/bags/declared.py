@@ -188,7 +188,7 @@ def declared(given: str | os.PathLike[str] | Mapping[str, Any] | None, axes: Axe
     return Declared(tuple(sensors), tuple(commands))
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object) -> PyTree:
     """Rows of Python's and of NumPy's as lists, which a TOML file has."""
     return np.asarray(value).tolist() if isinstance(value, (tuple, np.ndarray)) else value
 
