@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.audit.stepper import AuditStepper
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
@@ -53,7 +54,7 @@ def long_run(stepper: AuditStepper, h: float, steps: int, discrete: bool) -> Lon
     return LongRun(np.asarray(records.t), error, float(error.max()), drift(error), kept)
 
 
-def _energy(stepper: AuditStepper, h: float, discrete: bool) -> Callable[[State], Any]:
+def _energy(stepper: AuditStepper, h: float, discrete: bool) -> Callable[[State], PyTree]:
     """The energy of a record: Legendre's, or that of the first stage of the step that starts there."""
     system = stepper.system
     if not discrete:

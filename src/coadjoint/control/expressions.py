@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.library import casadi
 from coadjoint.errors import LagrangianError
 from coadjoint.kernels.expressions.expression import Expr, reachable
@@ -42,7 +43,7 @@ def casadi_expressions(roots: Iterable[Expr], known: Mapping[Expr, Any]) -> list
     return [found[root] for root in roots]
 
 
-def _operations(ca: Any) -> dict[str, Callable[..., Any]]:
+def _operations(ca: Any) -> dict[str, Callable[..., PyTree]]:
     return {
         **{name: getattr(ca, name) for name in SAME},
         "neg": lambda a: -a,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import float64
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.library import casadi
@@ -69,7 +70,7 @@ def matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
     return (*shape, 1, 1)[:2]  # type: ignore[return-value]
 
 
-def entries(column: Any, shape: tuple[int, ...]) -> list[Any]:
+def entries(column: Any, shape: tuple[int, ...]) -> list[PyTree]:
     """The scalars of CasADi's matrix in NumPy's order."""
     rows, width = matrix_shape(shape)
     return [column[i, j] for i in range(rows) for j in range(width)]

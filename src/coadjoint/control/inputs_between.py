@@ -43,7 +43,7 @@ class Profile:
     Raises ArgumentError and LagrangianError for other arguments.
     """
 
-    function: Callable[[Any, Any], Any]
+    function: Callable[[PyTree, PyTree], PyTree]
     guess: PyTree
     lower: Any = -math.inf
     upper: Any = math.inf
@@ -96,7 +96,7 @@ class Columns(NamedTuple):
     end: slice
 
 
-def columns(inputs: list[tuple[str, Any]]) -> list[Columns]:
+def columns(inputs: list[tuple[str, PyTree]]) -> list[Columns]:
     """The places of inputs in u, in their order."""
     found, place = [], 0
     for name, given in inputs:
@@ -109,7 +109,7 @@ def columns(inputs: list[tuple[str, Any]]) -> list[Columns]:
     return found
 
 
-def at_end(inputs: list[tuple[str, Any]]) -> list[int]:
+def at_end(inputs: list[tuple[str, PyTree]]) -> list[int]:
     """The numbers of u that a node at the end of the step reads, in place of those at its beginning."""
     found: list[int] = []
     for one in columns(inputs):

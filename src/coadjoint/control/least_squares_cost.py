@@ -9,9 +9,10 @@ from typing import Any
 import jax.numpy as jnp
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 
 
-def squares(function: Callable[..., object]) -> Callable[..., Any]:
+def squares(function: Callable[..., object]) -> Callable[..., PyTree]:
     """The cost L = |e|² of e = function(motion [, p]), a vector of any length.
 
         cost=co.control.squares(lambda motion, p: jnp.concatenate([3 * (motion.q - goal), motion.nu]))

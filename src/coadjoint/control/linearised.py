@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.library import casadi
 from coadjoint.control.transcription import Transcription, functions_of
 
@@ -165,7 +166,7 @@ def with_jacobian(function: Any, name: str, columns: object) -> Any:
     return ca.Function(name, [x, u, p, h], [c, ca.jacobian(c, ca.vertcat(x, u)) @ W], list("xuph"), ["c", "jacobian"])
 
 
-def _of_node(function: Any, columns: Any) -> tuple[list[Any], Any]:
+def _of_node(function: Any, columns: Any) -> tuple[list[PyTree], Any]:
     """Symbols x, u, p, h of a function, and W."""
     ca = casadi()
     x, u, p, h = symbols = [ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate("xuph")]

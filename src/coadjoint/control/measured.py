@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.control.numbers import number
 from coadjoint.errors import ArgumentError
 
@@ -26,7 +27,7 @@ class Measured:
     Raises ArgumentError for values other than numbers, or deviations that are not positive.
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     values: Any
     deviation: Any
     times: Any = None

@@ -91,7 +91,7 @@ class MeasuredState:
         plain = dict.fromkeys(("internal_mean", "internal_end", "internal_due"), None)
         template = begun.replace(memory=None, ledger=None, from_velocities=True, **plain)
 
-        def begin(parameters: PyTree, given: dict[str, object]) -> list[Any]:
+        def begin(parameters: PyTree, given: dict[str, object]) -> list[PyTree]:
             there = method.begin(replace_parameters(system, parameters), template.replace(**given), h)
             return [jnp.ravel(jnp.asarray(leaf)) for leaf in self._transcription.graph.leaves(there)]
 

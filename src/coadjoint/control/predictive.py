@@ -73,7 +73,7 @@ class Controller(Remade):
         period: int,
         delay: int,
         iterations: int,
-        fallback: Callable[[State], Any] | None,
+        fallback: Callable[[State], PyTree] | None,
     ):
         self.problem, self.steps, self.delay, self.iterations = problem, period, delay, iterations
         self._fallback = fallback

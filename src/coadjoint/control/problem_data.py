@@ -67,7 +67,7 @@ class Bounds:
     lower, upper: numbers or vectors; by default none.
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     lower: Any = -math.inf
     upper: Any = math.inf
 
@@ -89,11 +89,11 @@ class End:
     """
 
     g: PyTree = None
-    q: Any = None
+    q: PyTree = None
     xi: Any = None
-    qdot: Any = None
-    mu: Any = None
-    pi: Any = None
+    qdot: PyTree = None
+    mu: PyTree = None
+    pi: PyTree = None
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -112,12 +112,12 @@ class ProblemData:
     steps: int | None = None
     method: Method = field(default_factory=Midpoint)
     inputs: Mapping[str, PyTree] = field(default_factory=dict)
-    cost: Callable[..., Any] | None = None
+    cost: Callable[..., PyTree] | None = None
     final_cost: Callable[..., object] | None = None
     path: Mapping[str, Bounds] = field(default_factory=dict)
-    end: End | Callable[..., Any] | None = None
+    end: End | Callable[..., PyTree] | None = None
     free_duration: tuple[float, float] | None = None
-    parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    parameters: Mapping[str, tuple[PyTree, PyTree]] = field(default_factory=dict)
     free_start: Mapping[str, PyTree] = field(default_factory=dict)
     measured: Mapping[str, Measured] = field(default_factory=dict)
     path_points: int = 0

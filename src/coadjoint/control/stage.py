@@ -88,7 +88,7 @@ class StepGraph:
 
         return traced(self.tracer, what, of_node, self.constants, self.state, *more)
 
-    def of_motion(self, function: Callable[..., Any], what: str) -> list[Expr]:
+    def of_motion(self, function: Callable[..., PyTree], what: str) -> list[Expr]:
         """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""
         return flat(self.array_of_motion(function, what))
 
@@ -143,7 +143,7 @@ class StepGraph:
         parts = [part for part in VARIED if part != "inputs"]
         return state.replace(**dict(zip(parts, jax.tree_util.tree_unflatten(structure, found), strict=True)))
 
-    def leaves(self, state: State) -> list[Any]:
+    def leaves(self, state: State) -> list[PyTree]:
         """The arrays of a state of which the numbers are symbols."""
         return jax.tree_util.tree_leaves(self._symbolic(state))
 

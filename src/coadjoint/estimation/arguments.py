@@ -25,7 +25,7 @@ from coadjoint.methods.method import Method
 WHOSE = "co.estimation.ModelProcess"
 
 
-def sizes_of(shapes: Any) -> dict[str, int]:
+def sizes_of(shapes: PyTree) -> dict[str, int]:
     """Name → count of numbers, from (name, shape)."""
     return {name: int(np.prod(shape, dtype=int)) for name, shape in shapes}
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
 from coadjoint.kernels.packing import pack
@@ -67,7 +66,7 @@ class Drifting:
         """θ by names."""
         return Named(**{name: theta[here] for name, here in self.slices.items()})
 
-    def _each(self, h: Scalar, value: Callable[[Drift], Any]) -> Array:
+    def _each(self, h: Scalar, value: Callable[[Drift], PyTree]) -> Array:
         xp = jnp if traced(h) else np
         parts = [xp.broadcast_to(value(drift), (self.sizes[name],)) for name, drift in self._drifts.items()]
         return xp.concatenate(parts) if parts else np.zeros(0)

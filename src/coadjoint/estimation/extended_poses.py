@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.groups.rotations import skew
 from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, quartic_ratio, sine_ratio, versine_ratio
 
@@ -21,7 +21,7 @@ class ExtendedPose(NamedTuple):
 
     R: Any
     v: Any
-    q: Any
+    q: PyTree
 
 
 def gammas(phi: Array) -> tuple[Array, Array, Array]:

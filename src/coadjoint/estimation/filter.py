@@ -273,11 +273,11 @@ class Filter(Remade):
 
     def run(
         self,
-        measured: Mapping[str, tuple[Any, Any]],
+        measured: Mapping[str, tuple[PyTree, PyTree]],
         *,
         dt: float,
         until: float | None = None,
-        inputs: Mapping[str, tuple[Any, Any]] | None = None,
+        inputs: Mapping[str, tuple[PyTree, PyTree]] | None = None,
         save_every: int = 1,
         covariances: bool = False,
     ) -> Filtered:

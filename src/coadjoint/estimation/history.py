@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ class PastStep:
     P: np.ndarray
     dt: float
     inputs: dict[str, PyTree]
-    taken: list[tuple[str, Any]] = field(default_factory=list)
+    taken: list[tuple[str, PyTree]] = field(default_factory=list)
 
 
 class Past:

@@ -64,5 +64,5 @@ def vector(value: object, name: str, shape: tuple[int, ...], whose: str) -> np.n
     return found
 
 
-def _named(state: InertialState) -> list[tuple[str, Any]]:
+def _named(state: InertialState) -> list[tuple[str, PyTree]]:
     return list(zip(state._fields, state, strict=True))

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.estimation.process import Process
 from coadjoint.groups.element_statistics import logarithms
@@ -31,11 +31,11 @@ class InvariantErrors(Process):
     _layout: Layout
     _first: np.ndarray
 
-    def _unpacked(self, row: Array) -> tuple[State, Any]:
+    def _unpacked(self, row: Array) -> tuple[State, PyTree]:
         size = self._layout.size
         return self._layout.views(row[:size]), row[size:]
 
-    def _split(self, e: Array) -> list[Any]:
+    def _split(self, e: Array) -> list[PyTree]:
         group, Q, _ = self._system.places
         d, q = group.dim, Q.ambient(group)
         ends = np.cumsum([0, d, q, d, q])

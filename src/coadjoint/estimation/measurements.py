@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
 
@@ -31,7 +32,7 @@ class Measurement:
     Raises ArgumentError for covariances that are not positive and for a gate that is not a probability.
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     covariance: Any
     gate: float | None = None
     angles: Any = False

@@ -203,11 +203,11 @@ class ModelProcess(InvariantErrors):
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., self._t]
 
-    def motion(self, row: Array) -> tuple[Any, ...]:
+    def motion(self, row: Array) -> tuple[PyTree, ...]:
         state, p, biases = self.observed(row)
         return replace_parameters(self._system, p).motion_at(state, state.inputs), p, biases
 
-    def observed(self, row: Array) -> tuple[Any, ...]:
+    def observed(self, row: Array) -> tuple[PyTree, ...]:
         state, theta = self._unpacked(row)
         p = self._drifts.replaced(theta).system
         return at_node(replace_parameters(self._system, p), state), p, self._drifts.biases(theta)
@@ -307,11 +307,11 @@ class ModelProcess(InvariantErrors):
         """The places of the inputs and the internal state over a step that depend on the error at its start, and with
         which it reaches the second substep and later ones."""
 
-        def over_step(e: Array) -> list[Any]:
+        def over_step(e: Array) -> list[PyTree]:
             state, theta = self._unpacked(self.retract(self._first, e))
             return parts(self._program.prepare(self._drifts.replaced(theta), state, 1.0))
 
-        def parts(state: State) -> list[Any]:
+        def parts(state: State) -> list[PyTree]:
             return jax.tree.leaves((state.inputs, state.internal, state.internal_mean, state.internal_end))
 
         if len(self.substeps) == 1:

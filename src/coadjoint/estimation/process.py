@@ -6,7 +6,6 @@ import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -86,11 +85,11 @@ class Process(Remade, ABC):
         """A row, (size,)."""
 
     @abstractmethod
-    def retract(self, row: object, e: object) -> Array:
+    def retract(self, row: Array, e: Array) -> Array:
         """The row (size,) of the state that differs from another by e (n,)."""
 
     @abstractmethod
-    def differ(self, row: object, other: object) -> Array:
+    def differ(self, row: Array, other: Array) -> Array:
         """e (n,) with other = retract(row, e), to first order, or exactly."""
 
     truths: str = ""
@@ -125,10 +124,10 @@ class Process(Remade, ABC):
         """The state of a row (size,)."""
 
     @abstractmethod
-    def motion(self, row: object) -> tuple[Any, ...]:
+    def motion(self, row: Array) -> tuple[PyTree, ...]:
         """The arguments of functions of measurements at a row, traced: the motion, the parameters, the biases."""
 
-    def observed(self, row: object) -> tuple[Any, ...]:
+    def observed(self, row: Array) -> tuple[PyTree, ...]:
         """The arguments of functions of the state at a row, traced: the state, the parameters, the biases.
 
         Raises ArgumentError where the process has no state of a system.

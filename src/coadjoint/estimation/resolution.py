@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.estimation.process import Process
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.simulation.accuracy.local_error import HALVES, PartsOfSteps
@@ -71,7 +70,7 @@ class FilterSample:
         )
 
     @cached_property
-    def _differ(self) -> Callable[..., Any]:
+    def _differ(self) -> Callable[..., PyTree]:
         return tabulate(self._process.differ, self._process.example, self._process.example)
 
 

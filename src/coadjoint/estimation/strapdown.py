@@ -164,7 +164,7 @@ class StrapdownProcess(Process):
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., 0]
 
-    def motion(self, row: Array) -> tuple[Any, ...]:
+    def motion(self, row: Array) -> tuple[PyTree, ...]:
         x, theta = _pose(row), self._drifts.named(row[22:])
         omega = self._mount @ (row[16:19] - _of(theta, "gyroscope_bias"))
         q, north = x.q - x.R @ self._lever, x.R[0]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import Scalar
 from coadjoint.clocks import jumps_ahead
 from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.estimation.numbers import float64
@@ -151,7 +152,7 @@ class Orders(NamedTuple):
 class Timetable:
     """The nodes of a log: multiples of dt after the start, and the times of measurements and inputs between them."""
 
-    def __init__(self, begin: float, dt: Any, until: Any, measured: dict[str, Series], inputs: dict[str, Series]):
+    def __init__(self, begin: float, dt: Scalar, until: Any, measured: dict[str, Series], inputs: dict[str, Series]):
         checks.positive(dt, "dt")
         ends = [one.times[-1] for one in measured.values() if len(one.times)]
         if until is None and not ends:

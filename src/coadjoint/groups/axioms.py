@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import GroupError
 from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.group import Element, LieGroup
@@ -48,7 +47,7 @@ def points(group: LieGroup) -> list[tuple[np.ndarray, ...]]:
     return found
 
 
-def in_units(group: LieGroup) -> tuple[Any, Any]:
+def in_units(group: LieGroup) -> tuple[PyTree, PyTree]:
     """Vectors and covectors in the unit of the basis: functions of each that make all coordinates count alike."""
     sizes = _sizes(group)
     return (lambda vector: vector * sizes), (lambda covector: covector / sizes)

@@ -89,7 +89,7 @@ class Spline:
 
         return self._along(at, t)
 
-    def _along(self, function: Callable[[Array], Any], t: Array) -> Any:
+    def _along(self, function: Callable[[Array], PyTree], t: Array) -> Any:
         if not traced(t):
             t = np.asarray(t, float)
             if not np.all((t >= self.times[0]) & (t <= self.times[-1])):

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import CoadjointError, GroupError, error_line, shown
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.kernels.trace.library import homes
@@ -29,8 +30,8 @@ class Identity(NamedTuple):
 
     member: str
     says: str
-    found: Callable[[], Any]
-    expected: Callable[[], Any]
+    found: Callable[[], PyTree]
+    expected: Callable[[], PyTree]
 
 
 def members(base: type) -> list[str]:
@@ -43,7 +44,7 @@ def overrides(thing: object, base: type, name: str) -> bool:
     return _definition(thing, name) is not vars(base)[name]
 
 
-def own(thing: object, base: type) -> tuple[Any, ...]:
+def own(thing: object, base: type) -> tuple[PyTree, ...]:
     """The definitions that do not stand in this library: of them, and of them alone, nothing is known."""
     if type(thing).__module__.split(".")[0] in homes():
         return ()
@@ -77,7 +78,7 @@ def _key(definition: object) -> Hashable:
     return definition
 
 
-def parts(thing: object, kind: type) -> Iterator[Any]:
+def parts(thing: object, kind: type) -> Iterator[PyTree]:
     """What an object holds of this kind, such as the factors of a product, and what these hold: inner ones first."""
     for value in vars(thing).values() if hasattr(thing, "__dict__") else ():
         for inner in value if isinstance(value, (tuple, list)) else (value,):
@@ -123,12 +124,12 @@ def in_words(what: str) -> Iterator[None]:
 
 
 def require_agreement(
-    thing: object, where: str, identities: Callable[..., list[Identity]], points: Sequence[tuple[Any, ...]]
+    thing: object, where: str, identities: Callable[..., list[Identity]], points: Sequence[tuple[PyTree, ...]]
 ) -> None:
     """Raise GroupError unless all identities hold at these points: |found − expected| ≤ 1e-9 |expected|."""
     stated: list[Identity] = []
 
-    def both(*point: object) -> list[Any]:
+    def both(*point: object) -> list[PyTree]:
         stated[:] = identities(*point)
         return [_pair(thing, where, identity) for identity in stated]
 
@@ -139,7 +140,7 @@ def require_agreement(
         _require_close(thing, where, identity, pairs)
 
 
-def _require_close(thing: object, where: str, identity: Identity, pairs: Sequence[tuple[Any, Any]]) -> None:
+def _require_close(thing: object, where: str, identity: Identity, pairs: Sequence[tuple[PyTree, PyTree]]) -> None:
     error = size = 0.0
     for pair in pairs:
         for found, expected in zip(*map(jax.tree.leaves, pair), strict=True):
@@ -153,7 +154,7 @@ def _require_close(thing: object, where: str, identity: Identity, pairs: Sequenc
         )
 
 
-def _pair(thing: object, where: str, identity: Identity) -> tuple[Any, Any]:
+def _pair(thing: object, where: str, identity: Identity) -> tuple[PyTree, PyTree]:
     """Both sides; raises GroupError where the member raises, or returns another structure or another kind."""
     expected = identity.expected()
     what = f"`{identity.member}` of {_name(thing)}{where}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +43,7 @@ class Channels:
     """
 
     vehicle: tuple[str, ...]
-    own: tuple[tuple[str, Callable[[State], Any]], ...] = ()
+    own: tuple[tuple[str, Callable[[State], PyTree]], ...] = ()
     rotation: bool = False
     levers: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 

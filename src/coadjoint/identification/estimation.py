@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.arguments import require_arguments
@@ -38,7 +39,7 @@ def identify(
     start: State,
     parameters: Sequence[str],
     noise: Mapping[str, float] | None = None,
-    measured: Mapping[str, Callable[[State], Any]] | None = None,
+    measured: Mapping[str, Callable[[State], PyTree]] | None = None,
     segment: float | Literal["auto"] | None = "auto",
     dt: float | None = None,
     between: Between = "held",
@@ -120,7 +121,7 @@ def identify(
         return judged(fitted(asked, segment, given), level)
 
 
-def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], Any]]) -> Channels:
+def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], PyTree]]) -> Channels:
     """Every column of the log as a function of the state."""
     for name, function in measured.items():
         if name not in log.columns:

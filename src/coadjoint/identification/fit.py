@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.identification import rotations
 from coadjoint.identification.coloured import neighbours, whitened
 from coadjoint.identification.least_squares import Estimates
@@ -122,7 +123,7 @@ class Fit:
         channels)."""
         return whitened(self.differences(found, shared), self.near, self.times) / self.sigma
 
-    def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
+    def residual(self, place: Estimates) -> tuple[np.ndarray, PyTree] | None:
         parameters, own = self.split(place.shared)
         far = not np.all(np.abs(place.shared) < FARTHEST) or not self.sensing.within(own)
         if far or not self.shooting.unknowns.definite(parameters):

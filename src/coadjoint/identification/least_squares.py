@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
+
 TRIPS = 100
 """Simulations, those that were not accepted among them."""
 
@@ -42,7 +44,7 @@ class Estimates(NamedTuple):
 
 
 class LeastSquares(Protocol):
-    def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
+    def residual(self, place: Estimates) -> tuple[np.ndarray, PyTree] | None:
         """r, (segments, rows), and the data that `jacobian` needs; None if the simulation fails."""
         ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from coadjoint.kernels.untraceable import Untraceable
 class Layout(NamedTuple):
     """The structure and the leaf shapes of a PyTree: hashable, a part of cache keys."""
 
-    structure: Any
+    structure: PyTree
     shapes: tuple[tuple[int, ...], ...]
 
     @property

@@ -14,9 +14,9 @@ from typing import Any, Protocol
 
 from coadjoint.arrays import PyTree
 
-State = Any
-Parameters = Any
-Unknowns = Any
+State = PyTree
+Parameters = PyTree
+Unknowns = PyTree
 Scalar = Any
 
 TOLERANCE = 1e-7

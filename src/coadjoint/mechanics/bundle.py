@@ -141,7 +141,7 @@ def _elements_of(group: LieGroup, g: Element, count: int) -> Element:
     return jax.tree.map(lambda leaf: float64(leaf, "The elements"), g)
 
 
-def _ends(records: PyTree) -> tuple[Any, Any]:
+def _ends(records: PyTree) -> tuple[PyTree, PyTree]:
     """All but the last, and all but the first."""
     return jax.tree.map(lambda leaf: leaf[:-1], records), jax.tree.map(lambda leaf: leaf[1:], records)
 

@@ -57,14 +57,14 @@ def check(system: ReducedFunctions, start: State, regular: bool = True) -> list[
         return _require_regular(system, function, arguments)
 
 
-def given(system: ReducedFunctions) -> tuple[str, Callable[..., Any]]:
+def given(system: ReducedFunctions) -> tuple[str, Callable[..., PyTree]]:
     """The user's function, by name, and as a function of (ξ, n, ν, a, t, inputs, internal) or of (μ, n, π, …)."""
     if system.hamiltonian is not None:
         return "The Hamiltonian", system.reduced_hamiltonian
     return "The Lagrangian", system.reduced_lagrangian
 
 
-def point(system: ReducedFunctions, state: State) -> tuple[Any, ...]:
+def point(system: ReducedFunctions, state: State) -> tuple[PyTree, ...]:
     """The arguments of ℓ, or of ℋ, at a state."""
     if system.hamiltonian is not None:
         return state.mu, state.n, state.pi, state.a
@@ -132,7 +132,7 @@ def _finite(tree: PyTree) -> bool:
 
 
 def _require_derivative(
-    system: ReducedFunctions, function: Callable[..., object], what: str, arguments: tuple[Any, ...], read: Any
+    system: ReducedFunctions, function: Callable[..., object], what: str, arguments: tuple[PyTree, ...], read: Any
 ) -> None:
     """Raise unless ℓ or ℋ and its gradient are finite at the start, and its gradient is that of its value.
 
@@ -154,7 +154,7 @@ def _require_derivative(
 
 
 def _require_derivative_of_discrete(
-    system: ReducedFunctions, function: Callable[..., object], what: str, arguments: tuple[Any, ...], read: Any
+    system: ReducedFunctions, function: Callable[..., object], what: str, arguments: tuple[PyTree, ...], read: Any
 ) -> None:
     """Raise unless the gradient of Λ is that of its value; read as above."""
     if read is not None and not traced(system.parameters, arguments):
@@ -204,7 +204,9 @@ def _asymmetric(matrix: Array) -> bool:
     return bool(np.max(np.abs(matrix - matrix.T), initial=0.0) > 1e-9 * np.max(np.abs(matrix), initial=0.0))
 
 
-def _require_regular(system: ReducedFunctions, lagrangian: Callable[..., Any], arguments: tuple[Any, ...]) -> list[str]:
+def _require_regular(
+    system: ReducedFunctions, lagrangian: Callable[..., PyTree], arguments: tuple[PyTree, ...]
+) -> list[str]:
     group, Q, _ = system.places
     xi, n, nu, a = arguments
 

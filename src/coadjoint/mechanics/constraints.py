@@ -46,7 +46,7 @@ class Holonomic(Portable):
     `inputs`. Raises ArgumentError and LagrangianError for others.
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     size: int | None = None
 
     def __post_init__(self):
@@ -68,8 +68,8 @@ class Nonholonomic(Portable):
     for others.
     """
 
-    rows: Callable[..., Any]
-    right: Callable[..., Any] | None = None
+    rows: Callable[..., PyTree]
+    right: Callable[..., PyTree] | None = None
     size: int | None = None
 
     def __post_init__(self):
@@ -106,7 +106,7 @@ class Bound(Portable):
         return self.moving or not self.holonomic
 
     @property
-    def functions(self) -> list[Callable[..., Any]]:
+    def functions(self) -> list[Callable[..., PyTree]]:
         """The user's functions."""
         if isinstance(self.constraint, Holonomic):
             return [self.constraint.function]
@@ -275,7 +275,7 @@ def _size(system: ReducedFunctions, what: str, constraint: Constraint) -> int:
     return size
 
 
-def _called(system: ReducedFunctions, function: Callable[..., Any], at: Site) -> PyTree:
+def _called(system: ReducedFunctions, function: Callable[..., PyTree], at: Site) -> PyTree:
     arguments = []
     if system.additional != TRIVIAL:
         arguments.append(system.additional.view(system.group, at.n))

@@ -166,7 +166,7 @@ def _in_order(times: ArrayLike, first: float) -> np.ndarray:
     return found
 
 
-def _flatten(tree: PyTree, numpy: Any = np) -> tuple[Any, Any]:
+def _flatten(tree: PyTree, numpy: Any = np) -> tuple[PyTree, PyTree]:
     leaves, structure = jax.tree.flatten(tree)
     shapes = [np.shape(leaf) for leaf in leaves]
     ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.mechanics.state import Force, Motion
 
 
-def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
+def rayleigh(dissipation: Callable[..., PyTree]) -> Callable[..., Force]:
     """The force T = −∂R/∂ξ, f = −∂R/∂ν of a dissipation function R, for the `forces` of a system.
 
         co.System(…, forces={"damping": co.mechanics.rayleigh(lambda motion, p: 0.5 * p.c * motion.nu @ motion.nu)})

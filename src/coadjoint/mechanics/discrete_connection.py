@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
@@ -99,7 +98,7 @@ class DiscreteConnection:
         return cls(connection.group, connection.size, increment)
 
 
-def require_element(group: LieGroup, traced: Callable[[], Any], what: str) -> None:
+def require_element(group: LieGroup, traced: Callable[[], PyTree], what: str) -> None:
     """Raise ArgumentError unless a traced function returns arrays of the shapes of an element of G."""
     found = [value.shape for value in results(traced())]
     expected = [np.shape(leaf) for leaf in jax.tree.leaves(evaluate(group.identity))]

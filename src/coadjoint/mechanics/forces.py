@@ -60,7 +60,7 @@ def _whose(name: str) -> str:
     return "`forces`" if name == UNNAMED else f"The force `{name}`"
 
 
-def _called(name: str, function: Callable[..., Force], arguments: tuple[Any, ...]) -> PyTree:
+def _called(name: str, function: Callable[..., Force], arguments: tuple[PyTree, ...]) -> PyTree:
     """The value of a force; missing inputs raise an error that says so."""
     try:
         return function(*arguments)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import LagrangianError
@@ -31,7 +30,7 @@ _UNREAD = {
 """Functions that `system.state` has not read."""
 
 
-def version(system: System, state: State, *more: Callable[[State], Any], pure: bool = True) -> str:
+def version(system: System, state: State, *more: Callable[[State], PyTree], pure: bool = True) -> str:
     """A digest of what the user's functions compute now, including `more` functions of a state.
 
     A function that reads a global number is another function when that number has changed: what has been traced and
@@ -42,7 +41,7 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
     s = state
     arguments = (s.g, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal, system.parameters)
 
-    def at(name: str) -> Callable[..., Any]:
+    def at(name: str) -> Callable[..., PyTree]:
         def function(
             g: Element,
             xi: Array,

@@ -27,7 +27,7 @@ class Command:
 class Between(Command):
     """An input u(t) = function(t, c) within a step, with numbers c that are set before it."""
 
-    function: Callable[[Any, Any], Any]
+    function: Callable[[PyTree, PyTree], PyTree]
 
 
 Source = Signal | Callable[[NodeMotion], Any] | float | np.ndarray
@@ -39,7 +39,7 @@ class Inputs:
     """The inputs of a run under names, or a single one without a name."""
 
     names: tuple[str, ...] | None
-    sources: tuple[Any, ...]
+    sources: tuple[PyTree, ...]
 
     @property
     def holds(self) -> bool:
@@ -89,7 +89,7 @@ def inputs_from(given: object) -> Inputs | None:
     return Inputs(tuple(sources) if isinstance(given, Mapping) else None, found)
 
 
-def _source(name: str, given: object) -> Signal | Command | Callable[[NodeMotion], Any]:
+def _source(name: str, given: object) -> Signal | Command | Callable[[NodeMotion], PyTree]:
     """A signal or a function of the motion; a number or an array stands for itself at all times."""
     if callable(given) or isinstance(given, Command):
         return given

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.mechanics.inputs import Inputs
@@ -49,7 +48,7 @@ class InternalRule(ABC):
         """The lowest and highest value of parts of the internal state, by their names; None for no limit."""
         return {}
 
-    def command_limits(self, p: Parameters | None) -> dict[str, tuple[Any, Any]]:
+    def command_limits(self, p: Parameters | None) -> dict[str, tuple[PyTree, PyTree]]:
         """Lowest and highest command of inputs by their names, to which it clips them; those without are left out."""
         return {}
 
@@ -61,6 +60,6 @@ class _Plain(InternalRule):
         raise NotImplementedError
 
 
-def declared(rule: Callable[..., Any] | None) -> InternalRule:
+def declared(rule: Callable[..., PyTree] | None) -> InternalRule:
     """The declaration of a rule; that of a plain function, or of none, is empty."""
     return rule if isinstance(rule, InternalRule) else _Plain()

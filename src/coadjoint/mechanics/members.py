@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 from numpy.typing import ArrayLike
 
@@ -79,7 +77,7 @@ def member_of(tree: PyTree, index: int) -> PyTree:
     return jax.tree.map(lambda leaf: leaf.member(index) if isinstance(leaf, Each) else leaf, tree)
 
 
-def stacked(tree: PyTree) -> tuple[Any, Any]:
+def stacked(tree: PyTree) -> tuple[PyTree, PyTree]:
     """The tree with `Each` leaves as arrays, and the tree of axes for jax.vmap: 0 where there is a member axis."""
     values = jax.tree.map(lambda leaf: leaf.values if isinstance(leaf, Each) else leaf, tree)
     axes = jax.tree.map(lambda leaf: 0 if isinstance(leaf, Each) else None, tree)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_scalar
 from coadjoint.spaces.space import transpose
 
-Function = Callable[[State], Any]
+Function = Callable[[State], PyTree]
 """A number as a function of a state's μ, n, π, a."""
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Quantities = tuple[tuple[str, Callable[..., Any]], ...]
 
 
-def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None) -> Quantities:
+def quantities_from(given: Mapping[str, Callable[..., PyTree]] | Quantities | None) -> Quantities:
     """Names and functions; raises ArgumentError for anything else."""
     try:
         found = () if given is None else tuple(dict(given).items())
@@ -32,7 +32,7 @@ def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None)
     return found
 
 
-def value(system: ReducedFunctions, function: Callable[..., Any], state: State) -> Array:
+def value(system: ReducedFunctions, function: Callable[..., PyTree], state: State) -> Array:
     """function(state), or function(state, p) of two arguments with the system's parameters: one number."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [p for p in inspect.signature(function).parameters.values() if p.kind in kinds and p.default is p.empty]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -30,17 +29,17 @@ class ReducedFunctions:
     group: LieGroup
     additional: Space
     advected: Space
-    lagrangian: Callable[..., Any] | None
-    hamiltonian: Callable[..., Any] | None
-    discrete_lagrangian: Callable[..., Any] | None
-    group_lagrangian: Callable[..., Any] | None
+    lagrangian: Callable[..., PyTree] | None
+    hamiltonian: Callable[..., PyTree] | None
+    discrete_lagrangian: Callable[..., PyTree] | None
+    group_lagrangian: Callable[..., PyTree] | None
     forces: Forces | None
-    internal: Callable[..., Any] | None
+    internal: Callable[..., PyTree] | None
     name: str
     verify: bool
     parameters: Parameters | None
     inputs: Inputs | None
-    constraints: tuple[Any, ...]
+    constraints: tuple[PyTree, ...]
 
     @property
     def places(self) -> Places:
@@ -142,7 +141,7 @@ class ReducedFunctions:
         arguments = self._views(F, (n, s), a)
         return self.group_lagrangian(*arguments, h, **self.keywords(self.group_lagrangian, t, inputs, internal))
 
-    def _views(self, first, pair: tuple[Array, Array], a: Array) -> list[Any]:
+    def _views(self, first, pair: tuple[Array, Array], a: Array) -> list[PyTree]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
         arguments = [first]
         if self.additional != TRIVIAL:

@@ -64,7 +64,7 @@ def going_on(start: State) -> State:
     return plain.replace(xi=unknowns[0], nu=unknowns[1]) if shapes == [np.shape(part) for part in unknowns] else plain
 
 
-def _velocities(system: System, state: State) -> tuple[Any, Any]:
+def _velocities(system: System, state: State) -> tuple[PyTree, PyTree]:
     return evaluate(lambda s, p: velocities(replace_parameters(system, p), s), state, system.parameters)
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import traced
@@ -37,7 +37,7 @@ class Signal:
     Raises ArgumentError unless it is a function whose values are numbers.
     """
 
-    function: Callable[[Any], Any]
+    function: Callable[[PyTree], PyTree]
 
     def __post_init__(self):
         checks.function(

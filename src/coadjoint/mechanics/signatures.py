@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import LagrangianError, shown
 
 
@@ -22,7 +22,7 @@ COMES_WITH = {"n": "additional", "nu": "additional", "pi": "additional", "a": "a
 """Which argument of a system gives its functions an argument."""
 
 
-def require_signature(function: Callable[..., Any], what: str, expected: list[str]) -> None:
+def require_signature(function: Callable[..., PyTree], what: str, expected: list[str]) -> None:
     """Raise LagrangianError unless the function can be called with the expected positional arguments.
 
     Further arguments with defaults, as of closures `def l(xi, k=k)`, are the constants that they stand for.

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +43,7 @@ class StartGiven:
     """The arguments of `System.state`, for a state that is made later, with those of other members."""
 
     system: ReducedFunctions
-    arguments: tuple[Any, ...]
+    arguments: tuple[PyTree, ...]
     by_momenta: bool = False
 
     def state(self) -> State:
@@ -98,7 +97,7 @@ def starting_state(
     return state
 
 
-def _held(system: ReducedFunctions, inputs: PyTree, internal: PyTree) -> tuple[Any, Any]:
+def _held(system: ReducedFunctions, inputs: PyTree, internal: PyTree) -> tuple[PyTree, PyTree]:
     """The inputs and the internal state of a start, checked."""
     if isinstance(inputs, dict):
         require_names(inputs)
@@ -171,12 +170,12 @@ def _require_momenta(system: ReducedFunctions, state: State, many: bool, by_mome
         )
 
 
-def of_momenta(system: ReducedFunctions, state: State) -> tuple[Any, Any]:
+def of_momenta(system: ReducedFunctions, state: State) -> tuple[PyTree, PyTree]:
     """(ξ, ν) of (μ, π): ∂ℋ/∂(μ, π), or Newton's iteration for ∂ℓ/∂(ξ, ν) = (μ, π) from rest; NaN where it fails."""
     Q, group, dim = system.additional, system.group, system.group.dim
     given = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
 
-    def unpack(z: Array) -> tuple[Any, Any]:
+    def unpack(z: Array) -> tuple[PyTree, PyTree]:
         return z[:dim], Q.tangent(group, state.n, z[dim:])
 
     def momenta(z: Array) -> Array:
@@ -285,7 +284,7 @@ def legendre(
     inputs: PyTree = None,
     internal: PyTree = None,
     near: tuple[Array, Array] | None = None,
-) -> tuple[Any, Any]:
+) -> tuple[PyTree, PyTree]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian.
 
     near: (μ, π) from which the Legendre transform of ℋ is solved, as in `System.reduced_lagrangian`.

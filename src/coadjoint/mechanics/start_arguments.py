@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array, Coordinates, Scalar
+from coadjoint.arrays import Array, Coordinates, PyTree, Scalar
 from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup, Power
@@ -138,7 +138,7 @@ def checked_element(group: LieGroup, g: Element) -> Element:
     leaves, structure = jax.tree.flatten(identity)
     if isinstance(g, list) and len(leaves) == 1:
         g = float64(g, "Argument `g`")
-    given: list[Any] = []
+    given: list[PyTree] = []
     shapes = None
     with suppress(Exception):
         # A named tuple, as of U(n), may be given as a plain one.
@@ -173,7 +173,7 @@ def _require_inside(group: LieGroup, element: Element) -> None:
     raise ArgumentError(f"Argument `g` must lie in {given!r}, but{of} {why}; for a rotation, make it by co.attitude.")
 
 
-def _pair(system: ReducedFunctions, q: Coordinates | None, qdot: Coordinates | None) -> tuple[Any, Any]:
+def _pair(system: ReducedFunctions, q: Coordinates | None, qdot: Coordinates | None) -> tuple[PyTree, PyTree]:
     group, Q = system.group, system.additional
     size = Q.ambient(group)
     if size == 0:

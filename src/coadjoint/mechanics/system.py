@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import jax
 
@@ -87,15 +86,15 @@ class System(ReducedFunctions, Portable):
     """
 
     group: LieGroup
-    lagrangian: Callable[..., Any] | None
+    lagrangian: Callable[..., PyTree] | None
     additional: Space
     advected: Space
     forces: Forces | None
-    discrete_lagrangian: Callable[..., Any] | None
-    group_lagrangian: Callable[..., Any] | None
-    hamiltonian: Callable[..., Any] | None
+    discrete_lagrangian: Callable[..., PyTree] | None
+    group_lagrangian: Callable[..., PyTree] | None
+    hamiltonian: Callable[..., PyTree] | None
     quantities: Quantities
-    internal: Callable[..., Any] | None
+    internal: Callable[..., PyTree] | None
     name: str
     units: tuple[tuple[str, str], ...]
     inputs: Inputs | None
@@ -108,17 +107,17 @@ class System(ReducedFunctions, Portable):
     def __init__(
         self,
         group: LieGroup,
-        lagrangian: Callable[..., Any] | None = None,
+        lagrangian: Callable[..., PyTree] | None = None,
         *,
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
         parameters: Parameters | Mapping[str, PyTree] | None = None,
         forces: Callable[..., Force] | Mapping[str, Callable[..., Force]] | Forces | None = None,
-        discrete_lagrangian: Callable[..., Any] | None = None,
-        group_lagrangian: Callable[..., Any] | None = None,
-        hamiltonian: Callable[..., Any] | None = None,
-        quantities: Mapping[str, Callable[..., Any]] | None = None,
-        internal: Callable[..., Any] | None = None,
+        discrete_lagrangian: Callable[..., PyTree] | None = None,
+        group_lagrangian: Callable[..., PyTree] | None = None,
+        hamiltonian: Callable[..., PyTree] | None = None,
+        quantities: Mapping[str, Callable[..., PyTree]] | None = None,
+        internal: Callable[..., PyTree] | None = None,
         name: str = "",
         units: Mapping[str, str] | None = None,
         verify: bool = True,
@@ -190,7 +189,7 @@ class System(ReducedFunctions, Portable):
         """A copy without its forces."""
         return replaced(self, forces=None)
 
-    def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
+    def watching(self, quantities: Mapping[str, Callable[..., PyTree]]) -> System:
         """A copy whose runs observe more quantities: `co.simulate(top.watching(co.mechanics.casimirs(top)), …)`."""
         return replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
 

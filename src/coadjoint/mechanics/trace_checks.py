@@ -15,6 +15,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import is_short
 from coadjoint.errors import CoadjointError, LagrangianError, error_line
 from coadjoint.kernels.trace import jaxprs
@@ -80,7 +81,7 @@ def trace(function: Callable[..., object], what: str, arguments: tuple[object, .
     return _read(function, what, arguments)[0]
 
 
-def _read(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> tuple[Any, Any]:
+def _read(function: Callable[..., object], what: str, arguments: tuple[object, ...]) -> tuple[PyTree, PyTree]:
     """The jaxpr, and the result with shapes in the place of arrays, of a function that JAX has not traced before."""
     with in_words(what, arguments), jax.enable_x64(True):
         return jax.make_jaxpr(lambda *given: function(*given), return_shape=True)(*arguments)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power, SOn, SUn, Un
 from coadjoint.groups.group import Element
@@ -42,27 +42,27 @@ class Algebra(abc.ABC):
         """μ (dim,) of the coordinates of W̃, (unknowns,)."""
 
     @abc.abstractmethod
-    def matrix(self, xi: Array) -> Array:
+    def matrix(self, xi: Array) -> PyTree:
         """ξ̂, (n, n), of ξ (dim,)."""
 
     @abc.abstractmethod
-    def unknown(self, z: Array) -> Array:
+    def unknown(self, z: Array) -> PyTree:
         """W̃, (n, n), of its coordinates (unknowns,)."""
 
     @abc.abstractmethod
-    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
+    def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         """The coordinates (unknowns,) of [P, W] and of PWP, of P and W (n, n)."""
 
     @abc.abstractmethod
-    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
+    def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
         """The coordinates (unknowns,) of [B, Θ] and of BΘP + PΘB, of matrices (n, n): the action of B on W."""
 
     @abc.abstractmethod
-    def turn(self, xi: Array, epsilon: Scalar) -> Array:
+    def turn(self, xi: Array, epsilon: Scalar) -> PyTree:
         """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂) and ξ (dim,)."""
 
     @abc.abstractmethod
-    def element(self, D: Array) -> Element:
+    def element(self, D: PyTree) -> Element:
         """C†, (n, n), as an element of the group."""
 
 
@@ -84,26 +84,26 @@ class Orthogonal(Algebra):
     def momentum(self, z: Array) -> Array:
         return z
 
-    def matrix(self, xi: Array) -> Array:
+    def matrix(self, xi: Array) -> PyTree:
         return self.group.hat(xi)
 
-    def unknown(self, z: Array) -> Array:
+    def unknown(self, z: Array) -> PyTree:
         return self.group.hat(z)
 
-    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
+    def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         """Of [P, W] = PW − (PW)ᵀ, and of PWP, which is skew."""
         Z = P @ W
         return 2 * self.group.vee(Z), self.group.vee(Z @ P)
 
-    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
+    def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
         Z = B @ Theta
         return 2 * self.group.vee(Z), 2 * self.group.vee(Z @ P)
 
-    def turn(self, xi: Array, epsilon: Scalar) -> Array:
+    def turn(self, xi: Array, epsilon: Scalar) -> PyTree:
         X = epsilon * self.matrix(xi)
         return jnp.linalg.solve(np.eye(len(X)) - X, 2 * X)
 
-    def element(self, D: Array) -> Element:
+    def element(self, D: PyTree) -> Element:
         return np.eye(len(D)) + D.T
 
 
@@ -165,7 +165,7 @@ class Copies(Algebra):
     def _rows(self, x: Array) -> Array:
         return jnp.reshape(x, (self.copies, -1))
 
-    def _each(self, function: Callable[..., object], *arguments: object) -> Array:
+    def _each(self, function: Callable[..., object], *arguments: object) -> PyTree:
         """The results of a function for each copy, coordinates or a pair of them, concatenated."""
         return jax.tree.map(lambda found: jnp.reshape(found, -1), jax.vmap(function)(*arguments))
 
@@ -175,22 +175,22 @@ class Copies(Algebra):
     def momentum(self, z: Array) -> Array:
         return self._each(self.inner.momentum, self._rows(z))
 
-    def matrix(self, xi: Array) -> Array:
+    def matrix(self, xi: Array) -> PyTree:
         return jax.vmap(self.inner.matrix)(self._rows(xi))
 
-    def unknown(self, z: Array) -> Array:
+    def unknown(self, z: Array) -> PyTree:
         return jax.vmap(self.inner.unknown)(self._rows(z))
 
-    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
+    def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         return self._each(self.inner.products, P, W)
 
-    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
+    def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
         return self._each(self.inner.products_of_force, B, Theta, P)
 
-    def turn(self, xi: Array, epsilon: Scalar) -> Array:
+    def turn(self, xi: Array, epsilon: Scalar) -> PyTree:
         return jax.vmap(lambda xi: self.inner.turn(xi, epsilon))(self._rows(xi))
 
-    def element(self, D: Array) -> Element:
+    def element(self, D: PyTree) -> Element:
         found = jax.vmap(self.inner.element)(D)
         if isinstance(self.group, Power):
             return found
@@ -214,22 +214,22 @@ class Reversed(Algebra):
     def momentum(self, z: Array) -> Array:
         return self.inner.momentum(z)
 
-    def matrix(self, xi: Array) -> Array:
+    def matrix(self, xi: Array) -> PyTree:
         return self.inner.matrix(-xi)
 
-    def unknown(self, z: Array) -> Array:
+    def unknown(self, z: Array) -> PyTree:
         return self.inner.unknown(z)
 
-    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
+    def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         return self.inner.products(P, W)
 
-    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
+    def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
         return self.inner.products_of_force(B, Theta, P)
 
-    def turn(self, xi: Array, epsilon: Scalar) -> Array:
+    def turn(self, xi: Array, epsilon: Scalar) -> PyTree:
         return self.inner.turn(-xi, epsilon)
 
-    def element(self, D: Array) -> Element:
+    def element(self, D: PyTree) -> Element:
         return self.group.inverse(self.inner.element(D))
 
 

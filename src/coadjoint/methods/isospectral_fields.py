@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.system import System
 from coadjoint.methods.isospectral_algebra import Algebra, algebra_of
@@ -93,7 +93,7 @@ def brackets(
     return moves(system, xi, along_a, z, epsilon, precision).odd
 
 
-def _matrices(system: System, xi: Array, along_a: Array, z: Array, precision: Any) -> tuple[Algebra, list[Any]]:
+def _matrices(system: System, xi: Array, along_a: Array, z: Array, precision: Any) -> tuple[Algebra, list[PyTree]]:
     """P of −ξ, W, and the pairs of B of −∂ℋ/∂a and Θ, in a precision."""
     algebra = algebra_of(system.group)
     xi, along_a, z = (numbers.astype(precision) for numbers in (xi, along_a, z))

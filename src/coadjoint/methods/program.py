@@ -51,7 +51,7 @@ jax.tree_util.register_dataclass(Constants, ["system", "monitors", "renewal"], [
 RENEWED, INPUTS_HELD, ALL_HELD = 2.0, 3.0, 4.0
 """See `Constants`; neither 0 nor 1, for which machine code would be specialised."""
 
-Monitor = Callable[[System, Step, State, Any, Any], Any]
+Monitor = Callable[[System, Step, State, PyTree, PyTree], PyTree]
 
 
 def held(system: System, state: State, h: Scalar, renewal: Scalar | None = None) -> State:
@@ -97,9 +97,9 @@ class StepProgram:
     observed: tuple[Monitor, ...] = ()
     version: str = ""
     """A digest of the user's functions (`mechanics.identity.version`): programs with different digests differ."""
-    events: tuple[Callable[[State], Any], ...] = ()
+    events: tuple[Callable[[State], PyTree], ...] = ()
     """Functions of a record whose zeros are located."""
-    until: Callable[[State], Any] | None = None
+    until: Callable[[State], PyTree] | None = None
     """A function of a state whose change of sign stops a stepper at the node before."""
     direction: Literal["rising", "falling", "both"] = "both"
     """The changes of sign that stop it."""
@@ -217,7 +217,7 @@ class StepStage:
         """The state with the values that the solution of its step leaves for the next one."""
         return self.step.carry(after, carried)
 
-    def equations(self, parameters: Constants, state: State, h: Scalar) -> Callable[[Array], Any]:
+    def equations(self, parameters: Constants, state: State, h: Scalar) -> Callable[[Array], PyTree]:
         """The function of z that `structure` solves. h: the length of the stage, one number, as below."""
         system = self._system(parameters)
         return lambda z: self.step.evaluated(system, state, h, z)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from itertools import combinations
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -124,7 +123,7 @@ def integrals(manakov: System, mu: Array) -> dict[tuple[int, int], np.ndarray]:
     return {(k, j): row[j] for k, row in rows.items() for j in range(k - 1) if (k - j) % 2 == 0}
 
 
-def _traces(M: Array, moments: Array, power: int) -> list[Any]:
+def _traces(M: Array, moments: Array, power: int) -> list[PyTree]:
     """The coefficients of zʲ in tr(M + zJ²)ᵏ, j = 0 … k."""
     squares = moments**2
     terms = [M, squares[:, None] * np.eye(M.shape[-1])]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from coadjoint.arrays import PyTree
@@ -19,7 +17,7 @@ def orientation(
     euler_zyx: Quantity | None = None,
     angular_velocity: Quantity | None = None,
     euler_rates: Quantity | None = None,
-) -> tuple[Any, Any]:
+) -> tuple[PyTree, PyTree]:
     """R (body to space, by default I) and the body angular velocity ω (by default 0).
 
     At most one of `rotation` (3, 3), `euler_zxz` = (ψ, θ, φ) and `euler_zyx` = (yaw, pitch, roll), in rad; at most one

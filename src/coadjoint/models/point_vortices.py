@@ -171,7 +171,7 @@ def _circulations(value: object, name: str, count: int | None = None) -> Array:
     return found
 
 
-def _momenta(mu: Array, circulations: Quantity, each: int, more: int) -> tuple[Any, Any]:
+def _momenta(mu: Array, circulations: Quantity, each: int, more: int) -> tuple[PyTree, PyTree]:
     """μ, (…, each · N + more), and Γ, (N,), as arrays; raises ArgumentError for others."""
     xp = _arrays(mu, circulations)
     mu, gamma = xp.asarray(mu), xp.asarray(circulations)

@@ -160,7 +160,7 @@ def start(body: System, *, deformation: Quantity | None = None, velocity: Quanti
 def _body(
     group: Any,
     energy: Any,
-    moments: Callable[[Any], Any],
+    moments: Callable[[PyTree], PyTree],
     checks: Any,
     given: dict[str, PyTree],
     name: str,

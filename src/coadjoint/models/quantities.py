@@ -24,7 +24,7 @@ SINGULAR = 1e-13
 """Up to this fraction of the largest eigenvalue, an eigenvalue counts as zero."""
 
 
-Check = Callable[[Any, str], Any]
+Check = Callable[[PyTree, str], PyTree]
 """(value, name) → the value in its final form, or ArgumentError."""
 
 

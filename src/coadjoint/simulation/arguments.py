@@ -25,7 +25,7 @@ from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.methods.method import Method
 
 
-def read_of(read: Callable[[State], Any], what: str, state: State) -> PyTree:
+def read_of(read: Callable[[State], PyTree], what: str, state: State) -> PyTree:
     """read(state); passes its errors on, or raises ArgumentError if `what` can be read only from a state with g."""
     try:
         return read(state)
@@ -40,7 +40,7 @@ def needs_g(what: str, verb: str = "needs") -> ArgumentError:
     return ArgumentError(f"{what} {verb} g, which this method does not compute: see its carry_g.")
 
 
-def _can_be_read(read: Callable[[State], Any], state: State) -> bool:
+def _can_be_read(read: Callable[[State], PyTree], state: State) -> bool:
     try:
         read(state)
     except (LagrangianError, AttributeError):
@@ -60,7 +60,7 @@ def require_kinds(system: Any, start: PyTree, method: Any) -> None:
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {shown(method)}.")
 
 
-def step_size(dt: Any) -> Scalar:
+def step_size(dt: Scalar) -> Scalar:
     """A step of a trajectory: one number, traced or finite, not zero; negative ones go back in time."""
     h = array(dt, "dt", ())
     if not traced(h) and h == 0:
@@ -68,7 +68,7 @@ def step_size(dt: Any) -> Scalar:
     return h
 
 
-def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
+def grid(dt: Scalar, duration: Any, steps: Any) -> tuple[float, int]:
     """The step size and the number of steps of a run; raises ArgumentError."""
     h = positive(dt, "dt")
     if (duration is None) == (steps is None):

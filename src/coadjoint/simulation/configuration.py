@@ -207,7 +207,7 @@ def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
     }
 
 
-def named(tree: PyTree) -> list[Any]:
+def named(tree: PyTree) -> list[PyTree]:
     """The leaves of a PyTree with their names."""
     return [[jax.tree_util.keystr(path), leaf] for path, leaf in jax.tree_util.tree_leaves_with_path(tree)]
 

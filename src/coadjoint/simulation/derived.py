@@ -36,7 +36,7 @@ class Derivation:
 
     def __init__(self, skeleton: System, most: int = BATCH):
         self.skeleton, self.most = skeleton, most
-        self._made: dict[Any, Callable[..., Any]] = {}
+        self._made: dict[Any, Callable[..., PyTree]] = {}
 
     def __call__(self, parameters: PyTree, records: State, members: np.ndarray | None = None) -> Table:
         """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν, the rotation in g and multipliers, if any, of every record.
@@ -64,7 +64,7 @@ class Derivation:
         wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
         return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
 
-    def _function(self, *arguments: object) -> Callable[..., Any]:
+    def _function(self, *arguments: object) -> Callable[..., PyTree]:
         leaves, structure = jax.tree.flatten(arguments)
         key = structure, *(np.shape(leaf) for leaf in leaves)
         if key not in self._made:

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
@@ -78,7 +79,7 @@ class Driver:
         self.outputs.checkpoint(position)
         self.taking = False
 
-    def _rows(self, chunk: Any) -> tuple[State, Mapping[str, np.ndarray]]:
+    def _rows(self, chunk: PyTree) -> tuple[State, Mapping[str, np.ndarray]]:
         """Records and monitors of a chunk with axes (node, [member,] …), as sinks take them."""
         if self.plan.members is None:
             return chunk.records, chunk.monitors
@@ -115,7 +116,7 @@ class Driver:
         if self.plan.members or not chunk.code:
             self._append(position, chunk)
 
-    def _append(self, position: AnyPosition, chunk: Any) -> None:
+    def _append(self, position: AnyPosition, chunk: PyTree) -> None:
         self.outputs.append(np.array([position.steps]), *self._rows(chunk), last=True)
         position.watch(chunk)
 

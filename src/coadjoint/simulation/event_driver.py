@@ -36,7 +36,9 @@ class EventDriver(driver.Driver):
     crossed: name → states; of an ensemble, name → those of each member.
     """
 
-    def __init__(self, plan: Plan, outputs: Outputs, progress: bool | None, title: str, crossed: dict[str, list[Any]]):
+    def __init__(
+        self, plan: Plan, outputs: Outputs, progress: bool | None, title: str, crossed: dict[str, list[PyTree]]
+    ):
         super().__init__(plan, outputs, progress, title)
         self.crossed = crossed
 
@@ -46,7 +48,7 @@ class EventDriver(driver.Driver):
         length, began = min(wished, left, self._capacity(position)), time.perf_counter()
         self._advance(position, self.run(position.state, length, 1), length, began)
 
-    def _advance(self, position: PyTree, chunk: Any, length: int, began: float) -> None:
+    def _advance(self, position: PyTree, chunk: PyTree, length: int, began: float) -> None:
         """Process a chunk up to the event that ends the run."""
         ahead = None if chunk.code else self.run(chunk.final, AHEAD, 1).monitors[EVENTS]
         end, crossed = look(self.plan, chunk.records, values(position, chunk.monitors[EVENTS], ahead))
@@ -65,7 +67,7 @@ class EventDriver(driver.Driver):
         self.outputs.checkpoint(position)
         self.taking = False
 
-    def _take(self, position: PyTree, chunk: Any, steps: int) -> None:
+    def _take(self, position: PyTree, chunk: PyTree, steps: int) -> None:
         """Append the records of a chunk, one at each node, and move to its end."""
         records, monitors = jax.tree.map(lambda leaf: leaf[:steps], self._rows(chunk))
         self.outputs.append(position.steps + np.arange(steps), records, monitors)
@@ -87,7 +89,7 @@ class MembersEvents(EventDriver):
     """
 
     def __init__(
-        self, plan: Plan, outputs: Outputs, progress: bool | None, title: str, crossed: dict[str, list[Any]],
+        self, plan: Plan, outputs: Outputs, progress: bool | None, title: str, crossed: dict[str, list[PyTree]],
         ended: dict[int, State],
     ):  # fmt: skip
         super().__init__(plan, outputs, progress, title, crossed)
@@ -172,7 +174,7 @@ def up_to(states: list[State], time: float, plan: Plan) -> list[State]:
     return [state for state in states if (float(state.t) - time) * np.sign(plan.h) <= 0]
 
 
-def unwatched(chunk: Any, plan: Plan) -> Any:
+def unwatched(chunk: PyTree, plan: Plan) -> Any:
     """The chunk without the values of events, and without certificates where monitors are off."""
     names = [name for name in chunk.monitors if name != EVENTS]
     extrema = {name: limits for name, limits in chunk.extrema.items() if plan.monitors and name != EVENTS}

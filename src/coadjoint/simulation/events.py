@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
@@ -30,7 +31,7 @@ class Event:
     of the run; "falling"; or "both". Raises ArgumentError for another direction, LagrangianError for no function.
     """
 
-    function: Callable[[State], Any]
+    function: Callable[[State], PyTree]
     direction: Direction = "both"
 
     def __post_init__(self) -> None:
@@ -46,7 +47,7 @@ class Event:
         return self.direction == "both" or (self.direction == "rising") == rises
 
 
-def as_event(given: Event | Callable[[State], Any] | None, what: str = "Argument `until`") -> Event | None:
+def as_event(given: Event | Callable[[State], PyTree] | None, what: str = "Argument `until`") -> Event | None:
     """The event for the value of `until`, or of a name in `events`."""
     if given is None or isinstance(given, Event):
         return given

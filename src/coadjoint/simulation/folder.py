@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from coadjoint import disk
+from coadjoint.arrays import PyTree
 from coadjoint.errors import FileError
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.simulation.configuration import packed
@@ -17,7 +17,7 @@ from coadjoint.simulation.store import Store
 from coadjoint.simulation.store_reader import CHECKPOINTS, CONFIGURATION, require_run
 
 
-def create(path: Path, run: Result, facts: Mapping[str, object], configuration: tuple[Any, Any]) -> Store:
+def create(path: Path, run: Result, facts: Mapping[str, object], configuration: tuple[PyTree, PyTree]) -> Store:
     """A new folder for a run that has not begun, complete with its first checkpoint; it appears in one move.
 
     Until then it has a hidden name; files that a killed process left under this name are replaced.

@@ -48,7 +48,7 @@ class Monitor:
     when: (system, method, state) → whether runs of this system by this method observe it.
     """
 
-    observe: Callable[..., Any]
+    observe: Callable[..., PyTree]
     watched: tuple[Watched, ...]
     when: Callable[..., bool]
 
@@ -63,7 +63,7 @@ class Monitor:
         return Monitor, (self.observe, self.watched, self.when)
 
 
-def monitor(*watched: Watched, when: Callable[..., bool]) -> Callable[[Callable[..., Any]], Monitor]:
+def monitor(*watched: Watched, when: Callable[..., bool]) -> Callable[[Callable[..., PyTree]], Monitor]:
     """Make a function a monitor of these variables."""
     return lambda function: Monitor(function, watched, when)
 

@@ -26,7 +26,9 @@ Blocks = tuple[int, int]
 """(records, save_every)."""
 
 
-def native_trajectory(program: StepProgram, arguments: object, blocks: Blocks, by_xla: Callable[[Any], Any]) -> Any:
+def native_trajectory(
+    program: StepProgram, arguments: object, blocks: Blocks, by_xla: Callable[[PyTree], PyTree]
+) -> Any:
     """(records, final, code, iterations) of `arguments` = (constants, state, h), differentiable both ways.
 
     `by_xla` computes the same, (records, final) of the arguments, by operations that JAX can push tangents through.
@@ -66,7 +68,7 @@ def native_trajectory(program: StepProgram, arguments: object, blocks: Blocks, b
     return run(arguments)
 
 
-def on_host(function: Callable[[Any], Any], argument: object, like: object) -> PyTree:
+def on_host(function: Callable[[PyTree], PyTree], argument: object, like: object) -> PyTree:
     """function(argument) by NumPy on the host: float64 PyTrees in and out, the result shaped as `like`.
 
     Numbers are passed as pairs of 32-bit words: JAX calls back on its own threads, where the float64 scope of the
@@ -87,7 +89,7 @@ def on_host(function: Callable[[Any], Any], argument: object, like: object) -> P
     return result.unflatten([part.reshape(leaf.shape) for part, leaf in zip(parts, leaves, strict=True)])
 
 
-def _words(tree: PyTree) -> tuple[Any, Callable[[np.ndarray], Any]]:
+def _words(tree: PyTree) -> tuple[Any, Callable[[np.ndarray], PyTree]]:
     """A float64 PyTree as words (n, 2), and how to read it back from them in NumPy."""
     leaves, structure = jax.tree.flatten(tree)
     shapes = [np.shape(leaf) for leaf in leaves]

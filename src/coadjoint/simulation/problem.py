@@ -148,7 +148,7 @@ class SimulationProblem:
             states = evaluate(jax.vmap(lambda state: method.begin_by_xla(first, state)), states)
         plan, position = self._plan(chosen, program, constants, count, axes), MembersPosition.at_start(states, count)
         warnings = driven_warnings(first, float(state.t), float(state.t) + h * self.steps) + warnings
-        crossed: dict[str, list[Any]] = {name: [[] for _ in range(count)] for name, _ in self.watched[plan.until :]}
+        crossed: dict[str, list[PyTree]] = {name: [[] for _ in range(count)] for name, _ in self.watched[plan.until :]}
         return Ensemble(system, method, start, plan, position, Memory(), warnings, crossed=crossed)
 
     @property
@@ -164,9 +164,9 @@ class SimulationProblem:
         observed = (*observe.BEFORE, *observe.AFTER, *self.noether) if self.monitors else tuple(self.noether)
         return setup_cache.read(system, start, self._functions(system), self.watched, observed, self.method, self.h)
 
-    def _functions(self, system: System) -> list[Callable[[State], Any]]:
+    def _functions(self, system: System) -> list[Callable[[State], PyTree]]:
         """The functions that a run reads in addition to those of its system."""
-        functions: list[Callable[[State], Any]] = [partial(quantity.quantity, system) for quantity in self.noether]
+        functions: list[Callable[[State], PyTree]] = [partial(quantity.quantity, system) for quantity in self.noether]
         functions += [partial(value, system, function) for _, function in system.quantities if self.monitors]
         if system.inputs is not None:
             functions.append(partial(inputs_held, system))

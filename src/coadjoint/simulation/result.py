@@ -183,7 +183,7 @@ class Result(Recording):
     memory: PyTree
     warnings: list[str]
     set_up_seconds: float = 0.0
-    crossed: dict[str, list[Any]] = field(default_factory=dict)
+    crossed: dict[str, list[PyTree]] = field(default_factory=dict)
     accuracy: Accuracy | None = None
     ended: dict[int, State] = field(default_factory=dict)
 

@@ -54,15 +54,15 @@ class Reading(NamedTuple):
     """
 
     version: str
-    key: tuple[Any, ...]
+    key: tuple[PyTree, ...]
     name: str | None
     own: bool
 
 
-_known: OrderedDict[tuple[Any, ...], Known] = OrderedDict()
+_known: OrderedDict[tuple[PyTree, ...], Known] = OrderedDict()
 
 
-_verdicts: OrderedDict[tuple[Any, ...], dict[str, Any]] = OrderedDict()
+_verdicts: OrderedDict[tuple[PyTree, ...], dict[str, Any]] = OrderedDict()
 
 
 _lock = threading.Lock()
@@ -71,7 +71,7 @@ _lock = threading.Lock()
 def read(
     system: System,
     start: State,
-    functions: list[Callable[[State], Any]],
+    functions: list[Callable[[State], PyTree]],
     events: object,
     observed: PyTree,
     *more: object,

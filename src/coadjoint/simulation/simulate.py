@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from coadjoint.arrays import PyTree
 from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, shown
 from coadjoint.interrupts import deferred_interrupts
@@ -48,8 +49,8 @@ def simulate(
     monitors: bool = True,
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Given | None = None,
-    until: Event | Callable[[State], Any] | None = None,
-    events: Mapping[str, Event | Callable[[State], Any]] | None = None,
+    until: Event | Callable[[State], PyTree] | None = None,
+    events: Mapping[str, Event | Callable[[State], PyTree]] | None = None,
     progress: bool | None = None,
     backend: Backend = "auto",
     store: str | os.PathLike[str] | None = None,

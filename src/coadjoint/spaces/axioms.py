@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units, points, require_group
 from coadjoint.groups.group import LieGroup, transpose
@@ -95,7 +95,7 @@ def require_space(space: Space, group: LieGroup, *stamps: object) -> None:
         require_agreement(space, where, lambda *point: _curved(space, group, *point), at)
 
 
-def _points(space: Space, group: LieGroup) -> list[tuple[Any, ...]]:
+def _points(space: Space, group: LieGroup) -> list[tuple[PyTree, ...]]:
     """(ξ, η, x, v, b, defect's unit) at random, with x on the space."""
     random = np.random.default_rng(1893)
     found = []

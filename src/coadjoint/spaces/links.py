@@ -184,7 +184,7 @@ class RelativePoses(Space):
     def ambient(self, group: LieGroup) -> int:
         return len(self.of(group)) * _size(_power(group).factor)
 
-    def _ends(self, group: LieGroup, tree: PyTree, still: object) -> tuple[Any, Any]:
+    def _ends(self, group: LieGroup, tree: PyTree, still: object) -> tuple[PyTree, PyTree]:
         """Of a tree with an axis of links what belongs to both ends of each pair; `still`: ground's."""
         first, second = self._rows(group)
         grounded = jax.tree.map(lambda leaf, ground: jnp.concatenate([ground[None], leaf]), tree, still)
@@ -298,7 +298,7 @@ def _flat(tree: PyTree) -> Array:
     return jnp.reshape(jnp.concatenate([jnp.reshape(leaf, (leaf.shape[0], -1)) for leaf in leaves], axis=1), -1)
 
 
-def _rows(value: object, count: int, size: int) -> Array:
+def _rows(value: object, count: int, size: int) -> Array | None:
     """The numbers (count, size) given for all links, end to end or by leaves; None where they are not given for all."""
     try:
         leaves = (

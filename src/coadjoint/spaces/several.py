@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
@@ -53,7 +52,7 @@ class Several(Space):
     def at_start(self) -> bool:  # type: ignore[override]
         return all(space.at_start for space in self.factors)
 
-    def _split(self, group: LieGroup, *arrays: Array, inner: bool = False) -> list[tuple[Any, ...]]:
+    def _split(self, group: LieGroup, *arrays: Array, inner: bool = False) -> list[tuple[PyTree, ...]]:
         """Each factor with its parts of the arrays; the first array in frame coordinates where `inner`."""
         ambient = [0, *np.cumsum([s.ambient(group) for s in self.factors])]
         frames = [0, *np.cumsum([s.dim(group) for s in self.factors])]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -42,7 +41,7 @@ class Submanifold(Embedded):
     for other arguments, GroupError where c does not stay zero under the group.
     """
 
-    constraint: Callable[[Any], Any]
+    constraint: Callable[[PyTree], PyTree]
     inside: Space = field(default_factory=Defining)
 
     def __post_init__(self):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.casimir_functions import kept_by
@@ -66,8 +66,8 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
         return
     zero, still = np.zeros(sum(reduced.sizes)), np.zeros(len(reduced.symmetries))
 
-    def slopes(state: State) -> Array:
-        def at(z: Array) -> Array:
+    def slopes(state: State) -> PyTree:
+        def at(z: Array) -> PyTree:
             moved = reduced.with_momenta(reduced.moved(state, z))
             return jnp.stack([C(moved) for C in integrals]), reduced.phase(moved, still)[0]
 

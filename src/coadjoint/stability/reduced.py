@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.discrete import Point, node
@@ -83,7 +83,7 @@ class Reduced(Portable):
         """E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ, one number."""
         return node(self.system, state, Point(state.xi, state.n, state.nu, state.a, state.t)).energy
 
-    def phase(self, state: State, along: Array | None = None) -> tuple[Any, Any]:
+    def phase(self, state: State, along: Array | None = None) -> tuple[PyTree, PyTree]:
         """y and Y as flat arrays (y,), Y less what goes along the symmetries at `along`, by default at `rates`."""
         y, moving = rates(self.system, state)
         rate = jnp.concatenate(moving)

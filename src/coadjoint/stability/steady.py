@@ -55,7 +55,7 @@ def steady_motion(
     *,
     conditions: Callable[[State], object] | None = None,
     free: Sequence[str] | Mapping[str, float] = (),
-    symmetries: Sequence[Callable[[State], Any]] = (),
+    symmetries: Sequence[Callable[[State], PyTree]] = (),
 ) -> SteadyMotion:
     """The steady motion near a guess: Y(y) = 0 for the reduced equations ẏ = Y(y), modulo what they do not depend on.
 
@@ -87,11 +87,11 @@ class Search(Remade):
         self,
         system: System,
         near: State,
-        conditions: Callable[[State, Any], Any] | None = None,
+        conditions: Callable[[State, PyTree], PyTree] | None = None,
         free: Sequence[str] | Mapping[str, float] = (),
         aim: Scalar = 0.0,
         names: Sequence[str] = (),
-        symmetries: Sequence[Callable[[State], Any]] = (),
+        symmetries: Sequence[Callable[[State], PyTree]] = (),
         remedy: str = "Give a nearer guess, other conditions, or free an actuator that can hold it.",
     ):
         require_free(system, "Steady motions")
@@ -159,7 +159,7 @@ class Search(Remade):
         columns = [slope[:, first:last] for first, last in pairwise(ends)]
         return [name for name, part in zip(self.free, columns, strict=True) if not np.any(part)]
 
-    def _on_the_orbit_of(self, near: State) -> Callable[[State, Any], Any]:
+    def _on_the_orbit_of(self, near: State) -> Callable[[State, PyTree], PyTree]:
         """Without forces: the Casimir functions are those of the guess. Without that, Newton halves all velocities."""
         functions = () if self.reduced.system.forces is not None else tuple(casimirs(self.reduced).values())
         functions = (*functions, *self.reduced.symmetries)
@@ -241,7 +241,7 @@ def _newton(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], w: np.n
     return w, False
 
 
-def _values_and_slopes(functions: Sequence[Callable], state: State, scale: np.ndarray) -> tuple[Any, Any]:
+def _values_and_slopes(functions: Sequence[Callable], state: State, scale: np.ndarray) -> tuple[PyTree, PyTree]:
     """The functions at a state, and the sizes of their derivatives by (μ, π) in natural sizes of y."""
 
     def values(momenta: tuple[Array, Array]) -> Array:
@@ -258,7 +258,7 @@ def _finite(value: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(value), value, 1e12)
 
 
-def _held(state: State, path: str) -> tuple[str, Any]:
+def _held(state: State, path: str) -> tuple[str, PyTree]:
     """Whether a name, or a path such as `battery.position`, is one of the internal state or the inputs; its value."""
     for field in ("internal", "inputs"):
         value = getattr(state, field)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -33,15 +32,15 @@ class Algorithm(DenseStage):
     tolerant: bool = False
     stops: bool = False
 
-    def last(self, pair: Any, h: Scalar) -> tuple[Element, Array, Array]:
+    def last(self, pair: PyTree, h: Scalar) -> tuple[Element, Array, Array]:
         """The last increment, the point n (ambient,) that s starts from, and the last velocity (s − n)/h (ambient,)."""
         raise NotImplementedError
 
-    def conditions(self, pair: Any, h: Scalar, F: Element, s: Array) -> tuple[Array, Array]:
+    def conditions(self, pair: PyTree, h: Scalar, F: Element, s: Array) -> tuple[Array, Array]:
         """The equations that F and s solve, (dim G,) on 𝔤* and (ambient,) on T*Q at n."""
         raise NotImplementedError
 
-    def following(self, pair: Any, h: Scalar, F: Element, s: Array) -> PyTree:
+    def following(self, pair: PyTree, h: Scalar, F: Element, s: Array) -> PyTree:
         """The next pair, from the increment F and the point s (ambient,)."""
         raise NotImplementedError
 

@@ -153,7 +153,7 @@ def _largest(values: object) -> float:
     return float(np.max([np.max(np.abs(leaf), initial=0.0) for leaf in jax.tree.leaves(values)], initial=0.0))
 
 
-def _pairs(tree: PyTree) -> tuple[Any, Any]:
+def _pairs(tree: PyTree) -> tuple[PyTree, PyTree]:
     return jax.tree.map(lambda x: x[:-1], tree), jax.tree.map(lambda x: x[1:], tree)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import numpy as np
@@ -75,7 +74,7 @@ def require_instants(at: Instant, steps: int) -> None:
         )
 
 
-def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
+def given(system: System, at: Instant) -> tuple[PyTree, PyTree, PyTree]:
     """(t, inputs, internal) as the functions of a system take them; raises ArgumentError if one is missing."""
     require_one(system)
     if at.t is None and timed(system):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.newton import solver
@@ -136,7 +136,7 @@ def _stage(system: System, step: Step, record: State, h: Scalar) -> tuple[_Done,
 
 def _composed(system: System, stages: list[tuple[Step, Scalar]], like: State) -> Callable[[State], _Done]:
     """A step of several stages: the first from its record, the others solved anew; each kind is traced once."""
-    kinds: dict[Any, Callable[..., Any]] = {}
+    kinds: dict[Any, Callable[..., PyTree]] = {}
 
     def solved(step: Step, state: State, h: Scalar):
         def residual(z: Array) -> Array:

@@ -26,7 +26,7 @@ from coadjoint.theory.unreduced import KEYWORDS, WithKeywords, has_points, keywo
 End = Literal["left", "right"]
 """Where the parameter of l is taken: l(f_k, a_k) or, as (B18) prints it, l(f_k, a_{k+1})."""
 
-PoissonFunction = Callable[..., Any]
+PoissonFunction = Callable[..., PyTree]
 
 
 class PoissonLink(NamedTuple):

@@ -37,7 +37,7 @@ class SemidirectLink(NamedTuple):
     at: Instant = ALWAYS
 
 
-SemidirectFunction = Callable[..., Any]
+SemidirectFunction = Callable[..., PyTree]
 """l(f, y, u⁺, h) on S × V (B11); it may take keyword-only `t`, `inputs` and `internal`."""
 
 

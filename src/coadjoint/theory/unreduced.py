@@ -58,13 +58,13 @@ class LagrangianInSpace:
     def __init__(
         self,
         group: LieGroup,
-        function: Callable[..., Any],
+        function: Callable[..., PyTree],
         *,
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
         parameters: Parameters | Mapping[str, PyTree] | None = None,
         forces: Any = None,
-        internal: Callable[..., Any] | None = None,
+        internal: Callable[..., PyTree] | None = None,
     ):
         self.function = function
         reduced: dict[str, PyTree] = {self._kind: WithKeywords(self._at_identity, keywords_of(function))}
@@ -116,7 +116,7 @@ class LagrangianInSpace:
         """G, Q and V*."""
         return self.reduced.places
 
-    def _value(self, places: list[Any], a0: Array, at: Instant, *last: Scalar) -> Array:
+    def _value(self, places: list[PyTree], a0: Array, at: Instant, *last: Scalar) -> Array:
         """The function of places, velocities or both, of a₀ and of the parameters, at an instant."""
         group, _, V = self.places
         require_parameter(self.places, a0)
@@ -147,7 +147,7 @@ class UnreducedLagrangian(LagrangianInSpace):
         pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
         return self._value([*pair[0], *pair[1]], a0, at, h)
 
-    def _at_identity(self, F: Element, *rest: Any, **keywords: Any) -> Array:
+    def _at_identity(self, F: Element, *rest: PyTree, **keywords: Any) -> Array:
         """Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37)."""
         e = self.places.group.identity()
         if not has_points(self.places.additional):
@@ -167,7 +167,7 @@ def keywords_of(function: Any) -> tuple[str, ...]:
 class WithKeywords:
     """A function of any positional arguments that takes these keywords, and says so to who asks for its signature."""
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     keywords: tuple[str, ...]
 
     def __call__(self, *arguments: Any, **given: Any) -> PyTree:

@@ -63,24 +63,24 @@ class _Memory:
     def __init__(self, f: Loops, memory: PyTree):
         self._f, self._memory = f, memory
 
-    def integer(self, name: str) -> Any:
+    def integer(self, name: str) -> ir.Value:
         return self._f.at(self._memory, FIELDS.index(name))
 
-    def numbers(self, name: str) -> Any:
+    def numbers(self, name: str) -> ir.Value:
         return self._f.b.inttoptr(self.integer(name), NUMBERS)
 
-    def integers(self, name: str) -> Any:
+    def integers(self, name: str) -> ir.Value:
         return self._f.b.inttoptr(self.integer(name), INTEGERS)
 
-    def call(self, name: str, kind: Any, arguments: list[Any]) -> None:
+    def call(self, name: str, kind: Any, arguments: list[ir.Value]) -> None:
         self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
-def _when(f: Loops, order: Any, number: int) -> Any:
+def _when(f: Loops, order: Any, number: int) -> ir.Value:
     return f.b.if_then(f.b.icmp_signed("==", order, INT64(number)))
 
 
-def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[Any]) -> None:
+def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[ir.Value]) -> None:
     n, P, there = m.integer("errors"), m.numbers("P"), f.place(output, rest[1])
     f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.integer("size")])
     with f.b.if_else(f.b.icmp_signed("!=", rest[2], INT64(0))) as (full, diagonal):
@@ -90,7 +90,7 @@ def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[A
             f.put(there, i, f.at(P, f.times(i, f.add(n, 1))))
 
 
-def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
+def _predict(module: ir.Module, algebra: DenseAlgebra) -> ir.Value:
     """predict(memory, h): 0, or a code of the failure."""
     f = Loops(module, "predict", INT64, INTEGERS, DOUBLE)
     memory, h = f.args
@@ -117,7 +117,7 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
     return f.function
 
 
-def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value) -> None:
     """One step of the model's own kernel, with the drifting parameters in their places."""
     row, after, state = m.numbers("row"), m.numbers("after"), m.integer("state")
     f.b.call(algebra.copy, [after, row, m.integer("size")])
@@ -131,7 +131,7 @@ def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     m.call("step", _KERNEL, [parameters, length, after, INT64(1), INT64(1), scratch, scratch, scratch, status])
 
 
-def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any, part: Any) -> None:
+def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value, part: Any) -> None:
     """The slopes of a part of the step, a substep of a composition, and Φ of all parts up to this one."""
     u, size, state, parts = (m.integer(name) for name in ("unknowns", "size", "state", "parts"))
     x, y = m.numbers("x"), m.numbers("y")
@@ -167,7 +167,7 @@ def _eliminate(f: Loops, m: _Memory, algebra: DenseAlgebra) -> None:
     f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
 
 
-def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Any, last: Any) -> None:
+def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: ir.Value, last: Any) -> None:
     """The product of the Φ of all parts; of the last, Φ of the errors at both ends."""
     n, errors = m.integer("between"), m.integer("errors")
     Phi, chain, product, square = m.numbers("Phi"), m.numbers("chain"), m.numbers("W"), f.times(n, n)
@@ -182,7 +182,7 @@ def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Any, last: Any) -
         f.b.call(algebra.copy, [f.place(Phi, f.times(i, errors)), f.place(chain, f.times(i, n)), errors])
 
 
-def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value) -> None:
     """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
     u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
     between = m.integer("between")
@@ -210,7 +210,7 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     _symmetric(f, P, n)
 
 
-def _clear(f: Loops, array: Any, count: Any) -> None:
+def _clear(f: Loops, array: ir.Value, count: ir.Value) -> None:
     with f.over(count) as i:
         f.put(array, i, DOUBLE(0.0))
 
@@ -223,7 +223,7 @@ def _symmetric(f: Loops, P: Any, n: Any) -> None:
         f.b.store(mean, other)
 
 
-def _not_finite(f: Loops, m: _Memory) -> Any:
+def _not_finite(f: Loops, m: _Memory) -> ir.Value:
     """Whether the trace of P is not finite, or a step of the model failed."""
     n, P, total = m.integer("errors"), m.numbers("P"), f.variable(DOUBLE, DOUBLE(0.0))
     with f.over(n) as i:
@@ -233,7 +233,7 @@ def _not_finite(f: Loops, m: _Memory) -> Any:
     return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.integers("status"), 1), INT64(0)))
 
 
-def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
+def _correct(module: ir.Module, algebra: DenseAlgebra) -> ir.Value:
     """correct(memory, measurement, values, output): 0, or a code of the failure; output: NIS, and 1 where it was
     used."""
     f = Loops(module, "correct", INT64, INTEGERS, INT64, NUMBERS, NUMBERS)
@@ -279,7 +279,7 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     return f.function
 
 
-def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
+def _shorter(f: Loops, difference: Any, turn: Any) -> ir.Value:
     """x − turn·⌊x/turn + ½⌋ where there is a turn, as 2π of an angle; x where turn is 0."""
     floor = f.function.module.declare_intrinsic("llvm.floor", [DOUBLE])
     some = f.b.fcmp_ordered("!=", turn, DOUBLE(0.0))
@@ -288,7 +288,7 @@ def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
     return f.b.fsub(difference, f.b.fmul(turn, turns))
 
 
-def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> None:
+def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: ir.Value, R: Any) -> None:
     """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
     n, P, HP, S, K, KR, turned = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)

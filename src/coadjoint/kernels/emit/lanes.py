@@ -62,34 +62,34 @@ class _Lanes:
         self.emit, self.b = emit, emit.builder
         self.int64s = ir.VectorType(INT64, emit.width)
 
-    def _given(self, x: Any) -> ir.Value:
+    def _given(self, x: ir.Value) -> ir.Value:
         return self.emit.constant(x) if isinstance(x, (int, float)) else x
 
-    def _fused(self, name: str, x: Any, y: object) -> ir.Value:
+    def _fused(self, name: str, x: ir.Value, y: object) -> ir.Value:
         return getattr(self.b, name)(self._given(x), self._given(y), flags=FUSED)
 
-    def add(self, x: object, y: Any) -> Any:
+    def add(self, x: object, y: ir.Value) -> ir.Value:
         return self._fused("fadd", x, y)
 
-    def sub(self, x: object, y: object) -> Any:
+    def sub(self, x: object, y: object) -> ir.Value:
         return self._fused("fsub", x, y)
 
-    def mul(self, x: object, y: Any) -> Any:
+    def mul(self, x: object, y: ir.Value) -> ir.Value:
         return self._fused("fmul", x, y)
 
-    def div(self, x: Any, y: Any) -> Any:
+    def div(self, x: ir.Value, y: ir.Value) -> ir.Value:
         return self.b.fdiv(self._given(x), self._given(y))
 
-    def exactly(self, sum_or_difference: str, x: ir.Value, y: Any) -> Any:
+    def exactly(self, sum_or_difference: str, x: ir.Value, y: ir.Value) -> ir.Value:
         """A sum or a difference that nothing is fused with."""
         return getattr(self.b, sum_or_difference)(self._given(x), self._given(y))
 
-    def where(self, order: str, x: Any, y: Any, then: Any, otherwise: Any) -> Any:
+    def where(self, order: str, x: ir.Value, y: ir.Value, then: Any, otherwise: Any) -> ir.Value:
         """`then` where x `order` y, else `otherwise`, also of NaN."""
         condition = self.b.fcmp_ordered(order, self._given(x), self._given(y))
         return self.b.select(condition, self._given(then), self._given(otherwise))
 
-    def polynomial(self, x: ir.Value, coefficients: Sequence[float]) -> Any:
+    def polynomial(self, x: ir.Value, coefficients: Sequence[float]) -> ir.Value:
         """c_0 + c_1 x + … by Horner."""
         found = self.emit.constant(coefficients[-1])
         for c in coefficients[-2::-1]:
@@ -101,7 +101,7 @@ class _Lanes:
         shifted = self.exactly("fadd", x, ROUNDER)
         return self.exactly("fsub", shifted, ROUNDER), self.b.bitcast(shifted, self.int64s)
 
-    def reduced(self, x: object, n: ir.Value, parts: Sequence[float]) -> Any:
+    def reduced(self, x: object, n: ir.Value, parts: Sequence[float]) -> ir.Value:
         """x − n Σ parts."""
         for part in parts:
             x = self.sub(x, self.mul(n, part))
@@ -110,13 +110,13 @@ class _Lanes:
     def integers(self, value: int) -> ir.Value:
         return ir.Constant(self.int64s, [INT64(value)] * self.emit.width)
 
-    def power_of_two(self, bits: ir.Value) -> Any:
+    def power_of_two(self, bits: ir.Value) -> ir.Value:
         """2ⁿ of the integer n in the last bits, −1022 ≤ n ≤ 1023."""
         biased = self.b.add(bits, self.integers(1023))
         return self.b.bitcast(self.b.shl(biased, self.integers(52)), self.emit.number)
 
 
-def _exp(l: _Lanes, x: ir.Value) -> Any:
+def _exp(l: _Lanes, x: ir.Value) -> ir.Value:
     """2ⁿ e^r with |r| ≤ ½ ln 2; 2ⁿ by two factors, so that the smallest and the largest numbers are reached."""
     x = l.where(">", x, 710.0, 710.0, x)
     x = l.where("<", x, -746.0, -746.0, x)
@@ -128,7 +128,7 @@ def _exp(l: _Lanes, x: ir.Value) -> Any:
     return l.b.fmul(l.b.fmul(value, l.power_of_two(half_bits)), l.power_of_two(rest_bits))
 
 
-def _tanh(l: _Lanes, x: Any) -> Any:
+def _tanh(l: _Lanes, x: ir.Value) -> ir.Value:
     """Lambert's continued fraction x/(1 + x²/(3 + x²/(5 + …))) to its ninth part where |x| < 1, else by e^{2|x|}."""
     size = l.emit.intrinsic("fabs", x)
     square = l.mul(x, x)
@@ -164,7 +164,7 @@ def _sine_and_cosine(l: _Lanes, r: ir.Value) -> tuple[Any, Any]:
 def _circular(name: str, quarter: int) -> Callable[[_Lanes, Any], Any]:
     """sin(x + quarter·π/2) by the quarter turn n that is nearest to x: sin r, cos r, −sin r, −cos r in turn."""
 
-    def function(l: _Lanes, x: object) -> Any:
+    def function(l: _Lanes, x: object) -> ir.Value:
         b = l.b
         n, bits = l.rounded(l.mul(x, 2 / math.pi))
         sine, cosine = _sine_and_cosine(l, l.reduced(x, n, HALF_PI))

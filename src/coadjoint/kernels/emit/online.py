@@ -81,7 +81,7 @@ class _Online(StepFunction):
         well = b.icmp_signed("==", b.load(self.code), self.emit.counts(0))
         self.alive = self.emit.variable(self.emit.truth, well)
 
-    def _opens(self, wanted: Any) -> Any:
+    def _opens(self, wanted: Any) -> ir.Value:
         return self.builder.and_(wanted, self.emit.any(self.builder.load(self.alive)))
 
     def _held(self, number: int) -> ir.Value:
@@ -94,7 +94,7 @@ class _Online(StepFunction):
         b._insert(load)
         return load
 
-    def _observe(self, done: object, observed: list[Any], well: object) -> None:
+    def _observe(self, done: object, observed: list[ir.Value], well: object) -> None:
         pass
 
     # Around it.
@@ -159,7 +159,7 @@ class _Online(StepFunction):
         result.add_incoming(now, back)
         b.ret(result)
 
-    def _command(self, s: object, commands: ir.Value, limits: Any, status: object) -> Any:
+    def _command(self, s: object, commands: ir.Value, limits: Any, status: object) -> ir.Value:
         """Put the commands of a group into its states, in the lanes that go on; those with one beyond its limits."""
         b, emit = self.builder, self.emit
         beyond = emit.bit(False)
@@ -173,7 +173,7 @@ class _Online(StepFunction):
                 beyond = b.or_(beyond, b.fcmp_ordered(sign, given, end))
         return b.and_(well, beyond)
 
-    def _due(self, taken: ir.Value, status: object) -> Any:
+    def _due(self, taken: ir.Value, status: object) -> ir.Value:
         """The lanes whose count of steps, `taken` before, has come to one of those of `StatusFlag.DUE`."""
         b, counts = self.builder, self.emit.counts
         now = self.load(status, 0, self.emit.counter)
@@ -191,7 +191,7 @@ class _Number(NamedTuple):
     builder: ir.IRBuilder
     place: PyTree
 
-    def load(self) -> Any:
+    def load(self) -> ir.Value:
         return self.builder.load(self.place, align=8)
 
     def store(self, value: ir.Value) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
@@ -74,7 +74,7 @@ class StepPlan:
     inner: Inner | None
     stages: list[StagePlan]
     record: list[Expr]
-    record_tree: Any
+    record_tree: PyTree
     monitors: list[Expr]
     monitor_shapes: dict[str, tuple[int, ...]]
     certificates: dict[str, Expr]
@@ -146,7 +146,7 @@ def plan(
 
 
 def _stages(
-    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: PyTree, state: PyTree, h: Any, changing: list[Expr],
+    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: PyTree, state: PyTree, h: Scalar, changing: list[Expr],
     collect: Collector, observed: bool,
 ) -> tuple[list[StagePlan], Any, dict[str, Expr], Any]:  # fmt: skip
     """The stages one after the other, each over its part of h: their plans, the record of the first that is not

@@ -86,7 +86,7 @@ def assemble(tangent: StepTangent, width: int) -> str:
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, width)
 
-    def place(array: Any, index: Any) -> ir.Value:
+    def place(array: ir.Value, index: int | ir.Value) -> ir.Value:
         return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
 
     def load(nodes: list[Expr], array: ir.Value, start: PyTree) -> None:
@@ -97,7 +97,7 @@ def assemble(tangent: StepTangent, width: int) -> str:
         for i, value in enumerate(values):
             b.store(value, place(array, b.add(start, INT64(i))), align=8)
 
-    def column(row: object, number: Any) -> None:
+    def column(row: object, number: ir.Value) -> None:
         load(tangent.parameters_dot, p_dot, b.mul(number, INT64(len(tangent.parameters_dot))))
         here = b.mul(number, INT64(len(tangent.state_dot)))
         load(tangent.state_dot, s_dot, here)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 
-def special(name: str) -> Callable[[Any], Any]:
+
+def special(name: str) -> Callable[[PyTree], PyTree]:
     """A function of scipy.special, which takes longer to load than most set-ups."""
     return lambda x: getattr(import_module("scipy.special"), name)(x)
 

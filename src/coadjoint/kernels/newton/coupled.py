@@ -63,7 +63,7 @@ class Factors(NamedTuple):
     lower: Any
     upper: Any
     h: Any
-    changes: Any
+    changes: PyTree
     renewals: Any
 
 

@@ -103,7 +103,7 @@ class FixedPoint:
 
     def root(
         self,
-        residual: Callable[[Array], Any],
+        residual: Callable[[Array], PyTree],
         guess: Array,
         h: Scalar,
         blocks: tuple[int, ...],
@@ -150,7 +150,7 @@ class FixedPoint:
 
     def _iterated(
         self,
-        evaluated: Callable[[Array], tuple[Array, Any]],
+        evaluated: Callable[[Array], tuple[Array, PyTree]],
         start: Array,
         most: int = MOST,
         expected: Array | float = 1.0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def choose(
     state: PyTree,
     monitors: bool,
     backend: Backend,
-    axes: tuple[Any, Any] | None = None,
+    axes: tuple[PyTree, PyTree] | None = None,
 ) -> Backend:
     """ "native" or "xla": the choice for this program; compiles a native kernel on the way.
 

@@ -10,7 +10,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class Driven(NamedTuple):
 
     forward: native.Kernel
     machine: Machine
-    tangent: Any
+    tangent: PyTree
     taped: int
     """How many numbers of a row are the tape; the rest is the record."""
     width: int

@@ -8,6 +8,7 @@ from typing import Any
 
 import jax
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.program import Program
 
 MANY_SMALL = (("xla_cpu_use_fusion_emitters", False),)
@@ -23,7 +24,7 @@ def compiled(*static: str) -> Callable[[Callable], Callable]:
 
     def made(function: Callable) -> Callable:
         @cache
-        def version(options: tuple[tuple[str, Any], ...]) -> Callable:
+        def version(options: tuple[tuple[str, PyTree], ...]) -> Callable:
             return jax.jit(function, static_argnames=("program", *static), compiler_options=dict(options))
 
         @wraps(function)
@@ -35,7 +36,7 @@ def compiled(*static: str) -> Callable[[Callable], Callable]:
     return made
 
 
-def _options(program: Program) -> tuple[tuple[str, Any], ...]:
+def _options(program: Program) -> tuple[tuple[str, PyTree], ...]:
     return MANY_SMALL if any(stage.structure.many_small for stage in program.stages) and _known() else ()
 
 

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from llvmlite import ir
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.run.backend import fall_back
@@ -26,7 +27,7 @@ class NativeFunction:
     Raises Untraceable, naming the primitive, if the function is outside the tracer's language.
     """
 
-    def __init__(self, function: Callable[[Any, Any], Any], x: np.ndarray, y: np.ndarray) -> None:
+    def __init__(self, function: Callable[[PyTree, PyTree], PyTree], x: np.ndarray, y: np.ndarray) -> None:
         tracer = Tracer()
         symbols = tracer.symbols("x", x), tracer.symbols("y", y)
         value = flat(tracer.trace(function, *symbols))
@@ -47,7 +48,7 @@ class NativeFunction:
         return value, slopes
 
 
-def assembled(given: Sequence[tuple[list[Any], int]], found: Sequence[tuple[Mapping[int, Any], int]]) -> str:
+def assembled(given: Sequence[tuple[list[PyTree], int]], found: Sequence[tuple[Mapping[int, Any], int]]) -> str:
     """void function(arrays of `given`, arrays of `found`, rows): entries that are absent from `found` are left
     unwritten.
 
@@ -93,10 +94,10 @@ class RowFunction:
     x, y: values of their shapes, for tracing.
     """
 
-    def __init__(self, function: Callable[[Any, Any], Any], x: np.ndarray, y: np.ndarray):
+    def __init__(self, function: Callable[[PyTree, PyTree], PyTree], x: np.ndarray, y: np.ndarray):
         try:
             self.native: NativeFunction | None = NativeFunction(function, x, y)
-            self._call: Callable[..., Any] = self.native
+            self._call: Callable[..., PyTree] = self.native
         except Untraceable as reason:
             fall_back(reason, "auto")
             self.native, self._call = None, _by_xla(function)
@@ -106,7 +107,7 @@ class RowFunction:
         return self._call(x, y)
 
 
-def _by_xla(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+def _by_xla(function: Callable[[PyTree, PyTree], PyTree]) -> Callable[..., PyTree]:
     both = jax.jit(jax.vmap(lambda x, y: (function(x, y), jax.jacfwd(function)(x, y))))
 
     def call(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,7 +124,9 @@ class NativeRecursion:
     Raises Untraceable, naming the primitive, if the function is outside the tracer's language.
     """
 
-    def __init__(self, function: Callable[[Any, Any, Any], Any], x: np.ndarray, u: np.ndarray, c: np.ndarray) -> None:
+    def __init__(
+        self, function: Callable[[PyTree, PyTree, PyTree], PyTree], x: np.ndarray, u: np.ndarray, c: np.ndarray
+    ) -> None:
         tracer = Tracer()
         symbols = [tracer.symbols(name, values) for name, values in (("x", x), ("u", u), ("c", c))]
         value = flat(tracer.trace(function, *symbols))

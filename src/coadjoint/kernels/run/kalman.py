@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit import kalman
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.run.machine import Machine, machine
@@ -55,7 +56,7 @@ class MeasurementCode(NamedTuple):
 
 
 @cache
-def _code() -> tuple[Machine, Any]:
+def _code() -> tuple[Machine, PyTree]:
     made = machine(kalman.assemble())
     given = [*[ctypes.c_void_p] * 2, ctypes.c_int64, *[ctypes.c_void_p] * 2]
     return made, made.function(kalman.NAME, *given, result=ctypes.c_int64)

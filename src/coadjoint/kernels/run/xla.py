@@ -43,7 +43,7 @@ class StepResult(NamedTuple):
     code: jax.Array
     iterations: jax.Array
     certificates: dict[str, jax.Array]
-    course: tuple[jax.Array, Any]
+    course: tuple[jax.Array, PyTree]
     """The unknowns of every substep, (substeps, m), and the states after them."""
 
 

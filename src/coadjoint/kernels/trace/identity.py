@@ -35,13 +35,13 @@ class NoIdentity(Exception):
 class Traced(NamedTuple):
     """A function that the caller traces, so that it may be a user's."""
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
 
 
 class Shapes(NamedTuple):
     """A PyTree of which only structure, names and shapes count."""
 
-    tree: Any
+    tree: PyTree
 
 
 class ObjectIdentity(NamedTuple):
@@ -67,7 +67,7 @@ class _Walk:
     def __init__(self) -> None:
         self.hasher = hashlib.sha256()
         self.library_only = True
-        self._seen: dict[int, tuple[int, Any]] = {}
+        self._seen: dict[int, tuple[int, PyTree]] = {}
 
     def word(self, *parts: object) -> None:
         self.hasher.update(b"".join(f"{len(text)}:{text}".encode() for text in map(str, parts)) + b";")

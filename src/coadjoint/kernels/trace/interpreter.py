@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace import jaxprs
 from coadjoint.kernels.trace.jaxprs import Atom, Equation
 from coadjoint.kernels.untraceable import Untraceable
 
 Array = np.ndarray
-Rule = Callable[..., Any]
+Rule = Callable[..., PyTree]
 Rules = Mapping[str, Rule]
 
 

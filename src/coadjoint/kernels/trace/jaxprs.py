@@ -29,7 +29,7 @@ Atom = Any
 """A variable of a jaxpr, or a number that stands in its place."""
 
 
-def jaxpr_of(function: Callable, *args: object) -> tuple[Any, Any]:
+def jaxpr_of(function: Callable, *args: object) -> tuple[PyTree, PyTree]:
     """The jaxpr of a pure function of PyTrees of arrays, with its constants, and the structure of its result.
 
     Floats of any width count as float64; the user's JAX configuration stays unchanged.
@@ -75,7 +75,7 @@ def is_jaxpr(value: object) -> bool:
     return isinstance(value, (core.ClosedJaxpr, core.Jaxpr))
 
 
-def constants(jaxpr: object) -> list[Any]:
+def constants(jaxpr: object) -> list[PyTree]:
     """The values of the constants of a jaxpr; an open one has none."""
     return list(getattr(jaxpr, "consts", ()))
 
@@ -195,7 +195,7 @@ class Equation:
                 raise unknown(self.name, f"a parameter `{name}`, which coadjoint does not know")
 
 
-def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Callable[..., list[Any]]:
+def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Callable[..., list[PyTree]]:
     """A family of linear maps whose transpose is given: (constants, x, push, pull, shapes) ↦ push(constants, x).
 
     `pull`(constants, y) is the transpose, `shapes` are those of push. Members of a batch go one after another. Its
@@ -204,10 +204,10 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
     primitive = core.Primitive(name)
     primitive.multiple_results = True
 
-    def apply(*operands: object, push: Callable, **_: object) -> Sequence[Any]:
+    def apply(*operands: object, push: Callable, **_: object) -> Sequence[PyTree]:
         return push(operands[:-1], operands[-1])
 
-    def transpose(cotangents: Any, *operands: object, push: Callable, pull: Callable, shapes: Any) -> list[Any]:
+    def transpose(cotangents: Any, *operands: object, push: Callable, pull: Callable, shapes: PyTree) -> list[PyTree]:
         pairs = zip(cotangents, shapes, strict=True)
         full = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
         return [*[None] * (len(operands) - 1), pull(operands[:-1], full)]
@@ -216,7 +216,7 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
         pairs = list(zip(operands, axes, strict=True))
         moving = [jnp.moveaxis(operand, axis, 0) for operand, axis in pairs if axis is not None]
 
-        def one(members: PyTree) -> tuple[Any, ...]:
+        def one(members: PyTree) -> tuple[PyTree, ...]:
             members = iter(members)
             return tuple(primitive.bind(*(x if axis is None else next(members) for x, axis in pairs), **parameters))
 
@@ -235,7 +235,7 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
 
     def bind(
         constants: Sequence[object], x: Array, push: Callable, pull: Callable, shapes: Sequence[object]
-    ) -> list[Any]:
+    ) -> list[PyTree]:
         return primitive.bind(*constants, x, push=push, pull=pull, shapes=tuple(shapes))
 
     return bind

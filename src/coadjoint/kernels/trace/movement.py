@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jax import lax
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
 from coadjoint.kernels.trace.jaxprs import EquationParameters
 from coadjoint.kernels.untraceable import Untraceable
@@ -129,7 +130,7 @@ def arranged(dimensions: Any, windows: Array, lead: int) -> Array:
     return values.transpose(np.argsort([*ahead, *offsets]))
 
 
-def _scatter(name: str, combine: Callable[[Any, Any], Any]) -> Rule:
+def _scatter(name: str, combine: Callable[[PyTree, PyTree], PyTree]) -> Rule:
     def rule(p: EquationParameters, operand: Array, indices: Array, updates: Array) -> Array:
         d = p.fields("dimension_numbers")
         window = list(d.update_window_dims)

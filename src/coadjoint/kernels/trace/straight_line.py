@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace import jaxprs
 from coadjoint.kernels.trace.interpreter import Array, Interpreter, typed
 from coadjoint.kernels.trace.jaxprs import Equation
@@ -25,7 +26,7 @@ WRITTEN_OUT = frozenset(CALLS) - {"custom_jvp_call"}
 class _Operation(NamedTuple):
     """values[outputs] = function(*values[inputs]) of these types."""
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
     dtypes: tuple[object, ...]
@@ -46,7 +47,7 @@ class Straight:
 
     def __call__(self, inputs: Sequence[Array]) -> list[Array]:
         """The outputs of the jaxpr."""
-        values: list[Any] = self._values.copy()
+        values: list[PyTree] = self._values.copy()
         for place, value in zip(self._inputs, inputs, strict=True):
             values[place] = value
         for function, places, outputs, dtypes in self._operations:
@@ -99,7 +100,7 @@ class Straight:
             self._seen[key] = outputs
         return outputs
 
-    def _function(self, equation: Equation) -> Callable[..., Any]:
+    def _function(self, equation: Equation) -> Callable[..., PyTree]:
         """The rule of an equation as a function of its inputs to a list of outputs, or to the only one."""
         equation.require_known()
         interpreter, rule = self._interpreter, self._interpreter.control.get(equation.name)
@@ -121,7 +122,7 @@ class Straight:
         self._operations = kept[::-1]
 
 
-def _store(values: list[Any], results: Sequence[Any], outputs: Sequence[int], dtypes: Sequence[object]) -> None:
+def _store(values: list[PyTree], results: Sequence[PyTree], outputs: Sequence[int], dtypes: Sequence[object]) -> None:
     if len(outputs) == 1:
         values[outputs[0]] = typed(results[0], dtypes[0])
         return

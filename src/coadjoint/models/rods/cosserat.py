@@ -65,7 +65,7 @@ def cosserat(
     gravity: Quantity = 0.0,
     load: object = None,
     moment: object = None,
-    motion: Callable[[Any], Any] | None = None,
+    motion: Callable[[PyTree], PyTree] | None = None,
 ) -> System:
     """A Cosserat rod of M elements between rigid sections, on SE(3)ᴺ with the relative poses of sections advected.
 
@@ -107,7 +107,7 @@ def planar(
     gravity: Quantity = 0.0,
     load: object = None,
     moment: object = None,
-    motion: Callable[[Any], Any] | None = None,
+    motion: Callable[[PyTree], PyTree] | None = None,
 ) -> System:
     """The rod of `cosserat` in a plane, on SE(2)ᴺ: ε = (κ, γ₁, γ₂), ℂ = diag(EI, EA, GA), 𝕄 = diag(inertia, m, m).
 
@@ -152,7 +152,9 @@ def elastic_energy(layout: RodLayout, poses: object, p: PyTree, end: PyTree = No
     return 0.5 * jnp.sum(p.length[:, None] * stiffness(p) * strain**2)
 
 
-def _rod(layout: RodLayout, length: Quantity, given: dict[str, PyTree], rest: Any, outside: tuple[Any, ...]) -> System:
+def _rod(
+    layout: RodLayout, length: Quantity, given: dict[str, PyTree], rest: PyTree, outside: tuple[PyTree, ...]
+) -> System:
     gravity, load, moment, motion = outside
     needed = OF_AN_ELEMENT[layout.planar] * layout.elements
     fits = most_that_fit(layout.elements, needed, 1)
@@ -195,7 +197,7 @@ def _rod(layout: RodLayout, length: Quantity, given: dict[str, PyTree], rest: An
     )
 
 
-def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
+def _checks(layout: RodLayout) -> dict[str, Callable[[PyTree, str], PyTree]]:
     """What each parameter of a rod is kept as, or ArgumentError, by name."""
     three = not layout.planar
 
@@ -258,7 +260,7 @@ def _require_end(layout: RodLayout, load: object, moment: object, motion: PyTree
     _require_pose(motion, size)
 
 
-def _require_pose(motion: Callable[[Any], Any], size: int) -> None:
+def _require_pose(motion: Callable[[PyTree], PyTree], size: int) -> None:
     """Raise ArgumentError where a motion does not begin at (1, 0), or is seen to leave the rotations."""
     try:
         R, x = map(np.asarray, evaluate(motion, 0.0))

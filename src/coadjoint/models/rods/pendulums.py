@@ -152,8 +152,8 @@ def _heights(along: object, p: PyTree) -> Array:
     return p.gravity * p.mass @ (reached + p.center * along)
 
 
-def _checks(count: int, axes: int) -> dict[str, Callable[[Any, str], Any]]:
-    def each(shape: tuple[int, ...], least: float) -> Callable[[Any, str], Any]:
+def _checks(count: int, axes: int) -> dict[str, Callable[[PyTree, str], PyTree]]:
+    def each(shape: tuple[int, ...], least: float) -> Callable[[PyTree, str], PyTree]:
         def check(value: object, name: str) -> Any:
             found = checks.array(value, name, shape, (count, *shape))
             low = np.min(found)

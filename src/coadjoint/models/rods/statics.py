@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -136,7 +135,7 @@ def _couple(rod: System, group: Power) -> np.ndarray:
     return np.ravel(T)
 
 
-def _forces(rod: System, state: State) -> Callable[..., Any]:
+def _forces(rod: System, state: State) -> Callable[..., PyTree]:
     """a ↦ (∂V/∂η, its derivative by η) at η = 0, (n,) and (n, n), V of g exp(η)."""
     group, _, V = rod.places
     rest, nothing = np.zeros(group.dim), np.zeros(rod.additional.ambient(group))
@@ -172,7 +171,7 @@ def _moved(rod: System, state: State, a0: PyTree, eta: np.ndarray) -> State:
     return state.replace(g=g, a=a, xi=still, mu=still)
 
 
-def _by_strains(rod: System, state: State, g: PyTree, a0: Any, eta: np.ndarray) -> PyTree:
+def _by_strains(rod: System, state: State, g: PyTree, a0: PyTree, eta: np.ndarray) -> PyTree:
     """The elements of the sections one after the other, from the moved first one, or from the clamp."""
     group, _, V = rod.places
     p: PyTree = rod.parameters

@@ -83,7 +83,7 @@ def _values(run: Any, records: PyTree, times: np.ndarray) -> PyTree:
 
 
 @lru_cache(maxsize=32)
-def _table(system: Any, structure: Any, shapes: Any) -> PyTree:
+def _table(system: Any, structure: Any, shapes: PyTree) -> PyTree:
     """`_values` traced once for a system."""
     given = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
 

@@ -61,7 +61,7 @@ class Beginning:
     ):
         self.skeleton, self.method, self.h, self.members, self.by_xla = skeleton, method, h, members, by_xla
         self.state, self.constants, self.held = layout(like), layout(constants), like.inputs
-        self._tabulated: dict[Layout, Callable[..., Any]] = {}
+        self._tabulated: dict[Layout, Callable[..., PyTree]] = {}
 
     def rows(self, state: State, parameters: np.ndarray) -> np.ndarray:
         """States of all members from one, or from all, that system.state(…), a stepper or a run has given.
@@ -156,7 +156,7 @@ def carried(beginning: Beginning, states: np.ndarray, before: np.ndarray, after:
     return rows
 
 
-def _mass_matrix(system: System, place: tuple[Any, ...]) -> Array:
+def _mass_matrix(system: System, place: tuple[PyTree, ...]) -> Array:
     """∂²ℓ/∂(ξ, ν)², a square matrix."""
     xi, n, nu, *rest = place
 

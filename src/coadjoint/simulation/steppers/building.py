@@ -175,7 +175,7 @@ def checked(
     one, first: the system and the start of one member.
     """
     watched = () if event is None else (("until", event),)
-    functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
+    functions: list[PyTree] = [] if one.inputs is None else [partial(inputs_held, one)]
     functions += [event.function for _, event in watched]
     reading = setup_cache.read(one, first, functions, watched, (), method, h)
     before, warnings = setup_cache.verdict(reading, "stepper"), []

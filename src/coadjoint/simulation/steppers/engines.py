@@ -49,7 +49,7 @@ class Watch(NamedTuple):
     functions: Quantities
     moving: bool
 
-    def __call__(self, constants: Constants, state: State) -> tuple[Any, ...]:
+    def __call__(self, constants: Constants, state: State) -> tuple[PyTree, ...]:
         system = replace_parameters(self.skeleton, constants.system)
         node = at_node(system, state) if self.moving else state
         return tuple(jnp.asarray(value(system, function, node), dtype=float) for _, function in self.functions)
@@ -80,7 +80,7 @@ KEPT = 32
 """The most engines that stay in memory."""
 
 
-_engines: OrderedDict[tuple[Any, ...], NativeEngine] = OrderedDict()
+_engines: OrderedDict[tuple[PyTree, ...], NativeEngine] = OrderedDict()
 
 
 _lock = threading.Lock()
@@ -125,7 +125,7 @@ class XlaEngine:
 
     lanes = 1
 
-    def __init__(self, program: Program, watch: Callable[..., Any], layouts: tuple[Layout, Layout], commanded: Any):
+    def __init__(self, program: Program, watch: Callable[..., PyTree], layouts: tuple[Layout, Layout], commanded: Any):
         self._advance = partial(_advance, program, watch, layouts, tuple(commanded))
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
@@ -167,7 +167,7 @@ def _advance(
     commands,
     h,
     steps,
-) -> tuple[Any, Any, Any]:
+) -> tuple[PyTree, PyTree, PyTree]:
     def one(p, s, status, command):
         constants, places = layouts[0].unpack(p), np.array(commanded, int)
         s = jnp.where(status[1] == 0, s.at[places].set(command), s)

@@ -103,7 +103,7 @@ class Stepper(Stepping):
         inputs: PyTree = (),
         observe: Observe | None = None,
         method: Method | None = None,
-        until: Event | Callable[[State], Any] | None = None,
+        until: Event | Callable[[State], PyTree] | None = None,
         changing: Sequence[str] = (),
         members: int | None = None,
         threads: int = 1,

@@ -24,7 +24,7 @@ from coadjoint_vehicles.readings.observed import observations
 from coadjoint_vehicles.serving.inertial import inertial
 from coadjoint_vehicles.serving.served import standing
 
-Observation = Callable[[State, Any], Any]
+Observation = Callable[[State, PyTree], PyTree]
 """As a stepper takes it."""
 FIELDS = (
     *("position", "velocity", "ground_velocity", "omega", "down", "north"),
@@ -45,7 +45,7 @@ class Common:
 
     def __init__(self, craft: Craft):
         self.craft = craft
-        self._last: tuple[Any, Any, Any] = (None, None, None)
+        self._last: tuple[PyTree, PyTree, PyTree] = (None, None, None)
 
     def __getstate__(self) -> dict[str, object]:
         """Without the state, which is one of the trace."""
@@ -59,7 +59,7 @@ class Common:
         return found
 
 
-def of_feedback(common: Common, function: Function) -> Callable[[State, Any], Any]:
+def of_feedback(common: Common, function: Function) -> Callable[[State, PyTree], PyTree]:
     """A function of the `Feedback`, or of it and the parameters, as a stepper observes it."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [x for x in inspect.signature(function).parameters.values() if x.kind in kinds and x.default is x.empty]
@@ -71,7 +71,7 @@ def of_feedback(common: Common, function: Function) -> Callable[[State, Any], An
     return observe
 
 
-def actuators(craft: Craft) -> Callable[[State, Any], Any]:
+def actuators(craft: Craft) -> Callable[[State, PyTree], PyTree]:
     """The positions of the actuators, scaled as actions: between −1 and 1, one after the other."""
     scale = actuator_actions(craft)
 
@@ -89,7 +89,7 @@ def actuators(craft: Craft) -> Callable[[State, Any], Any]:
 
 def observable(
     common: Common, actions: Actions, added: Mapping[str, Function]
-) -> dict[str, Callable[[State, Any], Any]]:
+) -> dict[str, Callable[[State, PyTree], PyTree]]:
     """All that can be observed by name, as a stepper takes it; `added` by the task."""
 
     def commands(state: State) -> PyTree:

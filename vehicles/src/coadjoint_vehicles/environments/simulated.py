@@ -114,7 +114,7 @@ class Simulated:
         parts = [*seen.values(), self._reward(state, p), self._ended(state, p)]
         return jnp.concatenate([jnp.ravel(part) for part in parts])
 
-    def _rewarded(self) -> Callable[[State, Any], Any]:
+    def _rewarded(self) -> Callable[[State, PyTree], PyTree]:
         """r − c mean(a²) + Σ of the rewards of the ends that have come; a user's reward excludes the effort."""
         given, effort = self.wanted.reward, self.task.effort
         if given is not None:
@@ -157,7 +157,7 @@ class Simulated:
             command[...] = found[..., place].reshape(command.shape)
 
 
-def _standing_as(kind: type[Simulated], given: tuple[Any, ...], stepper: StepperBase) -> Simulated:
+def _standing_as(kind: type[Simulated], given: tuple[PyTree, ...], stepper: StepperBase) -> Simulated:
     """The pickled object, with the state of its stepper."""
     made = kind(*given)
     made.stepper.stand_as(stepper)

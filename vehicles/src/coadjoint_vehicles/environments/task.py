@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +17,7 @@ from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.water.water import Water
 
-Function = Callable[..., Any]
+Function = Callable[..., PyTree]
 """A function of the `Feedback`, or of the `Feedback` and the parameters, in jax.numpy."""
 
 

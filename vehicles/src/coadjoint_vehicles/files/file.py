@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from coadjoint import units as u
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.texts import Table, read_table, text_of
 from coadjoint_vehicles import axes as border
@@ -122,7 +123,7 @@ def _body(body: Section, axes: border.Axes) -> Table:
     }
 
 
-def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> np.ndarray:
+def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> Array:
     """I_c, (3, 3): about the mass centre, from there or from the origin, I_c = I_O − m(|r|²1 − r rᵀ)."""
     value, _ = body.quantity("inertia", u.INERTIA)
     found = np.asarray(value, dtype=float) if isinstance(value, list) else np.zeros(0)

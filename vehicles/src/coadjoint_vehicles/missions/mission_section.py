@@ -26,7 +26,7 @@ SCALARS = ("depth", "altitude", "heading", "pitch", "roll", "speed")
 ENDS = ("surface", "bottom", "last way point")
 
 
-def _numbers(value: object, name: str) -> np.ndarray:
+def _numbers(value: object, name: str) -> Array:
     try:
         found = np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -106,7 +106,7 @@ class MissionSection:
         return found if self.axes == "NED/FRD" else _turned(found)
 
     @cached_property
-    def points(self) -> np.ndarray:
+    def points(self) -> Array:
         """The way points (k, 3): north, east, depth, m; empty without way points."""
         given = np.zeros((0, 3)) if self.way_points is None else self.way_points
         if given.ndim != 2 or given.shape[1] != 3:

@@ -129,7 +129,7 @@ class Rule(InternalRule):
         """Why the step of length h from t has failed, if its controller knows."""
         return self.controller.failure(t, h) if isinstance(self.controller, FunctionController) else None
 
-    def warnings(self, h: Any, p: PyTree) -> list[str]:
+    def warnings(self, h: Scalar, p: PyTree) -> list[str]:
         """A sentence where a step is longer than the period of the controller."""
         if self.controller is None:
             return []

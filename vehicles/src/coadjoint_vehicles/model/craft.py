@@ -42,7 +42,7 @@ class Craft:
         self,
         vehicle: Vehicle,
         *,
-        controller: Controller | Callable[..., Any] | None = None,
+        controller: Controller | Callable[..., PyTree] | None = None,
         water: Water | None = None,
         faults: Sequence[Fault] = (),
     ):

@@ -41,7 +41,7 @@ class Fault:
     value: Any = None
     which: tuple[int, ...] | None = None
     time: float | None = None
-    when: Callable[[NodeMotion, Any], Any] | None = None
+    when: Callable[[NodeMotion, PyTree], PyTree] | None = None
     name: str = ""
 
     def __post_init__(self) -> None:

@@ -42,7 +42,7 @@ class FunctionController(Controller):
     to find the shapes. A vehicle's inputs of any name reach it as `feedback.inputs`.
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
     remembers: Mapping[str, PyTree] | None = None
 
     def __post_init__(self) -> None:
@@ -107,7 +107,7 @@ def _tell(function: Callable[..., object]) -> None:
         )
 
 
-def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name: str) -> tuple[Any, Any]:
+def _from_outside(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], name: str) -> tuple[PyTree, PyTree]:
     """The results of a function that takes only numbers, with their shapes at rest, and the inputs that it read."""
     resting = _at_rest(arguments)
     if isinstance(resting[0].inputs, Named):
@@ -148,7 +148,9 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
     return structure.unflatten(_split(outside(all_of), expected)), resting[0].inputs
 
 
-def _row(function: Callable[..., Any], numbers: Any, name: str, expected: tuple[Any, list[Any], int]) -> np.ndarray:
+def _row(
+    function: Callable[..., PyTree], numbers: Any, name: str, expected: tuple[Any, list[PyTree], int]
+) -> np.ndarray:
     """The results of a function as a row of float64 numbers; NaN, with a recorded reason, if it fails."""
     structure, shapes, size = expected
     try:
@@ -167,7 +169,7 @@ def _failed(name: str, numbers: Any, what: str, size: int) -> np.ndarray:
     return np.full(size, np.nan)
 
 
-def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
+def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[PyTree]:
     """Arrays of these shapes from a row of numbers."""
     ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in shapes])
     return [
@@ -176,7 +178,7 @@ def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
     ]
 
 
-def _at_rest(arguments: tuple[object, ...]) -> tuple[Any, ...]:
+def _at_rest(arguments: tuple[object, ...]) -> tuple[PyTree, ...]:
     """The same structure in numbers: level and at rest, and parameters unchanged, or 1 where they are traced."""
     feedback, *others = arguments
     still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), feedback)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.extending import named
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.part import Part
@@ -60,14 +61,14 @@ def held(parts: Iterable[Part]) -> tuple[float, np.ndarray, float, np.ndarray]:
     return (*_summed(masses), *_summed(volumes))
 
 
-def _summed(of: Iterable[tuple[Any, Any]]) -> tuple[float, np.ndarray]:
+def _summed(of: Iterable[tuple[PyTree, PyTree]]) -> tuple[float, np.ndarray]:
     total, moment = 0.0, np.zeros(3)
     for amount, position in of:
         total, moment = total + float(amount), moment + float(amount) * np.asarray(position, dtype=float)
     return total, moment
 
 
-def _start(part: Part) -> tuple[Any, Any]:
+def _start(part: Part) -> tuple[PyTree, PyTree]:
     """The actuator where it starts, and the part's own numbers."""
     command = part.command
     actual = None if command is None else named(part.at_rest(np.full(command.shape, command.start)))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from coadjoint.arrays import Array, PyTree
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.mechanics import Force, Motion
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model import energies
@@ -26,7 +25,7 @@ class Lagrangian:
     parts: tuple[Part, ...]
 
     def __call__(
-        self, xi: Array, n: Array, nu: Array, a: Any, p: PyTree, *, t: Any = 0.0, internal: PyTree = None
+        self, xi: Array, n: Array, nu: Array, a: PyTree, p: PyTree, *, t: Scalar = 0.0, internal: PyTree = None
     ) -> Array:
         return energies.lagrangian(self.water, self.parts, xi, n, nu, a, p, t, internal)
 

@@ -37,9 +37,9 @@ else:  # read by type checkers alone
 
 def measured(
     dimension: Dimension | None,
-    check: Callable[[Any, str], Any] | None = number,
+    check: Callable[[PyTree, str], PyTree] | None = number,
     *,
-    turn: Callable[[Any, Any], Any] | None = None,
+    turn: Callable[[PyTree, PyTree], PyTree] | None = None,
     words: tuple[str, ...] = (),
     default: object = MISSING,
 ) -> Any:
@@ -64,7 +64,7 @@ def lag_or_none(value: object, name: str) -> PyTree:
     return not_negative(value, name) or None
 
 
-def numbers(size: int) -> Callable[[Any, str], Any]:
+def numbers(size: int) -> Callable[[PyTree, str], PyTree]:
     """The check of a vector (size,)."""
     return partial(vector, size=size)
 

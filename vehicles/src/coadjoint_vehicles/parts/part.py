@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -107,7 +107,7 @@ class Part(Numbers, ABC):
     def force(self, flow: Flow, actual: PyTree, own: Named) -> Force:
         """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
 
-    def travel(self, own: Named) -> tuple[Any, Any] | None:
+    def travel(self, own: Named) -> tuple[PyTree, PyTree] | None:
         """The range of the actuator, (lowest, highest), None without one."""
         if "low" in own:
             return own.low, own.high

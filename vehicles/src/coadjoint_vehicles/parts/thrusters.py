@@ -207,7 +207,7 @@ class Thrusters(Part):
         return float(low), float(high)
 
 
-def _ends(own: Named) -> tuple[Any, Any]:
+def _ends(own: Named) -> tuple[PyTree, PyTree]:
     """The lowest and the highest command; one number replaced for both is the largest."""
     if "limit" not in own:
         return -jnp.inf, jnp.inf

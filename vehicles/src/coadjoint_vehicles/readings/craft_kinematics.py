@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -16,7 +15,7 @@ from coadjoint_vehicles.sensors.kinematics import Kinematics, rotation_of
 
 
 def kinematics(
-    craft: Craft, *, bottom: float | Callable[[Any, Any], Any] | None = None, system: System | None = None
+    craft: Craft, *, bottom: float | Callable[[PyTree, PyTree], PyTree] | None = None, system: System | None = None
 ) -> Callable[..., Kinematics]:
     """(state, p) → Kinematics at a node of a craft; traced by JAX, as observations of a `co.Stepper` are.
 

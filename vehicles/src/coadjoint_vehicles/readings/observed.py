@@ -18,7 +18,7 @@ from coadjoint_vehicles.sensors.sensor import Sensor
 
 def observations(
     craft: Craft, sensors: Sequence[Sensor | str] | None = None, *, bottom: float | None = None
-) -> dict[str, Callable[..., Any]]:
+) -> dict[str, Callable[..., PyTree]]:
     """`sensor_NAME` → (state, p) ↦ the error-free reading of a sensor at a node, (m,), for `observe` of a `co.Stepper`.
 
         stepper = co.Stepper(craft.system, start, dt=0.05, observe=observations(craft, ["imu", "dvl"]))
@@ -30,5 +30,5 @@ def observations(
     return {PREFIX + one.name: partial(_read, one, at) for one in chosen_sensors(craft, sensors)}
 
 
-def _read(sensor: Sensor, at: Callable[..., Any], state: Any, p: PyTree) -> Any:
+def _read(sensor: Sensor, at: Callable[..., PyTree], state: Any, p: PyTree) -> Any:
     return sensor.reading(at(state, p), Named(**sensor.parameters()))

@@ -38,7 +38,7 @@ def readings(
     *,
     seed: int = 0,
     sensors: Sequence[Sensor | str] | None = None,
-    bottom: float | Callable[[Any, Any], Any] | None = None,
+    bottom: float | Callable[[PyTree, PyTree], PyTree] | None = None,
     craft: Craft | None = None,
 ) -> Readings:
     """The readings of a vehicle's sensors in a run of it, each at its own rate from the start of the run on.
@@ -92,7 +92,7 @@ def chosen_sensors(craft: Craft, asked: Sequence[Sensor | str] | None) -> tuple[
     return different([craft.vehicle.sensor(one) if isinstance(one, str) else one for one in asked])
 
 
-def moved(run: Run, craft: Craft, bottom: float | Callable[[Any, Any], Any] | None) -> Kinematics:
+def moved(run: Run, craft: Craft, bottom: float | Callable[[PyTree, PyTree], PyTree] | None) -> Kinematics:
     """The kinematics of a craft at every node of a run, with leading axes, (nodes, …), the last node among them."""
     at, p = kinematics(craft, bottom=bottom, system=run.system), run.system.parameters
     made, found = None, []
@@ -115,7 +115,7 @@ def _blocks(run: Run) -> Iterator[tuple[State, int]]:
     plain = replace(run.last_record, origin=Origin())
     while left >= 0:
         count = min(BLOCK, left)
-        parts: list[Any] = []
+        parts: list[PyTree] = []
         if count:
             chunk = kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, count, 1, plan.watches)
             state, parts = chunk.final, [chunk.records]
@@ -173,7 +173,7 @@ def at_times(sensor: Sensor, moving: Kinematics, times: np.ndarray) -> tuple[np.
     after = np.minimum(before + 1, len(moving.t) - 1)
     rows = [_rows(moving, index) for index in (before, after)]
 
-    def one(ends: tuple[Kinematics, Kinematics, Any]) -> tuple[Any, Any]:
+    def one(ends: tuple[Kinematics, Kinematics, Any]) -> tuple[PyTree, PyTree]:
         there = between(*ends)
         return sensor.reading(there, own), sensor.within(there, own)
 

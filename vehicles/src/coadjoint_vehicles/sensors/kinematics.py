@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import NodeMotion
 
@@ -72,7 +72,7 @@ def at_node(motion: NodeMotion, **more: object) -> Kinematics:
     return Kinematics(motion.q, rotation_of(motion.a), motion.nu, motion.xi, t=motion.t, **more)
 
 
-def rotation_of(a: Any) -> Array:
+def rotation_of(a: PyTree) -> Array:
     """R (3, 3) from body to space: north, east and down in body axes as its rows, of a craft's advected directions."""
     return jnp.stack([a.north, jnp.cross(a.down, a.north), a.down])
 

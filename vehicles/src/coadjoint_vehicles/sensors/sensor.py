@@ -26,7 +26,7 @@ from coadjoint_vehicles.sensors.kinematics import Kinematics
 from coadjoint_vehicles.sensors.message import Message
 
 
-def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
+def angle_within(most: float, words: str) -> Callable[[PyTree, str], PyTree]:
     """The check of angles, rad, of at most `most` in size, which sentences call `words`."""
 
     def check(value: object, name: str) -> PyTree:
@@ -195,7 +195,7 @@ def needs(motion: Kinematics, name: str, who: str) -> PyTree:
     return value
 
 
-def different(sensors: Sequence[Any]) -> tuple[Sensor, ...]:
+def different(sensors: Sequence[PyTree]) -> tuple[Sensor, ...]:
     """Sensors with names of their own; raises ArgumentError."""
     names: set[str] = set()
     for one in sensors:

@@ -131,5 +131,5 @@ def _commands(craft: Craft) -> dict[str, PyTree]:
 def standing(name: str, state: State) -> PyTree:
     """The actual value of an actuator: a number, an array, or the numbers of its state one after another."""
     found = getattr(state.internal, name)
-    leaves: Sequence[Any] = list(found.asdict().values()) if isinstance(found, Named) else [found]
+    leaves: Sequence[PyTree] = list(found.asdict().values()) if isinstance(found, Named) else [found]
     return leaves[0] if len(leaves) == 1 else jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])

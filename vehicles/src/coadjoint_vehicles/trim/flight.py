@@ -256,7 +256,7 @@ def _at_rest(state: State, _: object) -> PyTree:
     return jnp.concatenate([state.nu, state.xi])
 
 
-def _between(rest: Any, wanted: Any, part: float) -> PyTree:
+def _between(rest: PyTree, wanted: Any, part: float) -> PyTree:
     if isinstance(wanted, Mapping):
         return type(rest)(**{key: _between(getattr(rest, key), wanted[key], part) for key in wanted})
     if np.shape(rest) != np.shape(wanted) and not np.size(rest) == np.size(wanted) == 1:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -64,7 +63,7 @@ def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
     )
 
 
-def travel(part: Part) -> tuple[Any, Any] | None:
+def travel(part: Part) -> tuple[PyTree, PyTree] | None:
     """The range of an actuator, (lowest, highest), None without one."""
     return part.travel(named(part.parameters()))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -37,7 +38,7 @@ class Level:
         self._system, self._start = craft.system, craft.start()
 
     @cached_property
-    def push(self) -> Array:
+    def push(self) -> Callable[..., PyTree]:
         """(motion, commands) → d(p, π)/dt without weight and buoyancy, (6,); traced once, with its derivative."""
         return jax.jit(self._rates)
 
@@ -64,14 +65,14 @@ class Level:
         return evaluate(jax.jacfwd(momenta), np.zeros(6))
 
     @cached_property
-    def rates(self) -> Array:
+    def rates(self) -> Callable[..., PyTree]:
         """`push` on numbers."""
         return tabulate(self.push, np.zeros(6), self.rest)
 
     def slopes(self, motion: np.ndarray, commands: np.ndarray) -> np.ndarray:
         """∂`push`/∂(motion, commands), (6, 6 + commands)."""
 
-        def along(at: object, direction: object) -> Array:
+        def along(at: object, direction: object) -> Callable[..., PyTree]:
             return jax.jvp(self.push, at, direction)[1]
 
         at = motion, commands

@@ -47,7 +47,7 @@ class TimeCurrent(Water):
     pushes infinitely hard. Raises ArgumentError for an invalid current.
     """
 
-    function: Callable[[Any], Any]
+    function: Callable[[PyTree], PyTree]
 
     steady = False
 
@@ -71,7 +71,7 @@ class CurrentField(Water):
     argument with a default is not t, unless that is its name. Raises ArgumentError for any other function.
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., PyTree]
 
     uniform = False
 

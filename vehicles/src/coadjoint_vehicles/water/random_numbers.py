@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 
 M1, M2 = 4294967087, 4294944443
@@ -75,7 +74,7 @@ def _modulo(value: Array, m: float) -> Array:
     return jnp.where(rest >= m, rest - m, rest)
 
 
-def normal(state: Array, count: int) -> tuple[Array, Any]:
+def normal(state: Array, count: int) -> tuple[Array, PyTree]:
     """(z, next state): z (count,) independent with mean 0 and variance 1, by Box and Muller.
 
     (z_1, z_2) = √(−2 ln u) (cos 2πv, sin 2πv).

@@ -126,7 +126,7 @@ def _require_different_seeds(start: dict[str, PyTree]) -> None:
             )
 
 
-def _leaves(tree: PyTree, name: str = "") -> list[tuple[str, Any]]:
+def _leaves(tree: PyTree, name: str = "") -> list[tuple[str, PyTree]]:
     """Everything in nested dictionaries, by names such as `gusts.random`."""
     if not isinstance(tree, dict):
         return [(name, tree)]

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import Array
 from coadjoint.groups import attitude
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.axes import Axes
@@ -42,7 +43,7 @@ def quaternions(directions: np.ndarray, axes: Axes) -> np.ndarray:
     return found
 
 
-def vector(path: str, values: np.ndarray) -> dict[str, np.ndarray]:
+def vector(path: str, values: Array) -> dict[str, np.ndarray]:
     """Fields x, y, z of columns."""
     return {f"{path}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
 
