@@ -12,6 +12,7 @@ import numpy as np
 from scipy.sparse import bmat, csc_matrix
 from scipy.sparse.linalg import splu
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import free_start_sizes
 from coadjoint.control.library import casadi
 from coadjoint.control.problem_data import ProblemData
@@ -87,7 +88,7 @@ def _of_start(transcription: Transcription) -> slice:
     return slice(-size - after, -after or None)
 
 
-def _with_start(transcription: Transcription, rows: np.ndarray, slopes: Any, bounds: np.ndarray) -> np.ndarray:
+def _with_start(transcription: Transcription, rows: np.ndarray, slopes: PyTree, bounds: np.ndarray) -> np.ndarray:
     """The multipliers of the start's velocities, Sᵀ λ = those of its momenta while these were fixed."""
     where, names = _of_start(transcription), transcription.graph.names()
     of_momenta = [i for i, place in enumerate(transcription.live) if names[place].startswith(("mu", "pi"))]

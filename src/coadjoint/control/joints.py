@@ -114,7 +114,7 @@ def phased_program(
         g.append(program.g)
         blocks += [Block(b.rows._replace(what=f"{b.rows.what} of phase `{name}`"), b.nodes) for b in program.blocks]
 
-    def zero(what: str, values: Any) -> None:
+    def zero(what: str, values: PyTree) -> None:
         g.append(values)
         blocks.append(Block(Rows(what, np.zeros(values.numel()), np.zeros(values.numel())), 1))
 

@@ -40,7 +40,7 @@ class Tables:
             if array.size:
                 self._buffer.set_res(k, view(array))
 
-    def __call__(self, *arguments: Any) -> list[np.ndarray]:
+    def __call__(self, *arguments: PyTree) -> list[np.ndarray]:
         """The results, which the next call overwrites."""
         for array, value in zip(self._arguments, arguments, strict=True):
             array[:] = value

@@ -152,7 +152,7 @@ def _changes(transcription: Transcription, part: str) -> np.ndarray:
         raise ArgumentError(f"The optimum is asked for its derivative by the start's {part}, which {what}.")
     size = Q.dim(group) if part in ("q", "pi") else group.dim
 
-    def numbers(change: Any) -> Any:
+    def numbers(change: PyTree) -> Any:
         by = {name: change if name == part else 0.0 for name in OF_THE_START}
         g = group.compose(state.g, group.exp(change)) if part == "g" else state.g
         moved = {"g": g, "mu": state.mu + by["mu"], "pi": state.pi + by["pi"]}

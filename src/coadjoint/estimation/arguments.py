@@ -58,7 +58,7 @@ def roots_of_noise(given: Mapping[str, PyTree] | None, d: int, q: int) -> np.nda
     return np.concatenate(found)
 
 
-def prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:
+def prepared(process: Process, name: str, measurement: PyTree) -> PreparedMeasurement:
     """A measurement with its function of rows, R and the largest NIS that is accepted."""
     checks.instance(measurement, f"`{name}` of `measurements`", Measurement, "a co.estimation.Measurement")
     with in_words(f"The function of the measurement `{name}`"):
@@ -80,7 +80,7 @@ def array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
     return np.ascontiguousarray(value)
 
 
-def first_covariance(process: Process, row: np.ndarray, deviations: Any, covariance: Any) -> np.ndarray:
+def first_covariance(process: Process, row: np.ndarray, deviations: PyTree, covariance: PyTree) -> np.ndarray:
     if (deviations is None) == (covariance is None):
         raise ArgumentError("Give a filter either `deviations` or `covariance` of its errors at the start.")
     if covariance is None:

@@ -87,7 +87,7 @@ class Filter(Remade):
         *,
         measurements: Mapping[str, Measurement],
         deviations: Mapping[str, PyTree] | None = None,
-        covariance: Any = None,
+        covariance: PyTree = None,
         memory: float = 0.0,
         members: int | None = None,
         accuracy: bool = True,
@@ -324,7 +324,7 @@ class Filter(Remade):
             self._sample = None
             warn(sentence, stacklevel=3)
 
-    def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, PyTree]:
+    def _series(self, given: PyTree, argument: str, sizes: Mapping[str, int]) -> dict[str, PyTree]:
         if given is not None:
             checks.instance(given, argument, Mapping, "name → (times, values)")
         return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}

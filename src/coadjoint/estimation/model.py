@@ -143,7 +143,7 @@ class ModelProcess(InvariantErrors):
 
     truths = "a run of co.simulate, states with an axis of nodes, or "
 
-    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, PyTree] | None = None) -> np.ndarray:
+    def rows_of(self, states: PyTree, times: np.ndarray, known: Mapping[str, PyTree] | None = None) -> np.ndarray:
         """Rows (K, size) of a run at `times`, or of states: the attitudes, places and velocities at the nodes with the
         momenta that they have in this model, and θ, which is `known` or that of the system of the motion."""
         found = states_at(states, times, self._system)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.clocks import jumps_ahead
 from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.estimation.numbers import float64
@@ -91,7 +91,7 @@ class Series(NamedTuple):
     values: np.ndarray
 
 
-def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], members: int | None) -> Series:
+def series(name: str, given: PyTree, argument: str, sizes: Mapping[str, int], members: int | None) -> Series:
     """(times, values) as given for a name; raises ArgumentError unless they fit."""
     if name not in sizes:
         known = ", ".join(sizes) or "none"

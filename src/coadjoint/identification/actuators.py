@@ -110,7 +110,7 @@ class Actuators:
 
         return _kept(_recursions, (self.key, self.moving, self.leaves), made)
 
-    def _step(self, carried: PyTree, row: Any, numbers: Any) -> PyTree:
+    def _step(self, carried: PyTree, row: PyTree, numbers: PyTree) -> PyTree:
         """(x, ∂x/∂p), one parameter after the other, a step later; row: t, h, and the inputs."""
         n, m = len(self.places), len(self.moving)
         x, by = carried[:n], carried[n:].reshape(m, n)
@@ -118,7 +118,7 @@ class Actuators:
         shape = layout(self.template.internal)
         begun = flattened(self.template.internal)
 
-        def after(x: Array, moving: Any) -> PyTree:
+        def after(x: Array, moving: PyTree) -> PyTree:
             p = numbers
             internal = begun
             for k, place in enumerate(self.moving):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -35,11 +35,11 @@ class Moved(NamedTuple):
     component: np.ndarray
 
 
-def _on_rotations(motion: Any, p: PyTree) -> Force:
+def _on_rotations(motion: PyTree, p: PyTree) -> Force:
     return Force(torque=p.process_noise[3:], force=p.process_noise[:3])
 
 
-def _on_poses(motion: Any, p: PyTree) -> Force:
+def _on_poses(motion: PyTree, p: PyTree) -> Force:
     return Force(torque=jnp.concatenate([p.process_noise[3:], p.process_noise[:3]]))
 
 

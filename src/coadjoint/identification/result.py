@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from coadjoint.arrays import PyTree
 from coadjoint.identification import diagnostics
 from coadjoint.identification.equalities import SIGN
 from coadjoint.identification.fit import Fit
@@ -79,13 +80,13 @@ class Identification:
             found[name] = (off + np.pi) % (2 * np.pi) - np.pi if self.log.units.get(name) == "rad" else off
         return found
 
-    def plot(self, columns: Any = None) -> Any:
+    def plot(self, columns: PyTree = None) -> Any:
         """Measured against simulated; a matplotlib Figure."""
         from coadjoint.identification.figures import measured_and_simulated
 
         return measured_and_simulated(self.log, self.simulated, columns)
 
-    def plot_innovations(self, columns: Any = None) -> Any:
+    def plot_innovations(self, columns: PyTree = None) -> Any:
         """Autocorrelation and histogram of the innovations of each column, against those of white normal noise; a
         matplotlib Figure."""
         from coadjoint.identification.figures import autocorrelation_and_histogram

@@ -151,7 +151,7 @@ class Stage(Protocol):
         """The function of z that `structure` solves: the residual, or more where it asks for more."""
         ...
 
-    def solved(self, state: State, found: Any) -> State:
+    def solved(self, state: State, found: PyTree) -> State:
         """The state with the further results of its solution, `Root.found`: `advance` starts from it."""
         ...
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 
 S = TypeVar("S", bound=ReducedFunctions)
 
 
-def replaced(system: S, **values: Any) -> S:
+def replaced(system: S, **values: PyTree) -> S:
     """A copy of the system with these attributes."""
     kind: Any = type(system)
     made = object.__new__(kind)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -59,7 +58,7 @@ class _Table(Signal):
     forces or a Lagrangian: n rows of these cost about n selections.
     """
 
-    def __init__(self, times: Any, values: Any):
+    def __init__(self, times: PyTree, values: PyTree):
         name = type(self).__name__
         times, values = float64(times, f"The times of co.{name}"), float64(values, f"The values of co.{name}")
         if np.ndim(times) != 1 or np.shape(times)[0] == 0 or np.shape(values)[:1] != np.shape(times):
@@ -74,7 +73,7 @@ class _Table(Signal):
     times: Array
     values: Array
 
-    def _rows(self, number: Any) -> tuple[Array, list[Array]]:
+    def _rows(self, number: PyTree) -> tuple[Array, list[Array]]:
         """Borders (k − 1,) and columns (k, …), computed by JAX or NumPy: row i holds from borders[i − 1] to [i]."""
         raise NotImplementedError
 
@@ -121,7 +120,7 @@ class Held(_Table):
     Raises ArgumentError for times that do not increase, and for shapes that do not match.
     """
 
-    def _rows(self, number: Any) -> tuple[Array, list[Array]]:
+    def _rows(self, number: PyTree) -> tuple[Array, list[Array]]:
         gaps = number.diff(self.times)
         early = EARLY * number.min(gaps) if len(gaps) else 0.0
         return self.times[1:] - early, [self.values]
@@ -141,7 +140,7 @@ class Linear(_Table):
     Raises ArgumentError for times that do not increase, and for shapes that do not match.
     """
 
-    def _rows(self, number: Any) -> tuple[Array, list[Array]]:
+    def _rows(self, number: PyTree) -> tuple[Array, list[Array]]:
         times, values = number.asarray(self.times), number.asarray(self.values)
         lengths = number.diff(times).reshape(-1, *(1 for _ in values.shape[1:]))
         flat = number.zeros((1, *values.shape[1:]))

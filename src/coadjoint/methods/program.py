@@ -222,7 +222,7 @@ class StepStage:
         system = self._system(parameters)
         return lambda z: self.step.evaluated(system, state, h, z)
 
-    def solved(self, state: State, found: Any) -> State:
+    def solved(self, state: State, found: PyTree) -> State:
         """The state with the further results of its solution."""
         return self.step.solved(state, found)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 
@@ -74,7 +74,7 @@ class Step(ABC):
         """The function values for `structure` at the unknowns z (unknowns,): `residual`."""
         return self.residual(system, state, h, z)
 
-    def solved(self, state: State, found: Any) -> State:
+    def solved(self, state: State, found: PyTree) -> State:
         """The state with the further results of `structure`, for `record` and `advance`."""
         return state
 

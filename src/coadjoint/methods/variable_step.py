@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
@@ -257,7 +257,7 @@ def _plain(base: Method) -> bool:
     return alone and base.claims.symplectic and not base.variable
 
 
-def _bounds(within: Any) -> tuple[float, float]:
+def _bounds(within: PyTree) -> tuple[float, float]:
     """The bounds of h/dt; raises ArgumentError unless they are two numbers with 0 < low < 1 < high."""
     try:
         low, high = map(float, within)

@@ -145,7 +145,7 @@ def moment(state, p, *, axis: int):
     return p.circulations @ sphere_positions(state.mu, p.circulations, p.radius)[:, axis]
 
 
-def _system(group: Any, energy: Any, given: dict[str, PyTree], watched: object, units: object, name: str) -> System:
+def _system(group: Any, energy: PyTree, given: dict[str, PyTree], watched: object, units: object, name: str) -> System:
     count = len(given["circulations"])
     checks = partial(checked, {"circulations": partial(_circulations, count=count), "radius": positive})
     options = {"quantities": watched, "units": units, "checks": checks, "name": f"{count} {name}"}

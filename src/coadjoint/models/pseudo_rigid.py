@@ -159,7 +159,7 @@ def start(body: System, *, deformation: Quantity | None = None, velocity: Quanti
 
 def _body(
     group: Any,
-    energy: Any,
+    energy: PyTree,
     moments: Callable[[PyTree], PyTree],
     checks: Any,
     given: dict[str, PyTree],

@@ -93,7 +93,7 @@ def _at_node(dataset: xarray.Dataset, system: System, last: State) -> State:
     return last.replace(xi=xi, nu=nu, origin=Origin(last.origin.system, (last.xi, last.nu)))
 
 
-def _parts(row: Any) -> dict[tuple[str, ...], np.ndarray]:
+def _parts(row: PyTree) -> dict[tuple[str, ...], np.ndarray]:
     numbers, start, found = np.asarray(row.values, np.float64), 0, {}
     for path, shape in json.loads(row.attrs["parts"]):
         end = start + int(np.prod(shape))

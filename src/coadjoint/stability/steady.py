@@ -273,7 +273,7 @@ def _held(state: State, path: str) -> tuple[str, PyTree]:
     )
 
 
-def _replaced(values: Any, path: str, value: Any) -> PyTree:
+def _replaced(values: PyTree, path: str, value: PyTree) -> PyTree:
     """The values with one of them replaced."""
     name, _, rest = path.partition(".")
     return values.replace(**{name: _replaced(getattr(values, name), rest, value) if rest else value})

@@ -157,7 +157,7 @@ def _pairs(tree: PyTree) -> tuple[PyTree, PyTree]:
     return jax.tree.map(lambda x: x[:-1], tree), jax.tree.map(lambda x: x[1:], tree)
 
 
-def _row(equation: str, statement: str, values: Any, scale: float) -> Residual:
+def _row(equation: str, statement: str, values: PyTree, scale: float) -> Residual:
     flat = np.asarray(values).reshape(len(values), -1)
     return Residual(equation, statement, np.max(np.abs(flat), axis=1, initial=0.0), scale or 1.0)
 

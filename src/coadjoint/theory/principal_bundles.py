@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint import checks
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Element
@@ -195,7 +195,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
     return sigma, _Node(now.group, now.last, _next(system, after, now, h)), root.code
 
 
-def _next(system: System, after: State, slopes: Any, h: Scalar) -> State:
+def _next(system: System, after: State, slopes: PyTree, h: Scalar) -> State:
     """The state at the next node, with its momenta and the quantities held over the step from there."""
     return held(system, stepped(after.replace(mu=-slopes.group, pi=slopes.last)), h)
 

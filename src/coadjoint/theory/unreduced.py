@@ -97,7 +97,7 @@ class LagrangianInSpace:
             internal=system.internal,
         ).driven(system.inputs)
 
-    def _at_identity(self, *arguments: Any, **keywords: Any) -> Array:
+    def _at_identity(self, *arguments: PyTree, **keywords: Any) -> Array:
         """The reduced function."""
         raise NotImplementedError
 
@@ -170,7 +170,7 @@ class WithKeywords:
     function: Callable[..., PyTree]
     keywords: tuple[str, ...]
 
-    def __call__(self, *arguments: Any, **given: Any) -> PyTree:
+    def __call__(self, *arguments: PyTree, **given: PyTree) -> PyTree:
         return self.function(*arguments, **given)
 
     @property

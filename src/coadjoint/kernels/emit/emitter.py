@@ -122,14 +122,14 @@ class Emitter:
                 stack.extend(a for a in node.args if self._known(a) is None)
         return [found[number] for number in sorted(found)]
 
-    def _known(self, node: Expr) -> ir.Value:
+    def _known(self, node: Expr) -> Any:
         for scope in reversed(self._scopes):
             value = scope.get(node)
             if value is not None:
                 return value
         return None
 
-    def _instruction(self, node: Expr) -> ir.Value:
+    def _instruction(self, node: Expr) -> Any:
         op, builder = node.op, self.builder
         if op == "const":
             return self.bit(node.value) if isinstance(node.value, bool) else self.constant(node.value)  # pyright: ignore

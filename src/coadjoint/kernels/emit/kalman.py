@@ -66,17 +66,17 @@ class _Memory:
     def integer(self, name: str) -> ir.Value:
         return self._f.at(self._memory, FIELDS.index(name))
 
-    def numbers(self, name: str) -> ir.Value:
+    def numbers(self, name: str) -> Any:
         return self._f.b.inttoptr(self.integer(name), NUMBERS)
 
-    def integers(self, name: str) -> ir.Value:
+    def integers(self, name: str) -> Any:
         return self._f.b.inttoptr(self.integer(name), INTEGERS)
 
     def call(self, name: str, kind: Any, arguments: list[ir.Value]) -> None:
         self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
-def _when(f: Loops, order: Any, number: int) -> ir.Value:
+def _when(f: Loops, order: Any, number: int) -> Any:
     return f.b.if_then(f.b.icmp_signed("==", order, INT64(number)))
 
 
@@ -90,7 +90,7 @@ def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[i
             f.put(there, i, f.at(P, f.times(i, f.add(n, 1))))
 
 
-def _predict(module: ir.Module, algebra: DenseAlgebra) -> ir.Value:
+def _predict(module: ir.Module, algebra: DenseAlgebra) -> ir.Function:
     """predict(memory, h): 0, or a code of the failure."""
     f = Loops(module, "predict", INT64, INTEGERS, DOUBLE)
     memory, h = f.args
@@ -223,7 +223,7 @@ def _symmetric(f: Loops, P: Any, n: Any) -> None:
         f.b.store(mean, other)
 
 
-def _not_finite(f: Loops, m: _Memory) -> ir.Value:
+def _not_finite(f: Loops, m: _Memory) -> Any:
     """Whether the trace of P is not finite, or a step of the model failed."""
     n, P, total = m.integer("errors"), m.numbers("P"), f.variable(DOUBLE, DOUBLE(0.0))
     with f.over(n) as i:
@@ -233,7 +233,7 @@ def _not_finite(f: Loops, m: _Memory) -> ir.Value:
     return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.integers("status"), 1), INT64(0)))
 
 
-def _correct(module: ir.Module, algebra: DenseAlgebra) -> ir.Value:
+def _correct(module: ir.Module, algebra: DenseAlgebra) -> ir.Function:
     """correct(memory, measurement, values, output): 0, or a code of the failure; output: NIS, and 1 where it was
     used."""
     f = Loops(module, "correct", INT64, INTEGERS, INT64, NUMBERS, NUMBERS)
@@ -279,7 +279,7 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> ir.Value:
     return f.function
 
 
-def _shorter(f: Loops, difference: Any, turn: Any) -> ir.Value:
+def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
     """x − turn·⌊x/turn + ½⌋ where there is a turn, as 2π of an angle; x where turn is 0."""
     floor = f.function.module.declare_intrinsic("llvm.floor", [DOUBLE])
     some = f.b.fcmp_ordered("!=", turn, DOUBLE(0.0))

@@ -77,7 +77,7 @@ class _Lanes:
     def mul(self, x: object, y: ir.Value) -> ir.Value:
         return self._fused("fmul", x, y)
 
-    def div(self, x: ir.Value, y: ir.Value) -> ir.Value:
+    def div(self, x: ir.Value, y: ir.Value) -> Any:
         return self.b.fdiv(self._given(x), self._given(y))
 
     def exactly(self, sum_or_difference: str, x: ir.Value, y: ir.Value) -> ir.Value:
@@ -110,13 +110,13 @@ class _Lanes:
     def integers(self, value: int) -> ir.Value:
         return ir.Constant(self.int64s, [INT64(value)] * self.emit.width)
 
-    def power_of_two(self, bits: ir.Value) -> ir.Value:
+    def power_of_two(self, bits: ir.Value) -> Any:
         """2ⁿ of the integer n in the last bits, −1022 ≤ n ≤ 1023."""
         biased = self.b.add(bits, self.integers(1023))
         return self.b.bitcast(self.b.shl(biased, self.integers(52)), self.emit.number)
 
 
-def _exp(l: _Lanes, x: ir.Value) -> ir.Value:
+def _exp(l: _Lanes, x: ir.Value) -> Any:
     """2ⁿ e^r with |r| ≤ ½ ln 2; 2ⁿ by two factors, so that the smallest and the largest numbers are reached."""
     x = l.where(">", x, 710.0, 710.0, x)
     x = l.where("<", x, -746.0, -746.0, x)
@@ -128,7 +128,7 @@ def _exp(l: _Lanes, x: ir.Value) -> ir.Value:
     return l.b.fmul(l.b.fmul(value, l.power_of_two(half_bits)), l.power_of_two(rest_bits))
 
 
-def _tanh(l: _Lanes, x: ir.Value) -> ir.Value:
+def _tanh(l: _Lanes, x: ir.Value) -> Any:
     """Lambert's continued fraction x/(1 + x²/(3 + x²/(5 + …))) to its ninth part where |x| < 1, else by e^{2|x|}."""
     size = l.emit.intrinsic("fabs", x)
     square = l.mul(x, x)

@@ -33,14 +33,14 @@ class Loops:
         """An integer as an LLVM value."""
         return INT64(value) if isinstance(value, int) else value
 
-    def add(self, *values: Any) -> ir.Value:
+    def add(self, *values: Any) -> Any:
         """The sum of integers."""
         first, *rest = map(self.integer, values)
         for value in rest:
             first = self.b.add(first, value)
         return first
 
-    def times(self, first: ir.Value, second: Any) -> ir.Value:
+    def times(self, first: ir.Value, second: Any) -> Any:
         """The product of integers."""
         return self.b.mul(self.integer(first), self.integer(second))
 

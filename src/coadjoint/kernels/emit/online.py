@@ -81,7 +81,7 @@ class _Online(StepFunction):
         well = b.icmp_signed("==", b.load(self.code), self.emit.counts(0))
         self.alive = self.emit.variable(self.emit.truth, well)
 
-    def _opens(self, wanted: Any) -> ir.Value:
+    def _opens(self, wanted: Any) -> Any:
         return self.builder.and_(wanted, self.emit.any(self.builder.load(self.alive)))
 
     def _held(self, number: int) -> ir.Value:
@@ -159,7 +159,7 @@ class _Online(StepFunction):
         result.add_incoming(now, back)
         b.ret(result)
 
-    def _command(self, s: object, commands: ir.Value, limits: Any, status: object) -> ir.Value:
+    def _command(self, s: object, commands: ir.Value, limits: Any, status: object) -> Any:
         """Put the commands of a group into its states, in the lanes that go on; those with one beyond its limits."""
         b, emit = self.builder, self.emit
         beyond = emit.bit(False)
@@ -173,7 +173,7 @@ class _Online(StepFunction):
                 beyond = b.or_(beyond, b.fcmp_ordered(sign, given, end))
         return b.and_(well, beyond)
 
-    def _due(self, taken: ir.Value, status: object) -> ir.Value:
+    def _due(self, taken: ir.Value, status: object) -> Any:
         """The lanes whose count of steps, `taken` before, has come to one of those of `StatusFlag.DUE`."""
         b, counts = self.builder, self.emit.counts
         now = self.load(status, 0, self.emit.counter)

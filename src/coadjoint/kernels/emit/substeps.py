@@ -20,9 +20,9 @@ class Done:
     `record`, `course` and `monitors` emit their values where they are needed.
     """
 
-    well: Any
-    code: Any
-    iterations: Any
+    well: ir.Value
+    code: ir.Value
+    iterations: ir.Value
     after: list[ir.Value]
     record: Callable[[], list[ir.Value]]
     course: Callable[[], list[ir.Value]]

@@ -60,7 +60,7 @@ class DenseStage:
         """The function z ↦ residual(z)."""
         return partial(cast(Any, self).residual, parameters, state, h)
 
-    def solved(self, state: PyTree, found: Any) -> PyTree:
+    def solved(self, state: PyTree, found: PyTree) -> PyTree:
         """The state, unchanged."""
         return state
 

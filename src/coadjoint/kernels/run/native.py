@@ -159,7 +159,7 @@ def run(
     return _chunk(kernel, shape_s, result, records, save_every)
 
 
-def _chunk(kernel: Kernel, state: Layout, result: Any, records: int, save_every: int) -> Chunk:
+def _chunk(kernel: Kernel, state: Layout, result: PyTree, records: int, save_every: int) -> Chunk:
     """A single run that the machine wrote."""
     steps, code, iterations, iterations_max = map(int, result.status[:, 0])
     valid = min(-(-steps // save_every), records)

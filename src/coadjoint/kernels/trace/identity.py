@@ -102,7 +102,7 @@ class _Walk:
         self.word("array", array.dtype.str, array.shape)
         self.hasher.update(array.tobytes())
 
-    def _several(self, kind: str, values: Any) -> None:
+    def _several(self, kind: str, values: PyTree) -> None:
         self.word(kind, len(values))
         for one in values:
             self.value(one)

@@ -91,7 +91,7 @@ def _value(atom: Atom, values: Mapping[Atom, Array]) -> Array:
     return values[atom] if number is None else number
 
 
-def typed(result: Any, dtype: Any) -> Array:
+def typed(result: PyTree, dtype: Any) -> Array:
     """`result` as an array of the type that JAX announced; a bare expression becomes an array of one."""
     array = np.asarray(result)
     return array if array.dtype == object or array.dtype == dtype else array.astype(dtype)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -109,7 +107,7 @@ def carried(fluid: System, records: PyTree) -> Coefficients:
     return coefficients_of(size, np.asarray(records.a))
 
 
-def _carrying(fluid: System, energy: Any, watched: dict[str, PyTree], units: dict[str, str], name: str) -> System:
+def _carrying(fluid: System, energy: PyTree, watched: dict[str, PyTree], units: dict[str, str], name: str) -> System:
     """The fluid with a carried function, whose energy is that of the fluid and `energy(a)`, both times N/4π."""
     size = size_of(fluid)
     planetary = axial(size, 2.0)

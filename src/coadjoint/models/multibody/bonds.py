@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.mechanics.state import Force, Motion
 from coadjoint.models.multibody.joints import KINDS
 from coadjoint.portable import Portable
@@ -39,14 +38,14 @@ class Bond(Portable):
     teeth: tuple[int, int] = (1, 1)
     ball: bool = False
 
-    def _relative(self, n: Array, a: Any, p: Any) -> tuple[Array, Array]:
+    def _relative(self, n: Array, a: PyTree, p: PyTree) -> tuple[Array, Array]:
         """d (3,) and C (3, 3)."""
         A, B = (np.array(one) for one in self.axes)
         own, E = getattr(p, self.name), a.pose[self.pair]
         apart = E @ (_of(n, self.second) + own.second) - _of(n, self.first) - own.first
         return A.T @ apart, A.T @ E @ B
 
-    def gap(self, n: Array, a: Any, p: Any) -> Array:
+    def gap(self, n: Array, a: PyTree, p: PyTree) -> Array:
         """φ (m,): what vanishes of d and C, and the row of its own."""
         kind = KINDS[self.kind]
         if kind.ratio == "gear":
@@ -57,21 +56,21 @@ class Bond(Portable):
             rows.append(getattr(self, f"_{kind.ratio}")(d, C, getattr(p, self.name)))
         return jnp.stack(rows)
 
-    def _gear(self, n: Array, a: Any, p: Any) -> Array:
+    def _gear(self, n: Array, a: PyTree, p: PyTree) -> Array:
         """sin(z₁θ₁ + z₂θ₂)/z₁, smooth where an angle jumps by a turn."""
         one, other = (wheel.coordinates(n, a, p)[0] for wheel in self.wheels)
         return jnp.sin(self.teeth[0] * one + self.teeth[1] * other) / self.teeth[0]
 
-    def _distance(self, d: Array, C: Array, own: Any) -> Array:
+    def _distance(self, d: Array, C: Array, own: PyTree) -> Array:
         """(|d|² − l²)/2l, whose multiplier is the force along the line."""
         return 0.5 * (d @ d / own.length - own.length)
 
-    def _screw(self, d: Array, C: Array, own: Any) -> Array:
+    def _screw(self, d: Array, C: Array, own: PyTree) -> Array:
         """c sin(θ − d₃/c) with c = pitch/2π: any number of turns."""
         c = own.pitch / (2 * np.pi)
         return c * (C[1, 0] * jnp.cos(d[2] / c) - C[0, 0] * jnp.sin(d[2] / c))
 
-    def _contact(self, d: Array, C: Array, own: Any) -> Array:
+    def _contact(self, d: Array, C: Array, own: PyTree) -> Array:
         """The height of the lowest point of the wheel over the plane."""
         return d[2] - own.radius * self._lean(C)
 
@@ -79,7 +78,7 @@ class Bond(Portable):
         """The sine of the angle between the axis of a disk and the normal; 1 of a ball."""
         return 1.0 if self.ball else jnp.sqrt(C[0, 2] ** 2 + C[1, 2] ** 2)
 
-    def slip(self, xi: Array, nu: Array, n: Array, a: Any, p: Any) -> Array:
+    def slip(self, xi: Array, nu: Array, n: Array, a: PyTree, p: PyTree) -> Array:
         """The velocity of the wheel's lowest point relative to the plane, along it, (2,)."""
         C = self._relative(n, a, p)[1]
         e = np.eye(3)[2]
@@ -88,13 +87,13 @@ class Bond(Portable):
         spin, drift = self._twist(xi, nu, n, a, p)
         return (drift + jnp.cross(spin, under))[:2]
 
-    def rolling(self, n: Array, a: Any, p: Any) -> Array:
+    def rolling(self, n: Array, a: PyTree, p: PyTree) -> Array:
         """The rows (2, 6N) of the velocities (ξ, ν) that hold the wheel without slip."""
         still = jnp.zeros_like(n)
         slopes = jax.jacfwd(self.slip, (0, 1))(still, still, n, a, p)
         return jnp.concatenate([jnp.reshape(slope, (2, -1)) for slope in slopes], axis=1)
 
-    def _twist(self, xi: Array, nu: Array, n: Array, a: Any, p: Any) -> tuple[Array, Array]:
+    def _twist(self, xi: Array, nu: Array, n: Array, a: PyTree, p: PyTree) -> tuple[Array, Array]:
         """The angular velocity of the second body relative to the first, and ḋ, (3,) each, along the first frame."""
         A, E, own = np.array(self.axes[0]), a.pose[self.pair], getattr(p, self.name)
         omega = _of(xi, self.first)
@@ -103,19 +102,19 @@ class Bond(Portable):
         drift = moving - _of(nu, self.first) - jnp.cross(omega, there)
         return A.T @ (E @ _of(xi, self.second) - omega), A.T @ drift
 
-    def coordinates(self, n: Array, a: Any, p: Any) -> Array:
+    def coordinates(self, n: Array, a: PyTree, p: PyTree) -> Array:
         """The joint's coordinates, (k,): an angle, rad, from −π to π, a distance, m."""
         d, C = self._relative(n, a, p)
         found = {"angle": jnp.arctan2(C[1, 0], C[0, 0]), "distance": d[2]}
         return jnp.stack([found[name] for name in KINDS[self.kind].coordinates])
 
-    def speeds(self, xi: Array, nu: Array, n: Array, a: Any, p: Any) -> Array:
+    def speeds(self, xi: Array, nu: Array, n: Array, a: PyTree, p: PyTree) -> Array:
         """The rates of the coordinates, (k,), rad/s and m/s."""
         spin, drift = self._twist(xi, nu, n, a, p)
         found = {"angle": spin[2], "distance": drift[2]}
         return jnp.stack([found[name] for name in KINDS[self.kind].coordinates])
 
-    def spring(self, n: Array, a: Any, p: Any) -> Scalar:
+    def spring(self, n: Array, a: PyTree, p: PyTree) -> Scalar:
         """½k(x − x₀)², with the difference of angles within half a turn."""
         own, x = getattr(p, self.name), self.coordinates(n, a, p)[0]
         off = x - own.rest
@@ -123,18 +122,18 @@ class Bond(Portable):
             off = jnp.arctan2(jnp.sin(off), jnp.cos(off))
         return 0.5 * own.stiffness * off**2
 
-    def acting(self, strength: Scalar, motion: Motion, p: Any) -> Force:
+    def acting(self, strength: Scalar, motion: Motion, p: PyTree) -> Force:
         """The force of a torque, N m, or a force, N, at the joint's coordinate, by its virtual work."""
         along = jax.grad(lambda xi, nu: self.speeds(xi, nu, motion.n, motion.a, p)[0], (0, 1))
         torque, force = along(motion.xi, motion.nu)
         return Force(torque=strength * torque, force=jnp.reshape(strength * force, -1))
 
-    def damper(self, motion: Motion, p: Any) -> Force:
+    def damper(self, motion: Motion, p: PyTree) -> Force:
         """−c times the rate of the coordinate, there."""
         rate = self.speeds(motion.xi, motion.nu, motion.n, motion.a, p)[0]
         return self.acting(-getattr(p, self.name).damping * rate, motion, p)
 
-    def motor(self, motion: Motion, p: Any) -> Force:
+    def motor(self, motion: Motion, p: PyTree) -> Force:
         """The input of the joint's name at its coordinate."""
         return self.acting(getattr(motion.inputs, self.name), motion, p)
 
@@ -146,7 +145,7 @@ class Held(Portable):
     bond: Bond
     shown: tuple[tuple[float, ...], tuple[float, ...]]
 
-    def gap(self, n: Array, a: Any, p: Any, *, t: Scalar) -> Array:
+    def gap(self, n: Array, a: PyTree, p: PyTree, *, t: Scalar) -> Array:
         """sin of the difference of angles, the difference of distances, (k,)."""
         off = self.bond.coordinates(n, a, p) - np.array(self.shown[0]) - np.array(self.shown[1]) * t
         names = KINDS[self.bond.kind].coordinates
@@ -159,7 +158,7 @@ class Energy(Portable):
 
     springs: tuple[Bond, ...]
 
-    def lagrangian(self, xi: Array, n: Array, nu: Array, a: Any, p: Any) -> Scalar:
+    def lagrangian(self, xi: Array, n: Array, nu: Array, a: PyTree, p: PyTree) -> Scalar:
         """ℓ, one number, J."""
         turning = 0.5 * jnp.sum(xi * jnp.einsum("nij,nj->ni", p.inertia, xi))
         moving = jnp.sum(p.mass[:, None] * (0.5 * nu**2 + n * a.gravity))

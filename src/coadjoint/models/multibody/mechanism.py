@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, Power
 from coadjoint.mechanics.constrained_start import checked_start
@@ -122,8 +123,8 @@ class Mechanism:
             return np.eye(3), np.zeros(3)
         return self.bodies[body].rotation, self.bodies[body].place
 
-    def _parameters(self) -> dict[str, Any]:
-        found: dict[str, Any] = {
+    def _parameters(self) -> dict[str, PyTree]:
+        found: dict[str, PyTree] = {
             "mass": [body.mass for body in self.bodies.values()],
             "inertia": np.stack([body.inertia for body in self.bodies.values()]),
         }
@@ -132,7 +133,7 @@ class Mechanism:
                 found[key] = self._numbers(joint)
         return found
 
-    def _numbers(self, joint: Joint) -> dict[str, Any]:
+    def _numbers(self, joint: Joint) -> dict[str, PyTree]:
         """The parameters of a joint."""
         (R, x), (S, y) = self.reference(joint.first), self.reference(joint.second)
         first, second = joint.at, joint.at if joint.to is None else joint.to
@@ -178,8 +179,8 @@ class Mechanism:
     def state(
         self,
         *,
-        coordinates: Mapping[str, Any] | None = None,
-        speeds: Mapping[str, Any] | None = None,
+        coordinates: Mapping[str, PyTree] | None = None,
+        speeds: Mapping[str, PyTree] | None = None,
         poses: Mapping[str, tuple[Quantity, Quantity]] | None = None,
         rates: Mapping[str, Quantity] | None = None,
         velocities: Mapping[str, Quantity] | None = None,
@@ -230,7 +231,7 @@ class Mechanism:
         return joint_data(self.bonds, records, self.system)
 
 
-def _named(given: Any, name: str, kind: type, words: str, *taken: str) -> dict[str, Any]:
+def _named(given: Any, name: str, kind: type, words: str, *taken: str) -> dict[str, PyTree]:
     """A dictionary of bodies or joints; raises ArgumentError for anything else."""
     if not isinstance(given, Mapping) or not all(isinstance(one, kind) for one in given.values()):
         raise ArgumentError(f"Argument `{name}` must be a dictionary of names and {words}, but is {shown(given)}.")

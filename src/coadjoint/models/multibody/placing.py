@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.models.multibody.bodies import rotation
 from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
@@ -28,11 +29,11 @@ class Placing:
     def __init__(
         self,
         mechanism: Mechanism,
-        coordinates: Mapping[str, Any],
-        speeds: Mapping[str, Any],
-        poses: Mapping[str, Any],
-        rates: Mapping[str, Any],
-        velocities: Mapping[str, Any],
+        coordinates: Mapping[str, PyTree],
+        speeds: Mapping[str, PyTree],
+        poses: Mapping[str, PyTree],
+        rates: Mapping[str, PyTree],
+        velocities: Mapping[str, PyTree],
     ):
         self.mechanism = mechanism
         self.coordinates = {key: self._numbers(key, value, "coordinates") for key, value in coordinates.items()}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -133,7 +132,7 @@ def inertia_per_length(p: PyTree) -> Array:
     return jnp.concatenate([turning, jnp.broadcast_to(p.mass, 3 if turning.shape[0] == 3 else 2)])
 
 
-def strains(layout: RodLayout, poses: Any, p: PyTree, end: PyTree = None) -> Array:
+def strains(layout: RodLayout, poses: PyTree, p: PyTree, end: PyTree = None) -> Array:
     """ε, shape (M, d), of relative poses of the elements; `end`: the pose to which a driven end has moved."""
     R, x = poses
     if end is not None:

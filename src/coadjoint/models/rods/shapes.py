@@ -84,7 +84,7 @@ def centerline(state: State) -> np.ndarray:
     return np.asarray(g[1])
 
 
-def curve(rod: System, first: Any, strain: Any) -> PyTree:
+def curve(rod: System, first: Any, strain: PyTree) -> PyTree:
     """The poses (M + 1, …) of sections one after the other from the first one, of strains (M, d)."""
     group: Any = rod.group
     p: PyTree = rod.parameters
@@ -157,7 +157,7 @@ def _require_turns(kappa: np.ndarray, length: np.ndarray, name: str) -> None:
         )
 
 
-def _require_closed(poses: Any, length: np.ndarray) -> None:
+def _require_closed(poses: PyTree, length: np.ndarray) -> None:
     """Raise ArgumentError where the last of the poses (M + 1, …) of a ring is not the first."""
     R, x = poses
     gap, turn = np.linalg.norm(x[-1] - x[0]), np.max(np.abs(R[-1] - R[0]))
@@ -169,7 +169,7 @@ def _require_closed(poses: Any, length: np.ndarray) -> None:
         )
 
 
-def _clamps(rod: System, pairs: Any, poses: Any) -> PyTree:
+def _clamps(rod: System, pairs: PyTree, poses: PyTree) -> PyTree:
     """e₀ of every element: e, and the poses of clamped ends, with those of the first one inverted."""
     R, x = poses
     size = x.shape[1]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.groups.small_angle import arctangent_ratio
 
 _AXIAL = np.zeros((3, 3, 3))
@@ -66,6 +64,6 @@ def straight(planar: bool) -> np.ndarray:
     return np.eye(3)[1] if planar else np.eye(6)[3]
 
 
-def each_element(strain: Any, count: int) -> np.ndarray:
+def each_element(strain: PyTree, count: int) -> np.ndarray:
     """A strain for each of `count` elements, (count, d), of one for all (d,) or of one each."""
     return np.broadcast_to(strain, (count, np.shape(strain)[-1])).copy()

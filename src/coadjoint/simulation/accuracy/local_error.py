@@ -217,7 +217,7 @@ class PartsOfSteps:
         return kept
 
     def errors(
-        self, rows: np.ndarray, h: np.ndarray, members: PyTree = None, sizes: Any = None, at_least: bool = False
+        self, rows: np.ndarray, h: np.ndarray, members: PyTree = None, sizes: PyTree = None, at_least: bool = False
     ) -> tuple[Errors, dict[str, float]]:
         """Local errors of the steps of h (rows,) from every row, and the sizes to which they are relative.
 

@@ -105,7 +105,7 @@ class Verdict(NamedTuple):
 
 
 def verdict(
-    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: PyTree, errors: Errors, sizes: Any, dt: Scalar,
+    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: PyTree, errors: Errors, sizes: PyTree, dt: Scalar,
     turns: bool = True,
 ) -> Verdict:  # fmt: skip
     """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name.

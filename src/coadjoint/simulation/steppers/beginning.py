@@ -160,7 +160,7 @@ def _mass_matrix(system: System, place: tuple[PyTree, ...]) -> Array:
     """∂²ℓ/∂(ξ, ν)², a square matrix."""
     xi, n, nu, *rest = place
 
-    def momenta(velocities: Any) -> PyTree:
+    def momenta(velocities: PyTree) -> PyTree:
         return jnp.concatenate(legendre(system, velocities[: xi.size], n, velocities[xi.size :], *rest))
 
     return jax.jacfwd(momenta)(jnp.concatenate([xi, nu]))

@@ -141,7 +141,7 @@ def commanded_system(system: System, start: State, commands: Commands, by_veloci
     return with_inputs(system, start, commands.inputs, by_velocities)
 
 
-def commanded(inputs: Inputs | None, state: State, command: Any) -> State:
+def commanded(inputs: Inputs | None, state: State, command: PyTree) -> State:
     """The state with commands, which may be traced; those that are not named stay."""
     if command is None:
         return state

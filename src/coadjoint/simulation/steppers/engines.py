@@ -125,7 +125,9 @@ class XlaEngine:
 
     lanes = 1
 
-    def __init__(self, program: Program, watch: Callable[..., PyTree], layouts: tuple[Layout, Layout], commanded: Any):
+    def __init__(
+        self, program: Program, watch: Callable[..., PyTree], layouts: tuple[Layout, Layout], commanded: PyTree
+    ):
         self._advance = partial(_advance, program, watch, layouts, tuple(commanded))
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
@@ -160,7 +162,7 @@ def _advance(
     program: Program,
     watch: Any,
     layouts: Any,
-    commanded: Any,
+    commanded: PyTree,
     parameters,
     states,
     statuses,
@@ -182,7 +184,7 @@ def _advance(
     return jax.vmap(one)(parameters, states, statuses, commands)
 
 
-def _step(program: Program, constants: PyTree, h: Scalar, carry: Any) -> Any:
+def _step(program: Program, constants: PyTree, h: Scalar, carry: PyTree) -> Any:
     """One step, as `xla` takes it in a run; a failed one leaves the state as it was."""
     state, (done, _, total, most), count = carry
     result = xla.step(program, constants, state, h, certify=False)

@@ -215,7 +215,7 @@ class Stepper(Stepping):
     # The same as pure functions.
 
     def trajectory(
-        self, state: State, command: Any = None, n: int = 1, *, parameters: PyTree = None, backend: Backend = "auto"
+        self, state: State, command: PyTree = None, n: int = 1, *, parameters: PyTree = None, backend: Backend = "auto"
     ) -> Trajectory:
         """n steps from a state under commands as a pure function, for jax.grad, jit, vmap and scan: `.final`, `.code`.
 

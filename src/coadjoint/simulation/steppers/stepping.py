@@ -123,7 +123,7 @@ class Stepping(StepperBase):
             if not np.all(np.isfinite(value)):
                 raise ArgumentError(f"Command `{name}` must be finite, but is {np.asarray(value).tolist()}.")
 
-    def _put(self, command: Any) -> None:
+    def _put(self, command: PyTree) -> None:
         if self._pack is not None and command.__class__ in (tuple, list) and not truths(command):
             try:
                 self._pack(self._fast, 0, *command)

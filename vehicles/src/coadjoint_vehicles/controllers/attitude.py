@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -25,7 +25,7 @@ def attitude_of(down: Array, north: Array) -> Array:
     return jnp.stack([north, jnp.cross(down, north), down])
 
 
-def level(heading: Any) -> Array:
+def level(heading: PyTree) -> Array:
     """The attitude without roll and pitch at a heading (rad)."""
     c, s, o = jnp.cos(heading), jnp.sin(heading), jnp.zeros(())
     return jnp.stack([jnp.stack([c, -s, o]), jnp.stack([s, c, o]), jnp.array([0.0, 0.0, 1.0])])
@@ -54,7 +54,7 @@ def attitude_distance(R: Array, wanted: Array) -> Array:
     return 0.5 * (3.0 - jnp.sum(wanted * R))
 
 
-def angular_acceleration(gains: Any, R: Array, wanted: Array, omega: Array) -> Array:
+def angular_acceleration(gains: PyTree, R: Array, wanted: Array, omega: Array) -> Array:
     """α = −k_R e_R − k_ω ω, rad/s², towards an attitude R_d at rest. gains: (k_R in 1/s², k_ω in 1/s).
 
     With ω̇ = α, V = ½|ω|² + k_R Ψ has V̇ = −k_ω|ω|²: R converges to R_d from everywhere except a set of measure zero,

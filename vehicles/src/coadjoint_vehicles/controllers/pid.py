@@ -10,7 +10,7 @@ from coadjoint.arrays import Array, PyTree
 
 
 def pid(
-    gains: Any,
+    gains: PyTree,
     error: Array,
     rate: Array,
     integral: Array,

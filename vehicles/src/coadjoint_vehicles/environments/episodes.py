@@ -156,7 +156,7 @@ def starting(craft: Craft, base: State) -> Callable[..., State]:
     group, Q, V = craft.system.places
     a0 = np.asarray(V.act(group, base.g, base.a))
 
-    def start(p: PyTree, R: Array, position: PyTree, velocity: Any, omega: Array, internal: Named) -> State:
+    def start(p: PyTree, R: Array, position: PyTree, velocity: PyTree, omega: Array, internal: Named) -> State:
         memory = internal.water if craft.water.start() else None
         back = group.inverse(R)
         n, a = Q.act(group, back, position), V.act(group, back, a0)

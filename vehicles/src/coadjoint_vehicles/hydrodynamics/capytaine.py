@@ -156,6 +156,6 @@ def _text(name: object) -> str:
     return name.decode() if isinstance(name, bytes) else str(name)
 
 
-def _range(values: Any) -> str:
+def _range(values: PyTree) -> str:
     flat = np.atleast_1d(values)
     return f"{np.min(flat):g}" if len(flat) == 1 else f"{np.min(flat):g} to {np.max(flat):g}"

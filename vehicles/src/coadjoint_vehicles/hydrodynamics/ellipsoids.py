@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.special import elliprd
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import System
 from coadjoint.models import general_vehicle
@@ -52,7 +50,7 @@ def ellipsoid(
     semi_axes: object,
     fluid_density: Scalar = 1025.0,
     gravity: float = 9.81,
-    center_of_mass: Any = (0.0, 0.0, 0.0),
+    center_of_mass: PyTree = (0.0, 0.0, 0.0),
 ) -> System:
     """A neutrally buoyant ellipsoid in an ideal fluid at rest: Kirchhoff's equations, and Leonard's bottom-heavy body.
 

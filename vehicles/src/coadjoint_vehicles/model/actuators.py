@@ -186,7 +186,7 @@ class Rule(InternalRule):
         feedback = seen(self.water, self.vehicle, motion, p, inputs)
         own = p if isinstance(controller, FunctionController) else p.controller
 
-        def update(last: Any) -> dict[str, PyTree]:
+        def update(last: PyTree) -> dict[str, PyTree]:
             memory = getattr(last, MEMORY) if MEMORY in last else Named()
             commands, remembered = steer(controller, feedback, memory, own, self.vehicle)
             commands = self._checked(commands)
@@ -298,7 +298,7 @@ def _columns(name: str, shape: tuple[int, ...]) -> str:
     )
 
 
-def starting_actuators(vehicle: Vehicle, given: Any, p: PyTree) -> dict[str, PyTree]:
+def starting_actuators(vehicle: Vehicle, given: PyTree, p: PyTree) -> dict[str, PyTree]:
     """The start of each actuator; raises ArgumentError for an unknown name, wrong shapes, and values out of range."""
     if given is not None:
         checks.instance(given, "actuators", Mapping, "name → where it starts")

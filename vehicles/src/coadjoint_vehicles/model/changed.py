@@ -98,7 +98,7 @@ def _members(values: Mapping[Any, Any]) -> Iterator[tuple[str, Mapping[Any, Any]
         yield f"member {row}", {key: member_of(value, row) for key, value in values.items()}
 
 
-def _require_shape(name: str, value: Any, nominal: Any) -> None:
+def _require_shape(name: str, value: Any, nominal: PyTree) -> None:
     """Raise ArgumentError for a number whose shape has changed."""
     given, wanted = (np.shape(v.values)[1:] if isinstance(v, Each) else np.shape(v) for v in (value, nominal))
     if given != wanted:
@@ -106,7 +106,7 @@ def _require_shape(name: str, value: Any, nominal: Any) -> None:
         raise ArgumentError(f"The parameter `{name}` must be {expected}, but has shape {given}.")
 
 
-def _same(value: Any, nominal: Any) -> bool:
+def _same(value: Any, nominal: PyTree) -> bool:
     if value is nominal:
         return True
     if any(isinstance(one, Each) for one in (value, nominal)) or traced(nominal):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
@@ -118,10 +117,10 @@ class Craft:
         self,
         *,
         position: PyTree = (0.0, 0.0, 0.0),
-        speed: Any = None,
-        velocity: Any = None,
-        euler_zyx: Any = (0.0, 0.0, 0.0),
-        angular_velocity: Any = (0.0, 0.0, 0.0),
+        speed: PyTree = None,
+        velocity: PyTree = None,
+        euler_zyx: PyTree = (0.0, 0.0, 0.0),
+        angular_velocity: PyTree = (0.0, 0.0, 0.0),
         actuators: Mapping[str, PyTree] | None = None,
         axes: turned.Axes = "NED/FRD",
         t: float = 0.0,

@@ -89,7 +89,7 @@ class Fault:
         """The command of a part whose state is more than its command."""
         return jnp.where(there > 0.5, self.value, command)
 
-    def stands(self, course: Any, now: Any, there: Array) -> Course:
+    def stands(self, course: PyTree, now: PyTree, there: Array) -> Course:
         """The course of a part over a step: its faulty elements stay at `value`."""
         found = course if isinstance(course, Course) else Course(course)
         begin = now if found.begin is None else found.begin

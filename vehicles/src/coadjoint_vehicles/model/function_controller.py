@@ -149,7 +149,7 @@ def _from_outside(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]
 
 
 def _row(
-    function: Callable[..., PyTree], numbers: Any, name: str, expected: tuple[Any, list[PyTree], int]
+    function: Callable[..., PyTree], numbers: PyTree, name: str, expected: tuple[Any, list[PyTree], int]
 ) -> np.ndarray:
     """The results of a function as a row of float64 numbers; NaN, with a recorded reason, if it fails."""
     structure, shapes, size = expected
@@ -164,12 +164,12 @@ def _row(
     return row if np.all(np.isfinite(row)) else _failed(name, numbers, "returned numbers that are not finite", size)
 
 
-def _failed(name: str, numbers: Any, what: str, size: int) -> np.ndarray:
+def _failed(name: str, numbers: PyTree, what: str, size: int) -> np.ndarray:
     _FAILED[name] = (float(numbers[0].t), f"{name} {what}.")
     return np.full(size, np.nan)
 
 
-def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[PyTree]:
+def _split(numbers: PyTree, shapes: list[tuple[int, ...]]) -> list[PyTree]:
     """Arrays of these shapes from a row of numbers."""
     ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in shapes])
     return [

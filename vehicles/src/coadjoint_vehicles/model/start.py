@@ -57,7 +57,7 @@ def starting_motion(
     return {name: each(np.asarray(value)) for name, value in found.items()}
 
 
-def through_water(speed: Any, velocity: Any) -> PyTree:
+def through_water(speed: PyTree, velocity: PyTree) -> PyTree:
     """The velocity v of the body origin through the water, body axes, from a speed ahead or from itself."""
     if speed is not None and velocity is not None:
         raise ArgumentError("Give one of `speed` and `velocity`, not both.")

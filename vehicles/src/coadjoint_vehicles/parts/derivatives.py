@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
@@ -37,7 +37,7 @@ class Monomial(NamedTuple):
         """k of ½ρL^k: 2 for forces, 3 for torques, and one more for each rate p, q, r."""
         return 2 + (self.axis > 2) + sum(which > 2 for which, _ in self.factors)
 
-    def value(self, V: Array, deflection: Any) -> Array:
+    def value(self, V: Array, deflection: PyTree) -> Array:
         """The product of its factors."""
         product = jnp.ones(())
         for which, size in self.factors:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -77,7 +77,9 @@ def _in_plane(along: Array, across: Array, angle: Array, own: Named) -> tuple[Ar
     return inverse * (lift * across - drag * along), -inverse * (lift * along + drag * across)
 
 
-def lift_and_drag(chord: Array, normal: Array, slope: Any, stall: Any, least: Any = 0.0) -> tuple[Array, Array]:
+def lift_and_drag(
+    chord: Array, normal: Array, slope: PyTree, stall: PyTree, least: PyTree = 0.0
+) -> tuple[Array, Array]:
     """(C_L, C_D)|V|² of a fin in a flow with these velocities along its chord and along its normal.
 
     Below stall C_L = C_Lα sin α cos α and C_D = C_D0 + C_L²/(π Λ), with the aspect ratio Λ = 2C_Lα/(2π − C_Lα) of

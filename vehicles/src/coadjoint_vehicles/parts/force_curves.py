@@ -28,7 +28,7 @@ class ForceCurve(Numbers, ABC):
     """Its word in vehicle files."""
 
     @classmethod
-    def of(cls, numbers: Any) -> ForceCurve:
+    def of(cls, numbers: PyTree) -> ForceCurve:
         """The curve of the numbers under its word in a vehicle file."""
         return cast(Any, cls)(numbers)
 
@@ -52,7 +52,7 @@ class ForceCurve(Numbers, ABC):
         """F(u), N, of commands of any shape."""
 
     @abstractmethod
-    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: PyTree) -> Array:
         """u with F(u) = force, for forces between F(limit[0]) and F(limit[1])."""
 
     def require_growth(self, limit: tuple[float, float], name: str) -> None:
@@ -88,7 +88,7 @@ class Linear(ForceCurve):
     def force(self, command: Array, own: Named) -> Array:
         return own.slope * command
 
-    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: PyTree) -> Array:
         return force / own.slope
 
 
@@ -104,7 +104,7 @@ class Quadratic(ForceCurve):
     astern: Any = None
 
     @classmethod
-    def of(cls, numbers: Any) -> Quadratic:
+    def of(cls, numbers: PyTree) -> Quadratic:
         return cls(*numbers) if np.ndim(numbers) == 1 else cls(numbers)
 
     @property
@@ -127,7 +127,7 @@ class Quadratic(ForceCurve):
     def force(self, command: Array, own: Named) -> Array:
         return jnp.where(command > 0, own.ahead, own.astern) * jnp.abs(command) * command
 
-    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: PyTree) -> Array:
         square = jnp.abs(force) / jnp.where(force > 0, own.ahead, own.astern)
         pushing = square > 0
         return jnp.sign(force) * jnp.where(pushing, jnp.sqrt(jnp.where(pushing, square, 1.0)), 0.0)
@@ -149,7 +149,7 @@ class Polynomial(ForceCurve):
             total = (total + own.coefficients[k]) * command
         return total
 
-    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: PyTree) -> Array:
         """By halving, to 2⁻²⁰ of the limits, and four steps of Newton's method kept between them."""
         low = jnp.broadcast_to(jnp.asarray(limit[0], dtype=float), jnp.shape(force))
         high = jnp.broadcast_to(jnp.asarray(limit[1], dtype=float), jnp.shape(force))
@@ -197,7 +197,7 @@ class Table(ForceCurve):
     forces: Any
 
     @classmethod
-    def of(cls, numbers: Any) -> Table:
+    def of(cls, numbers: PyTree) -> Table:
         rows = np.asarray(numbers, dtype=float)
         if rows.ndim != 2 or rows.shape[1] != 2:
             raise ArgumentError(f"A table of forces must have rows (command, force), but has shape {rows.shape}.")
@@ -256,7 +256,7 @@ class Table(ForceCurve):
             total = total + (part if i >= z else -part) * ((F[i + 1] - F[i]) / width)
         return total
 
-    def command(self, force: Array, own: PyTree, limit: Any) -> Array:
+    def command(self, force: Array, own: PyTree, limit: PyTree) -> Array:
         z, u, F = self._rest, own.commands, own.forces
         total = jnp.zeros(jnp.shape(force)) + u[z]
         for i in range(len(self.commands) - 1):

@@ -63,7 +63,7 @@ def measurement(
     return Measurement(function, R, gate=gate, angles=sensor.angles, of_state=kinematics is not None)
 
 
-def _bias(sensor: Sensor, channel: Any, biased: Sequence[str], biases: Any) -> Array:
+def _bias(sensor: Sensor, channel: Any, biased: Sequence[str], biases: PyTree) -> Array:
     if channel.name not in biased:
         return jnp.zeros(len(channel.components))
     name = f"{sensor.name}_{channel.name}"

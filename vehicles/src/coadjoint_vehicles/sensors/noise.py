@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import attitude
 from coadjoint_vehicles.sensors.errors import Channel, Errors
@@ -44,7 +45,7 @@ class Noise:
             _Channel(channel, sensor.errors(channel), float(sensor.rate), drawing) for channel in sensor.channels
         ]
 
-    def read(self, exact: Any) -> Drawn:
+    def read(self, exact: PyTree) -> Drawn:
         """The next k readings, (k, m): the error-free readings `exact`, (k, m), plus their errors.
 
         Raises ArgumentError for other shapes and for numbers that are not finite.

@@ -167,7 +167,7 @@ class Sensor(Numbers, ABC):
     def residual(self, reading: object, expected: object) -> Array:
         """reading − expected, (m,), angles by the shorter way: in [−π, π). Raises ArgumentError for other shapes."""
 
-        def difference(reading: Any, expected: Any) -> Array:
+        def difference(reading: PyTree, expected: PyTree) -> Array:
             left = reading - expected
             return jnp.where(self.angles, wrapped(left), left)
 

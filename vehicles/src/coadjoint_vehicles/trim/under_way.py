@@ -79,7 +79,7 @@ class Level:
         one = tabulate(along, at, at)
         return np.transpose([one(at, (e[:6], e[6:])) for e in np.eye(6 + len(commands))])
 
-    def _at(self, motion: PyTree, commands: Any) -> State:
+    def _at(self, motion: PyTree, commands: PyTree) -> State:
         found, begin = {}, 0
         for part in self.vehicle.commanded:
             end = begin + size(part)

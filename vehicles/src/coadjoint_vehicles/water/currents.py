@@ -34,7 +34,7 @@ def _arguments(function: Callable[..., object]) -> int:
     return sum(given.default is given.empty or given.name == "t" for given in known)
 
 
-def _require_finite(velocity: Any, what: str) -> None:
+def _require_finite(velocity: PyTree, what: str) -> None:
     if not np.all(np.isfinite(velocity)):
         raise ArgumentError(f"{what} must be finite, but is {np.asarray(velocity).tolist()} at the origin at t = 0.")
 
