@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 
@@ -14,12 +14,12 @@ VOID = ir.VoidType()
 class DenseAlgebra(NamedTuple):
     """Functions of a module."""
 
-    copy: ir.Function
-    product: ir.Function
-    transpose: ir.Function
-    solve: ir.Function
-    cholesky: ir.Function
-    cholesky_solve: ir.Function
+    copy: Any
+    product: Any
+    transpose: Any
+    solve: Any
+    cholesky: Any
+    cholesky_solve: Any
 
 
 def dense(module: ir.Module) -> DenseAlgebra:
@@ -29,7 +29,7 @@ def dense(module: ir.Module) -> DenseAlgebra:
     )
 
 
-def _copy(module: ir.Module) -> ir.Function:
+def _copy(module: ir.Module) -> ir.Value:
     """copy(to, from, count)."""
     f = Loops(module, "copy", VOID, NUMBERS, NUMBERS, INT64)
     to, source, count = f.args
@@ -39,7 +39,7 @@ def _copy(module: ir.Module) -> ir.Function:
     return f.function
 
 
-def _product(module: ir.Module) -> ir.Function:
+def _product(module: ir.Module) -> Any:
     """product(C, A, B, rows, inner, columns, strides of C, A, B, factor): C ← C + factor A B; zeros of A are
     skipped."""
     f = Loops(module, "product", VOID, *[NUMBERS] * 3, *[INT64] * 6, DOUBLE)
@@ -56,7 +56,7 @@ def _product(module: ir.Module) -> ir.Function:
     return f.function
 
 
-def _transpose(module: ir.Module) -> ir.Function:
+def _transpose(module: ir.Module) -> Any:
     """transpose(to, from, rows, columns, stride of from): to (columns, rows)."""
     f = Loops(module, "transpose", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     to, source, rows, columns, stride = f.args
@@ -66,7 +66,7 @@ def _transpose(module: ir.Module) -> ir.Function:
     return f.function
 
 
-def _solve(module: ir.Module) -> ir.Function:
+def _solve(module: ir.Module) -> Any:
     """solve(A, B, m, columns, strides of A, B): B ← A⁻¹B by Gauss with the largest pivots; A is used up.
 
     A singular A leaves numbers that are not finite.
@@ -106,7 +106,7 @@ def _solve(module: ir.Module) -> ir.Function:
     return f.function
 
 
-def _cholesky(module: ir.Module) -> ir.Function:
+def _cholesky(module: ir.Module) -> Any:
     """cholesky(S, m): the lower half of S (m, m) becomes L with S = LLᵀ; not finite where S is not positive."""
     f = Loops(module, "cholesky", VOID, NUMBERS, INT64)
     S, m = f.args
@@ -127,7 +127,7 @@ def _cholesky(module: ir.Module) -> ir.Function:
     return f.function
 
 
-def _cholesky_solve(module: ir.Module) -> ir.Function:
+def _cholesky_solve(module: ir.Module) -> Any:
     """cholesky_solve(L, B, m, columns, back): B (m, columns) ← L⁻¹B, or L⁻ᵀL⁻¹B where back is not 0."""
     f = Loops(module, "cholesky_solve", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     L, B, m, columns, back = f.args

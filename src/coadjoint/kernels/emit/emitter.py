@@ -72,7 +72,7 @@ class Emitter:
         """The value of a symbol in this scope."""
         self._scopes[-1][node] = value
 
-    def variable(self, kind: Any, value: Any = None) -> ir.Value:
+    def variable(self, kind: Any, value: Any = None) -> Any:
         """A local variable; LLVM keeps it in a register."""
         with self.builder.goto_entry_block():
             place = self.builder.alloca(kind)
@@ -91,20 +91,20 @@ class Emitter:
         scalar = ir.Constant(BIT, int(value))
         return scalar if self.width == 1 else ir.Constant(self.truth, [scalar] * self.width)
 
-    def counts(self, value: int) -> ir.Value:
+    def counts(self, value: int) -> Any:
         """An integer in every lane."""
         if self.width == 1:
             return INT64(value)
         return ir.Constant(self.counter, [INT64(value)] * self.width)
 
-    def any(self, mask: ir.Value) -> ir.Value:
+    def any(self, mask: Any) -> Any:
         """Whether the mask holds in any lane."""
         if self.width == 1:
             return mask
         bits = self.builder.bitcast(mask, ir.IntType(self.width))
         return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
 
-    def values(self, roots: Iterable[Expr]) -> list[ir.Value]:
+    def values(self, roots: Iterable[Expr]) -> list[Any]:
         """The values of the roots, after emitting all missing values that they need."""
         roots = list(roots)
         for node in self._missing(roots):
@@ -181,7 +181,7 @@ class Emitter:
         """The number at a place in a constant array of the module, in each lane its own."""
         b, array = self.builder, self._array(table)
 
-        def load(index: int | ir.Value) -> ir.Value:
+        def load(index: Any) -> Any:
             return b.load(b.gep(array, [index]), align=8)
 
         places = b.fptosi(place, self.counter)
@@ -193,7 +193,7 @@ class Emitter:
             found = b.insert_element(found, load(b.extract_element(places, number)), number)
         return found
 
-    def _array(self, table: Table) -> ir.Value:
+    def _array(self, table: Table) -> Any:
         """A pointer to the numbers of a table, which are in the module once, written as bytes."""
         name = f"table.{table.digest}"
         array: Any = self.module.globals.get(name)
@@ -226,7 +226,7 @@ class Emitter:
             result = self.builder.insert_element(result, value, place)
         return result
 
-    def _function(self, name: str, number: ir.Value, count: int) -> ir.Function:
+    def _function(self, name: str, number: Any, count: int) -> ir.Function:
         function = self.module.globals.get(name)
         if function is None:
             function = ir.Function(self.module, ir.FunctionType(number, [number] * count), name=name)

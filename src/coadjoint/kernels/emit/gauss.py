@@ -36,7 +36,7 @@ class _Gauss:
         self.magnitude = known or ir.Function(function.module, ir.FunctionType(_DOUBLE, [_DOUBLE]), name=name)
 
     @contextmanager
-    def loop(self, start: ir.Value | None, end: ir.Value) -> Iterator[ir.Value]:
+    def loop(self, start: ir.Value | None, end: ir.Value) -> Iterator[Any]:
         """for i in range(start, end)"""
         b = self.b
         with b.goto_entry_block():
@@ -53,7 +53,7 @@ class _Gauss:
         b.branch(head)
         b.position_at_end(after)
 
-    def entry(self, i: ir.Value, j: object) -> ir.Value:
+    def entry(self, i: Any, j: object) -> Any:
         """The address of a[i, j]."""
         return self.b.gep(self.a, [self.b.add(self.b.mul(i, self.n), j)])
 
@@ -67,7 +67,7 @@ class _Gauss:
         b = self.b
         b.store(b.fsub(b.load(place), b.fmul(factor, b.load(other))), place)
 
-    def pivot(self, k: ir.Value) -> ir.Value:
+    def pivot(self, k: Any) -> Any:
         """The row at or below k with the largest element in column k."""
         b = self.b
         with b.goto_entry_block():

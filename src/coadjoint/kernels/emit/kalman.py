@@ -9,7 +9,6 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.dense import VOID, DenseAlgebra, dense
 from coadjoint.kernels.emit.loops import DOUBLE, INT64, INTEGERS, NUMBERS, Loops
 
@@ -60,10 +59,10 @@ def assemble() -> str:
 
 
 class _Memory:
-    def __init__(self, f: Loops, memory: PyTree):
+    def __init__(self, f: Loops, memory: Any):
         self._f, self._memory = f, memory
 
-    def integer(self, name: str) -> ir.Value:
+    def integer(self, name: str) -> Any:
         return self._f.at(self._memory, FIELDS.index(name))
 
     def numbers(self, name: str) -> Any:
@@ -72,7 +71,7 @@ class _Memory:
     def integers(self, name: str) -> Any:
         return self._f.b.inttoptr(self.integer(name), INTEGERS)
 
-    def call(self, name: str, kind: Any, arguments: list[ir.Value]) -> None:
+    def call(self, name: str, kind: Any, arguments: list[Any]) -> None:
         self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
@@ -80,7 +79,7 @@ def _when(f: Loops, order: Any, number: int) -> Any:
     return f.b.if_then(f.b.icmp_signed("==", order, INT64(number)))
 
 
-def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[ir.Value]) -> None:
+def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[Any]) -> None:
     n, P, there = m.integer("errors"), m.numbers("P"), f.place(output, rest[1])
     f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.integer("size")])
     with f.b.if_else(f.b.icmp_signed("!=", rest[2], INT64(0))) as (full, diagonal):
@@ -90,7 +89,7 @@ def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[i
             f.put(there, i, f.at(P, f.times(i, f.add(n, 1))))
 
 
-def _predict(module: ir.Module, algebra: DenseAlgebra) -> ir.Function:
+def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
     """predict(memory, h): 0, or a code of the failure."""
     f = Loops(module, "predict", INT64, INTEGERS, DOUBLE)
     memory, h = f.args
@@ -117,7 +116,7 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> ir.Function:
     return f.function
 
 
-def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value) -> None:
+def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     """One step of the model's own kernel, with the drifting parameters in their places."""
     row, after, state = m.numbers("row"), m.numbers("after"), m.integer("state")
     f.b.call(algebra.copy, [after, row, m.integer("size")])
@@ -131,7 +130,7 @@ def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value) -> None:
     m.call("step", _KERNEL, [parameters, length, after, INT64(1), INT64(1), scratch, scratch, scratch, status])
 
 
-def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value, part: Any) -> None:
+def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any, part: Any) -> None:
     """The slopes of a part of the step, a substep of a composition, and Φ of all parts up to this one."""
     u, size, state, parts = (m.integer(name) for name in ("unknowns", "size", "state", "parts"))
     x, y = m.numbers("x"), m.numbers("y")
@@ -167,7 +166,7 @@ def _eliminate(f: Loops, m: _Memory, algebra: DenseAlgebra) -> None:
     f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
 
 
-def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: ir.Value, last: Any) -> None:
+def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Any, last: Any) -> None:
     """The product of the Φ of all parts; of the last, Φ of the errors at both ends."""
     n, errors = m.integer("between"), m.integer("errors")
     Phi, chain, product, square = m.numbers("Phi"), m.numbers("chain"), m.numbers("W"), f.times(n, n)
@@ -182,7 +181,7 @@ def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: ir.Value, last: A
         f.b.call(algebra.copy, [f.place(Phi, f.times(i, errors)), f.place(chain, f.times(i, n)), errors])
 
 
-def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value) -> None:
+def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
     u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
     between = m.integer("between")
@@ -210,7 +209,7 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: ir.Value) -> None:
     _symmetric(f, P, n)
 
 
-def _clear(f: Loops, array: ir.Value, count: ir.Value) -> None:
+def _clear(f: Loops, array: Any, count: Any) -> None:
     with f.over(count) as i:
         f.put(array, i, DOUBLE(0.0))
 
@@ -233,7 +232,7 @@ def _not_finite(f: Loops, m: _Memory) -> Any:
     return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.integers("status"), 1), INT64(0)))
 
 
-def _correct(module: ir.Module, algebra: DenseAlgebra) -> ir.Function:
+def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     """correct(memory, measurement, values, output): 0, or a code of the failure; output: NIS, and 1 where it was
     used."""
     f = Loops(module, "correct", INT64, INTEGERS, INT64, NUMBERS, NUMBERS)
@@ -288,7 +287,7 @@ def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
     return f.b.fsub(difference, f.b.fmul(turn, turns))
 
 
-def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: ir.Value, R: Any) -> None:
+def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> None:
     """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
     n, P, HP, S, K, KR, turned = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)

@@ -62,34 +62,34 @@ class _Lanes:
         self.emit, self.b = emit, emit.builder
         self.int64s = ir.VectorType(INT64, emit.width)
 
-    def _given(self, x: ir.Value) -> ir.Value:
+    def _given(self, x: Any) -> ir.Value:
         return self.emit.constant(x) if isinstance(x, (int, float)) else x
 
-    def _fused(self, name: str, x: ir.Value, y: object) -> ir.Value:
+    def _fused(self, name: str, x: Any, y: object) -> ir.Value:
         return getattr(self.b, name)(self._given(x), self._given(y), flags=FUSED)
 
-    def add(self, x: object, y: ir.Value) -> ir.Value:
+    def add(self, x: object, y: Any) -> Any:
         return self._fused("fadd", x, y)
 
-    def sub(self, x: object, y: object) -> ir.Value:
+    def sub(self, x: object, y: object) -> Any:
         return self._fused("fsub", x, y)
 
-    def mul(self, x: object, y: ir.Value) -> ir.Value:
+    def mul(self, x: object, y: Any) -> Any:
         return self._fused("fmul", x, y)
 
-    def div(self, x: ir.Value, y: ir.Value) -> Any:
+    def div(self, x: Any, y: Any) -> Any:
         return self.b.fdiv(self._given(x), self._given(y))
 
-    def exactly(self, sum_or_difference: str, x: ir.Value, y: ir.Value) -> ir.Value:
+    def exactly(self, sum_or_difference: str, x: ir.Value, y: Any) -> Any:
         """A sum or a difference that nothing is fused with."""
         return getattr(self.b, sum_or_difference)(self._given(x), self._given(y))
 
-    def where(self, order: str, x: ir.Value, y: ir.Value, then: Any, otherwise: Any) -> ir.Value:
+    def where(self, order: str, x: Any, y: Any, then: Any, otherwise: Any) -> Any:
         """`then` where x `order` y, else `otherwise`, also of NaN."""
         condition = self.b.fcmp_ordered(order, self._given(x), self._given(y))
         return self.b.select(condition, self._given(then), self._given(otherwise))
 
-    def polynomial(self, x: ir.Value, coefficients: Sequence[float]) -> ir.Value:
+    def polynomial(self, x: ir.Value, coefficients: Sequence[float]) -> Any:
         """c_0 + c_1 x + … by Horner."""
         found = self.emit.constant(coefficients[-1])
         for c in coefficients[-2::-1]:
@@ -101,7 +101,7 @@ class _Lanes:
         shifted = self.exactly("fadd", x, ROUNDER)
         return self.exactly("fsub", shifted, ROUNDER), self.b.bitcast(shifted, self.int64s)
 
-    def reduced(self, x: object, n: ir.Value, parts: Sequence[float]) -> ir.Value:
+    def reduced(self, x: object, n: ir.Value, parts: Sequence[float]) -> Any:
         """x − n Σ parts."""
         for part in parts:
             x = self.sub(x, self.mul(n, part))
@@ -128,7 +128,7 @@ def _exp(l: _Lanes, x: ir.Value) -> Any:
     return l.b.fmul(l.b.fmul(value, l.power_of_two(half_bits)), l.power_of_two(rest_bits))
 
 
-def _tanh(l: _Lanes, x: ir.Value) -> Any:
+def _tanh(l: _Lanes, x: Any) -> Any:
     """Lambert's continued fraction x/(1 + x²/(3 + x²/(5 + …))) to its ninth part where |x| < 1, else by e^{2|x|}."""
     size = l.emit.intrinsic("fabs", x)
     square = l.mul(x, x)
@@ -164,7 +164,7 @@ def _sine_and_cosine(l: _Lanes, r: ir.Value) -> tuple[Any, Any]:
 def _circular(name: str, quarter: int) -> Callable[[_Lanes, Any], Any]:
     """sin(x + quarter·π/2) by the quarter turn n that is nearest to x: sin r, cos r, −sin r, −cos r in turn."""
 
-    def function(l: _Lanes, x: object) -> ir.Value:
+    def function(l: _Lanes, x: object) -> Any:
         b = l.b
         n, bits = l.rounded(l.mul(x, 2 / math.pi))
         sine, cosine = _sine_and_cosine(l, l.reduced(x, n, HALF_PI))

@@ -29,7 +29,7 @@ class Loops:
         self.b = ir.IRBuilder(self._entry)
         self.args = self.function.args
 
-    def integer(self, value: Any) -> ir.Value:
+    def integer(self, value: Any) -> Any:
         """An integer as an LLVM value."""
         return INT64(value) if isinstance(value, int) else value
 
@@ -40,19 +40,19 @@ class Loops:
             first = self.b.add(first, value)
         return first
 
-    def times(self, first: ir.Value, second: Any) -> Any:
+    def times(self, first: Any, second: Any) -> Any:
         """The product of integers."""
         return self.b.mul(self.integer(first), self.integer(second))
 
-    def place(self, array: ir.Value, index: int | ir.Value) -> ir.Value:
+    def place(self, array: Any, index: Any) -> Any:
         """A pointer to the number of an array."""
         return self.b.gep(array, [self.integer(index)])
 
-    def at(self, array: ir.Value, index: int | ir.Value) -> ir.Value:
+    def at(self, array: Any, index: Any) -> Any:
         """A number of an array."""
         return self.b.load(self.place(array, index))
 
-    def put(self, array: ir.Value, index: int | ir.Value, value: Any) -> None:
+    def put(self, array: ir.Value, index: Any, value: Any) -> None:
         """Set a number of an array."""
         self.b.store(value, self.place(array, index))
 
@@ -64,7 +64,7 @@ class Loops:
         """a − b c."""
         return self.b.fsub(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 
-    def variable(self, kind: ir.Type, value: object) -> ir.Value:
+    def variable(self, kind: ir.Type, value: object) -> Any:
         """A place for a value that changes."""
         here = self.b.block
         first = ir.IRBuilder(self._entry)
@@ -75,7 +75,7 @@ class Loops:
         return found
 
     @contextmanager
-    def over(self, end: object, start: object = 0) -> Iterator[ir.Value]:
+    def over(self, end: object, start: object = 0) -> Iterator[Any]:
         """for i in range(start, end)."""
         b, begin, stop = self.b, self.integer(start), self.integer(end)
         body, after = b.append_basic_block("loop"), b.append_basic_block("end")

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.emitter import Emitter, outer
 from coadjoint.kernels.emit.plan import StagePlan
 from coadjoint.kernels.emit.solving import increment_values
@@ -35,7 +34,7 @@ class _Iterates:
     chord's, which it takes no longer once `chords` is false.
     """
 
-    def __init__(self, emit: Emitter, start: list[PyTree], blocks: Iterable[int], idle: Any) -> None:
+    def __init__(self, emit: Emitter, start: list[Any], blocks: Iterable[int], idle: Any) -> None:
         self.emit = emit
         self.found = [emit.variable(emit.number, value) for value in start]
         self.at = self.found if emit.width == 1 else [emit.variable(emit.number, value) for value in start]
@@ -62,7 +61,7 @@ class _Iterates:
         b.store(value if lanes is None else b.select(lanes, value, b.load(place)), place)
 
     @contextmanager
-    def where(self, mask: Any) -> Iterator[PyTree]:
+    def where(self, mask: Any) -> Iterator[Any]:
         """The lanes of what is done inside: one lane branches, several are selected from."""
         if self.emit.width > 1:
             yield mask
@@ -95,7 +94,7 @@ class StageLoop:
                 emit.bind(self.stage.solution[i], self.z[i])
         return self._judge(list(self.z.values()), settled, iterations)
 
-    def _loop(self, newton: Increment, chord: Increment) -> tuple[PyTree, PyTree]:
+    def _loop(self, newton: Increment, chord: Increment) -> tuple[Any, Any]:
         """The loop over the unknowns that are not settled: whether they have settled, and the iterations."""
         b, emit, scheme = self.b, self.emit, self.stage.scheme
         symbols = [self.stage.unknowns[i] for i in scheme.looped]
@@ -129,7 +128,7 @@ class StageLoop:
         self.z.update(zip(scheme.looped, [b.load(place) for place in lanes.found], strict=True))
         return b.load(lanes.settled), b.load(lanes.count)
 
-    def _newton(self, lanes: _Iterates, delta: list[PyTree], active: Any) -> None:
+    def _newton(self, lanes: _Iterates, delta: list[Any], active: Any) -> None:
         """Take Newton's increment in the active lanes; it settles the unknowns by `program.TOLERANCE`."""
         b, emit = self.b, self.emit
         new = [b.fadd(b.load(at), d) for at, d in zip(lanes.at, delta, strict=True)]
@@ -143,7 +142,7 @@ class StageLoop:
         self._take(lanes, new, sizes, together, settled, active)
         lanes.put(lanes.renew, b.not_(b.load(lanes.chords)), active)
 
-    def _chord(self, lanes: _Iterates, delta: list[PyTree]) -> None:
+    def _chord(self, lanes: _Iterates, delta: list[Any]) -> None:
         """Take the chord's increment where it has shrunk, and renew the matrix where it did so slowly.
 
         Elsewhere drop it, and continue with Newton's alone. It settles the unknowns by `program.REMAINDER`.
@@ -172,7 +171,7 @@ class StageLoop:
             lanes.put(lanes.chords, emit.bit(False), there)
 
     def _take(
-        self, lanes: _Iterates, new: list[PyTree], sizes: dict[int, Any], together: Any, settled: Any, there: Any
+        self, lanes: _Iterates, new: list[Any], sizes: dict[int, Any], together: Any, settled: Any, there: Any
     ) -> None:
         """The new iterate of some lanes, or of all (None)."""
         b = self.b
@@ -194,7 +193,7 @@ class StageLoop:
         b, emit = self.b, self.emit
         return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
 
-    def _measured(self, delta: list[PyTree], new: list[PyTree]) -> tuple[dict[int, Any], dict[int, Any], Any]:
+    def _measured(self, delta: list[Any], new: list[Any]) -> tuple[dict[int, Any], dict[int, Any], Any]:
         """The sizes of an increment of the looped unknowns and of all unknowns, by blocks, and whether it is small."""
         looped = self.stage.scheme.looped
         of = dict(zip(looped, delta, strict=True))
@@ -204,11 +203,11 @@ class StageLoop:
         scales = {g: self._size([z[i] for i in members]) for g, members in enumerate(self.stage.blocks)}
         return sizes, scales, self._small(self._largest(list(sizes.values())), self._largest(list(scales.values())))
 
-    def _size(self, values: list[PyTree]) -> Any:
+    def _size(self, values: list[Any]) -> Any:
         """|values|∞; a NaN may get lost here and is found when the stage is checked."""
         return self._largest([self.emit.intrinsic("fabs", v) for v in values])
 
-    def _largest(self, sizes: list[PyTree]) -> Any:
+    def _largest(self, sizes: list[Any]) -> Any:
         b = self.b
         while len(sizes) > 1:
             pairs = zip(sizes[::2], sizes[1::2], strict=False)
@@ -216,7 +215,7 @@ class StageLoop:
             sizes = [b.select(b.fcmp_ordered(">", x, y), x, y) for x, y in pairs] + odd
         return sizes[0]
 
-    def _judge(self, z: list[PyTree], settled: Any, iterations: Any) -> Outcome:
+    def _judge(self, z: list[Any], settled: Any, iterations: Any) -> Outcome:
         """Whether Newton settled on finite unknowns inside the chart, and the next state is finite."""
         b, emit = self.b, self.emit
         if self.stage.sound is not None:
@@ -230,7 +229,7 @@ class StageLoop:
         code = b.select(finite(emit, z), code, counts(Code.NOT_FINITE))
         return Outcome(sound, iterations, code)
 
-    def _tolerated(self, symbol: Expr, z: list[PyTree], settled: Any, iterations: Any) -> Outcome:
+    def _tolerated(self, symbol: Expr, z: list[Any], settled: Any, iterations: Any) -> Outcome:
         """A stage that may fail reports whether it did, and the step continues."""
         b, emit = self.b, self.emit
         (chart,) = emit.values([self.stage.chart])
@@ -249,7 +248,7 @@ def _roots(increment: Increment) -> list[Expr]:
     return roots
 
 
-def finite(emit: Emitter, values: Iterable[PyTree]) -> Any:
+def finite(emit: Emitter, values: Iterable[Any]) -> Any:
     """Whether the sum is finite, not so if a term is infinite or NaN, or where terms near 1e308 overflow."""
     b = emit.builder
     sums = list({id(v): v for v in values}.values())

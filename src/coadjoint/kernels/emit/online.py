@@ -94,7 +94,7 @@ class _Online(StepFunction):
         b._insert(load)
         return load
 
-    def _observe(self, done: object, observed: list[ir.Value], well: object) -> None:
+    def _observe(self, done: object, observed: list[Any], well: object) -> None:
         pass
 
     # Around it.
@@ -189,9 +189,9 @@ class _Number(NamedTuple):
     """A single number in memory."""
 
     builder: ir.IRBuilder
-    place: PyTree
+    place: Any
 
-    def load(self) -> ir.Value:
+    def load(self) -> Any:
         return self.builder.load(self.place, align=8)
 
     def store(self, value: ir.Value) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
@@ -74,7 +73,7 @@ class StepPlan:
     inner: Inner | None
     stages: list[StagePlan]
     record: list[Expr]
-    record_tree: PyTree
+    record_tree: Any
     monitors: list[Expr]
     monitor_shapes: dict[str, tuple[int, ...]]
     certificates: dict[str, Expr]
@@ -98,12 +97,7 @@ def specialised(values: Iterable[float]) -> tuple[int, ...]:
 
 
 def plan(
-    program: Program,
-    parameters: PyTree,
-    state: PyTree,
-    pattern: tuple[int, ...],
-    observed: bool,
-    unrolled: bool = False,
+    program: Program, parameters: Any, state: Any, pattern: tuple[int, ...], observed: bool, unrolled: bool = False
 ) -> StepPlan:
     """Trace a program. `parameters` and `state` give shapes; `pattern` is that of `specialised`.
 
@@ -146,7 +140,7 @@ def plan(
 
 
 def _stages(
-    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: PyTree, state: PyTree, h: Scalar, changing: list[Expr],
+    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: Any, state: Any, h: Any, changing: list[Expr],
     collect: Collector, observed: bool,
 ) -> tuple[list[StagePlan], Any, dict[str, Expr], Any]:  # fmt: skip
     """The stages one after the other, each over its part of h: their plans, the record of the first that is not
@@ -173,8 +167,8 @@ def _stage(
     tracer: Tracer,
     stage: Stage,
     number: int,
-    p: PyTree,
-    state: PyTree,
+    p: Any,
+    state: Any,
     h: np.ndarray,
     changing: list[Expr],
     collect: Collector,
@@ -210,7 +204,7 @@ def _stage(
     return traced, nodes(accepted, solution.shape), np.asarray(sound)
 
 
-def _collected(collect: Collector, tree: PyTree) -> Any:
+def _collected(collect: Collector, tree: Any) -> Any:
     """The expressions in the arrays of a PyTree with their like terms collected."""
     return jax.tree_util.tree_map(lambda leaf: nodes(collect(list(leaf.ravel())), leaf.shape), tree)
 
@@ -220,7 +214,7 @@ def _ranges(sizes: tuple[int, ...]) -> list[range]:
     return [range(end - size, end) for size, end in zip(sizes, ends, strict=True) if size]
 
 
-def _specialise(graph: Graph, tree: PyTree, pattern: tuple[int, ...]) -> Any:
+def _specialise(graph: Graph, tree: Any, pattern: tuple[int, ...]) -> Any:
     """Parameters that are exactly 0 or 1 as constants."""
     known = iter(pattern)
 
@@ -235,7 +229,7 @@ def _specialise(graph: Graph, tree: PyTree, pattern: tuple[int, ...]) -> Any:
     return jax.tree_util.tree_map(place, tree)
 
 
-def _check_same(name: str, tree: PyTree, state: PyTree) -> None:
+def _check_same(name: str, tree: Any, state: Any) -> None:
     """A step must return the structure of its argument."""
     given, got = (jax.tree_util.tree_flatten(t) for t in (state, tree))
     if given[1] != got[1] or [np.shape(x) for x in given[0]] != [np.shape(x) for x in got[0]]:

@@ -13,7 +13,7 @@ from coadjoint.kernels.newton.increments import Increment
 BYTES = ir.IntType(8).as_pointer()
 
 
-def increment_values(emit: Emitter, increment: Increment) -> list[ir.Value]:
+def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
     """δ, by the closed form where it is safe and with pivots otherwise."""
     b = emit.builder
     delta = emit.values(increment.delta)
@@ -43,7 +43,7 @@ def increment_values(emit: Emitter, increment: Increment) -> list[ir.Value]:
 
 def _pivoted(
     emit: Emitter, matrix: dict[int, Any], right: list[ir.Value], safe: ir.Value, delta: list[ir.Value]
-) -> list[ir.Value]:
+) -> list[Any]:
     """The unsafe lanes by elimination with partial pivoting, one after the other.
 
     matrix: the nonzero entries, by their places in the rows end to end.

@@ -51,14 +51,14 @@ class StepFunction:
 
     # Memory: arrays of lanes.
 
-    def load(self, pointer: object, index: int | ir.Value, kind: Any = None) -> ir.Value:
+    def load(self, pointer: object, index: Any, kind: Any = None) -> Any:
         """Element `index` of an array of numbers (or of `kind`) with lanes."""
         return self.builder.load(self._place(pointer, index, kind), align=8)
 
-    def store(self, value: Any, pointer: ir.Value, index: int | ir.Value) -> None:
+    def store(self, value: Any, pointer: Any, index: Any) -> None:
         self.builder.store(value, self._place(pointer, index, value.type), align=8)
 
-    def _place(self, pointer: ir.Value, index: object, kind: ir.Type) -> ir.Value:
+    def _place(self, pointer: Any, index: object, kind: ir.Type) -> ir.Value:
         kind = kind if kind is not None else self.emit.number
         index = INT64(index) if isinstance(index, int) else index
         typed = self.builder.bitcast(pointer, kind.as_pointer())
@@ -175,7 +175,7 @@ class StepFunction:
         b.branch(on)
         b.position_at_end(on)
 
-    def _stages(self, idle: ir.Value) -> Done:
+    def _stages(self, idle: Any) -> Done:
         """The stages one after the other; lanes that are idle do not wait."""
         b, plan = self.builder, self.plan
         iterations, code = self.emit.counts(0), self.emit.counts(0)
@@ -196,7 +196,7 @@ class StepFunction:
             certificates=self.emit.values(plan.certificates.values()),
         )
 
-    def _finish(self, done: Done, observed: list[ir.Value], well: ir.Value, code: ir.Value) -> None:
+    def _finish(self, done: Done, observed: list[ir.Value], well: Any, code: ir.Value) -> None:
         """Record, observe and take the new state, in the lanes without failure."""
         b = self.builder
         alive = b.load(self.alive)
@@ -218,7 +218,7 @@ class StepFunction:
 
     # Records and monitors.
 
-    def _observe(self, done: Done, observed: list[ir.Value], well: ir.Value) -> None:
+    def _observe(self, done: Done, observed: list[Any], well: Any) -> None:
         b = self.builder
         for i, value in enumerate([*observed, *done.certificates]):
             self._extremum(value, i, well)

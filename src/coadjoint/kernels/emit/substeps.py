@@ -20,18 +20,18 @@ class Done:
     `record`, `course` and `monitors` emit their values where they are needed.
     """
 
-    well: ir.Value
-    code: ir.Value
-    iterations: ir.Value
-    after: list[ir.Value]
-    record: Callable[[], list[ir.Value]]
-    course: Callable[[], list[ir.Value]]
-    monitors: Callable[[], list[ir.Value]]
+    well: Any
+    code: Any
+    iterations: Any
+    after: list[Any]
+    record: Callable[[], list[Any]]
+    course: Callable[[], list[Any]]
+    monitors: Callable[[], list[Any]]
     certificates: list[ir.Value]
 
 
 def substeps(
-    emit: Emitter, plan: StepPlan, inner: Inner, kept: list[ir.Value], stages: Callable[[Any], Done], idle: ir.Value
+    emit: Emitter, plan: StepPlan, inner: Inner, kept: list[Any], stages: Callable[[Any], Done], idle: Any
 ) -> Done:
     """The stages over every substep; record and monitors are those of the first one, put into the variables `kept`."""
     b = emit.builder
@@ -82,16 +82,16 @@ class _Course:
             with emit.builder.goto_entry_block():
                 self._array = emit.builder.alloca(emit.number, self._count)
 
-    def _place(self, index: int | ir.Value) -> ir.Value:
+    def _place(self, index: Any) -> Any:
         return self._emit.builder.gep(self._array, [index])
 
-    def store(self, number: ir.Value, values: list[ir.Value]) -> None:
+    def store(self, number: Any, values: list[Any]) -> None:
         """Store those of a substep."""
         b = self._emit.builder
         for i, value in enumerate(values):
             b.store(value, self._place(b.add(b.mul(number, INT64(len(values))), INT64(i))))
 
-    def load(self) -> list[ir.Value]:
+    def load(self) -> list[Any]:
         """Those of all substeps."""
         return [self._emit.builder.load(self._place(INT64(i))) for i in range(self._count)]
 

@@ -13,7 +13,6 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.adjoint import tape
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
@@ -86,18 +85,18 @@ def assemble(tangent: StepTangent, width: int) -> str:
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, width)
 
-    def place(array: ir.Value, index: int | ir.Value) -> ir.Value:
+    def place(array: Any, index: Any) -> ir.Value:
         return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
 
-    def load(nodes: list[Expr], array: ir.Value, start: PyTree) -> None:
+    def load(nodes: list[Expr], array: ir.Value, start: Any) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(place(array, b.add(start, INT64(i))), align=8))
 
-    def store(values: list[ir.Value], array: ir.Value, start: PyTree) -> None:
+    def store(values: list[ir.Value], array: ir.Value, start: Any) -> None:
         for i, value in enumerate(values):
             b.store(value, place(array, b.add(start, INT64(i))), align=8)
 
-    def column(row: object, number: ir.Value) -> None:
+    def column(row: object, number: Any) -> None:
         load(tangent.parameters_dot, p_dot, b.mul(number, INT64(len(tangent.parameters_dot))))
         here = b.mul(number, INT64(len(tangent.state_dot)))
         load(tangent.state_dot, s_dot, here)

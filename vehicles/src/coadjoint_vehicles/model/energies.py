@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.arrays import Array, PyTree
 from coadjoint.mechanics import Force, Motion
 from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.part import Flow, Part, acting_at
@@ -17,7 +17,7 @@ from coadjoint_vehicles.water.water import Water
 class Surroundings:
     """The water as a craft meets it, in body axes, with the parameters p."""
 
-    def __init__(self, water: Water, n: Array, a: PyTree, t: Scalar, internal: PyTree, p: PyTree):
+    def __init__(self, water: Water, n: Array, a: PyTree, t: PyTree, internal: PyTree, p: PyTree):
         self.water, self.t = water, t
         self.down, self.north = a.down, a.north
         self.back = jnp.stack([a.north, jnp.cross(a.down, a.north), a.down], axis=1)  # R⁻¹, from space to body
