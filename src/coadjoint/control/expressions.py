@@ -72,7 +72,7 @@ def _operations(ca: Any) -> dict[str, Callable[..., PyTree]]:
     }
 
 
-def _entry(ca: Any, table: Table, place: Any) -> Any:
+def _entry(ca: Any, table: Table, place: PyTree) -> PyTree:
     """The number of a table at an integer index, by halving."""
     if len(table.numbers) > LONGEST_TABLE:
         raise LagrangianError(
@@ -80,7 +80,7 @@ def _entry(ca: Any, table: Table, place: Any) -> Any:
             f"{LONGEST_TABLE:,}: give the function a shorter one."
         )
 
-    def among(first: int, last: int) -> Any:
+    def among(first: int, last: int) -> PyTree:
         if first == last:
             return ca.SX(float(table.numbers[first]))
         middle = (first + last) // 2

@@ -118,12 +118,12 @@ def at_end(inputs: list[tuple[str, PyTree]]) -> list[int]:
     return found
 
 
-def line(t: Scalar, over_step: PyTree) -> Any:
+def line(t: Scalar, over_step: PyTree) -> PyTree:
     """u(t) of a step: from `begin` at `t` on with `slope`."""
     return over_step["begin"] + (t - over_step["t"]) * over_step["slope"]
 
 
-def source(given: Any) -> Any:
+def source(given: Any) -> PyTree:
     """The input of the program's system in place of a chosen one; other inputs unchanged."""
     if isinstance(given, Profile):
         return Between(function=given.function)
@@ -140,7 +140,7 @@ class Symbolic(NamedTuple):
     of_all: list[Expr]
 
 
-def symbolic(tracer: Tracer, name: str, source: object, example: Any, t: Scalar, h: Expr) -> Symbolic:
+def symbolic(tracer: Tracer, name: str, source: object, example: PyTree, t: Scalar, h: Expr) -> Symbolic:
     """The symbols of one input over a step of h that begins at t; example: its held value in numbers."""
     if not isinstance(source, Between):
         held = tracer.symbols(f"inputs {name} ", example)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -25,7 +24,7 @@ def squares(function: Callable[..., object]) -> Callable[..., PyTree]:
     checks.function(function, "function", "a function of the motion")
 
     @functools.wraps(function)
-    def cost(*arguments: object) -> Any:
+    def cost(*arguments: object) -> PyTree:
         return jnp.sum(jnp.square(jnp.ravel(jnp.asarray(function(*arguments)))))
 
     cost.residual = function  # pyright: ignore[reportAttributeAccessIssue]

@@ -79,7 +79,7 @@ class LinearSteps:
     columns: ∂(x, u)/∂w as a function of CasADi, (x, u, p, h) → (nx + nu, m).
     """
 
-    def __init__(self, transcription: Transcription, count: int, columns: Any):
+    def __init__(self, transcription: Transcription, count: int, columns: PyTree):
         ca, equations = casadi(), transcription.functions.equations
         x, u, z, p, h = symbols = [ca.SX.sym(key, equations.size1_in(k)) for k, key in enumerate("xuzph")]
         r, after = equations(*symbols)
@@ -166,7 +166,7 @@ def with_jacobian(function: Any, name: str, columns: object) -> Any:
     return ca.Function(name, [x, u, p, h], [c, ca.jacobian(c, ca.vertcat(x, u)) @ W], list("xuph"), ["c", "jacobian"])
 
 
-def _of_node(function: Any, columns: Any) -> tuple[list[PyTree], Any]:
+def _of_node(function: Any, columns: PyTree) -> tuple[list[PyTree], Any]:
     """Symbols x, u, p, h of a function, and W."""
     ca = casadi()
     x, u, p, h = symbols = [ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate("xuph")]

@@ -106,7 +106,7 @@ def _inside(transcription: Transcription) -> Rows:
     return Rows(f"the path ({names}) inside the step", lower, upper)
 
 
-def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scalar) -> Any:
+def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scalar) -> PyTree:
     """½ Σ |(h(x_k) − y_k)/σ|² of all measurements, and ½ |η/σ|² of the start."""
     ca, found = casadi(), 0.0
     for name, (nodes, values, weights) in transcription.data.items():

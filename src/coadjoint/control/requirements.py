@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import Profile
 from coadjoint.control.library import casadi
@@ -56,7 +57,7 @@ def require_controllable(problem: ProblemData) -> None:
         raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")
 
 
-def require_estimable(problem: ProblemData, known: Any) -> None:
+def require_estimable(problem: ProblemData, known: PyTree) -> None:
     """Raise ArgumentError unless a problem suits an estimator."""
     if not problem.measured:
         raise ArgumentError("An estimator needs measurements: give the problem `measured`.")

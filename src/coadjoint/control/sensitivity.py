@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -152,7 +151,7 @@ def _changes(transcription: Transcription, part: str) -> np.ndarray:
         raise ArgumentError(f"The optimum is asked for its derivative by the start's {part}, which {what}.")
     size = Q.dim(group) if part in ("q", "pi") else group.dim
 
-    def numbers(change: PyTree) -> Any:
+    def numbers(change: PyTree) -> PyTree:
         by = {name: change if name == part else 0.0 for name in OF_THE_START}
         g = group.compose(state.g, group.exp(change)) if part == "g" else state.g
         moved = {"g": g, "mu": state.mu + by["mu"], "pi": state.pi + by["pi"]}

@@ -79,10 +79,10 @@ class StepGraph:
         """function(system, state, *more) at the node where the step starts, with ξ and ν of the momenta."""
         return flat(self._at_node(function, what, *more))
 
-    def _at_node(self, function: Callable[..., object], what: str, *more: object) -> Any:
+    def _at_node(self, function: Callable[..., object], what: str, *more: object) -> PyTree:
         skeleton = replace_parameters(self.beginning.system, None)
 
-        def of_node(constants: Constants, state: State, *more: object) -> Any:
+        def of_node(constants: Constants, state: State, *more: object) -> PyTree:
             system = replace_parameters(skeleton, constants.system)
             return jnp.asarray(function(system, at_node(system, state), *more))
 
@@ -92,10 +92,10 @@ class StepGraph:
         """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""
         return flat(self.array_of_motion(function, what))
 
-    def array_of_motion(self, function: Callable[..., object], what: str) -> Any:
+    def array_of_motion(self, function: Callable[..., object], what: str) -> PyTree:
         """`of_motion` as an array of expressions."""
 
-        def given(system: System, state: State) -> Any:
+        def given(system: System, state: State) -> PyTree:
             arguments = () if system.parameters is None else (system.parameters,)
             return function(system.motion_at(state, state.inputs), *arguments)
 
@@ -222,7 +222,7 @@ def _parameters(tracer: Tracer, system: System, free: tuple[str, ...]) -> tuple[
     return symbols, parameters
 
 
-def _with(parameters: PyTree, name: str, tree: PyTree) -> Any:
+def _with(parameters: PyTree, name: str, tree: PyTree) -> PyTree:
     leaves, structure = jax.tree_util.tree_flatten(parameters)
     places = jax.tree_util.tree_leaves(jax.tree_util.tree_unflatten(structure, range(len(leaves))))
     owners = jax.tree_util.tree_leaves(getattr(jax.tree_util.tree_unflatten(structure, places), name))

@@ -7,12 +7,10 @@ first order.
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import Tables
 from coadjoint.control.transcription import Transcription, functions_of
@@ -70,7 +68,7 @@ class Tangents:
             T[:, self.moved, : self.dim] = S.reshape(count, -1, self.dim)
         return T, inverse
 
-    def columns(self, scale: np.ndarray) -> Any:
+    def columns(self, scale: np.ndarray) -> PyTree:
         """∂(x, u)/∂w of w = (y, u/scale), (nx + nu, width + nu), as a function of CasADi of (x, u, p, h)."""
         ca, width, sizes = casadi(), self.width, (self.nx, self.nu, self._np, 1)
         x, u, p, h = symbols = [ca.SX.sym(key, size) for key, size in zip("xuph", sizes, strict=True)]
@@ -108,7 +106,7 @@ class Tangents:
         return found
 
 
-def _numbers(system: System, state: State, xi: Array) -> Any:
+def _numbers(system: System, state: State, xi: Array) -> PyTree:
     """The numbers of g exp(ξ) and exp(−ξ)·a."""
     group, _, V = system.places
     parts = [group.compose(state.g, group.exp(xi))]
@@ -117,6 +115,6 @@ def _numbers(system: System, state: State, xi: Array) -> Any:
     return flattened(parts)
 
 
-def _slopes(system: System, state: State) -> Any:
+def _slopes(system: System, state: State) -> PyTree:
     """Their derivatives by ξ at 0, (rows, dim G)."""
     return jax.jacfwd(lambda xi: _numbers(system, state, xi))(np.zeros(system.group.dim))

@@ -234,7 +234,7 @@ def _start(graph: StepGraph, problem: ProblemData, eta: list[Expr]) -> list[Expr
         return []
     xi, nu = np.asarray(problem.start.xi), np.asarray(problem.start.nu)
 
-    def residual(system: System, state: State) -> Any:
+    def residual(system: System, state: State) -> PyTree:
         rest = state.nu - nu
         rest = rest if system.additional.flat else system.additional.coordinates(system.group, state.n, rest)
         return jnp.concatenate([state.xi - xi, rest])

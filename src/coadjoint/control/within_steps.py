@@ -47,7 +47,7 @@ def points(count: int) -> np.ndarray:
     return np.arange(1, count + 1) / (count + 1)
 
 
-def with_points(equations: Any, path: Any, count: int, columns: Any, ends: list[int]) -> tuple[PyTree, PyTree]:
+def with_points(equations: Any, path: Any, count: int, columns: PyTree, ends: list[int]) -> tuple[PyTree, PyTree]:
     """The equations of a step with those of `count` parts of it from the same node, and the path at their ends:
 
         r(x, u_θ, z_θ, p, θh) = 0,  path(Φ(x, u_θ, z_θ, p, θh)),  θ = 1/(count + 1), …

@@ -219,7 +219,7 @@ class Result(Recording):
         return int(np.sum(self.position.steps if self.members is None else self.position.steps_done))
 
     @property
-    def event(self) -> Any:
+    def event(self) -> PyTree:
         """When `until` crossed zero and ended the run, s; None if it did not, or NaN of a member, (members,)."""
         return self.position.event if self.plan.until else None
 

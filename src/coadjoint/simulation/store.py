@@ -149,7 +149,7 @@ class Store:
         self._chunks.open()
         self._due = time.monotonic() + PERIOD
 
-    def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: Any) -> Any:
+    def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: PyTree) -> PyTree:
         """Continue from a checkpoint; raises FileError if records that it counts are damaged.
 
         `begun` is the position of the run at its start.

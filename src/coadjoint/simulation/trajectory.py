@@ -315,5 +315,5 @@ def _scan(
     return Trajectory(records, final, code, iterations)
 
 
-def _where(condition: Any, one: Any, other: Any) -> PyTree:
+def _where(condition: PyTree, one: Any, other: Any) -> PyTree:
     return jax.tree.map(lambda x, y: jnp.where(condition, x, y), one, other)

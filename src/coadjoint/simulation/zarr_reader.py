@@ -61,7 +61,7 @@ class Verified(LocalStore):
         own = {"manifest": self.manifest, "place": self.place, "whole": self.whole}
         return Verified(self.root, read_only=read_only, **own)
 
-    async def get(self, key: str, *rest: PyTree, **options: Any) -> Any:
+    async def get(self, key: str, *rest: PyTree, **options: Any) -> PyTree:
         return self._checked(key, await super().get(key, *rest, **options)) if self._is_there(key) else None
 
     def get_sync(self, key: str, *rest: PyTree, **options: Any) -> Any:

@@ -98,7 +98,7 @@ class PoissonLagrangian:
         return self.space.act(self.group, link.f, link.a)
 
 
-def poisson_system(l: PoissonLagrangian, *, forces: Any = None, internal: PyTree = None) -> System:
+def poisson_system(l: PoissonLagrangian, *, forces: PyTree = None, internal: PyTree = None) -> System:
     """The system of l: Λ(F, a; h) = l(F⁻¹, a, h), or l(F⁻¹, F⁻¹a, h) with the parameter at the right end.
 
     `forces`, `internal`: as those of co.System.

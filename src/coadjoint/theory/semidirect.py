@@ -58,7 +58,7 @@ class SemidirectLagrangian:
 
 
 def semidirect_system(
-    group: LieGroup, space: Space, l: SemidirectFunction, *, forces: Any = None, internal: PyTree = None
+    group: LieGroup, space: Space, l: SemidirectFunction, *, forces: PyTree = None, internal: PyTree = None
 ) -> System:
     """The system of l(f, y, u⁺, h) on G Ⓢ V: Λ(F, n, s; h) = l(F⁻¹, F⁻¹n, F⁻¹s, h). `space` is V, a representation.
 

@@ -63,7 +63,7 @@ class LagrangianInSpace:
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
         parameters: Parameters | Mapping[str, PyTree] | None = None,
-        forces: Any = None,
+        forces: PyTree = None,
         internal: Callable[..., PyTree] | None = None,
     ):
         self.function = function

@@ -7,10 +7,10 @@ With r(P, S, h, z) = 0 and S⁺ = advance(P, S, h, z): z̄ = (∂S⁺/∂z)ᵀ S
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from llvmlite import ir
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
@@ -93,7 +93,7 @@ def assemble(adjoint: StepAdjoint) -> str:
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, 1)
 
-    def load(nodes: list[Expr], place: ir.Value, start: Any) -> None:
+    def load(nodes: list[Expr], place: ir.Value, start: PyTree) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(b.gep(place, [b.add(start, INT64(i))])))
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from llvmlite import ir
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.dense import VOID, DenseAlgebra, dense
 from coadjoint.kernels.emit.loops import DOUBLE, INT64, INTEGERS, NUMBERS, Loops
 
@@ -59,7 +60,7 @@ def assemble() -> str:
 
 
 class _Memory:
-    def __init__(self, f: Loops, memory: Any):
+    def __init__(self, f: Loops, memory: PyTree):
         self._f, self._memory = f, memory
 
     def integer(self, name: str) -> Any:

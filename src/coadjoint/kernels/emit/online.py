@@ -189,7 +189,7 @@ class _Number(NamedTuple):
     """A single number in memory."""
 
     builder: ir.IRBuilder
-    place: Any
+    place: PyTree
 
     def load(self) -> Any:
         return self.builder.load(self.place, align=8)

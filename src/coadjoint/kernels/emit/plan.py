@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
@@ -97,7 +98,12 @@ def specialised(values: Iterable[float]) -> tuple[int, ...]:
 
 
 def plan(
-    program: Program, parameters: Any, state: Any, pattern: tuple[int, ...], observed: bool, unrolled: bool = False
+    program: Program,
+    parameters: PyTree,
+    state: PyTree,
+    pattern: tuple[int, ...],
+    observed: bool,
+    unrolled: bool = False,
 ) -> StepPlan:
     """Trace a program. `parameters` and `state` give shapes; `pattern` is that of `specialised`.
 
@@ -140,7 +146,7 @@ def plan(
 
 
 def _stages(
-    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: Any, state: Any, h: Any, changing: list[Expr],
+    tracer: Tracer, parts: Sequence[tuple[Stage, float]], p: PyTree, state: PyTree, h: Any, changing: list[Expr],
     collect: Collector, observed: bool,
 ) -> tuple[list[StagePlan], Any, dict[str, Expr], Any]:  # fmt: skip
     """The stages one after the other, each over its part of h: their plans, the record of the first that is not
@@ -167,8 +173,8 @@ def _stage(
     tracer: Tracer,
     stage: Stage,
     number: int,
-    p: Any,
-    state: Any,
+    p: PyTree,
+    state: PyTree,
     h: np.ndarray,
     changing: list[Expr],
     collect: Collector,
@@ -204,7 +210,7 @@ def _stage(
     return traced, nodes(accepted, solution.shape), np.asarray(sound)
 
 
-def _collected(collect: Collector, tree: Any) -> Any:
+def _collected(collect: Collector, tree: PyTree) -> Any:
     """The expressions in the arrays of a PyTree with their like terms collected."""
     return jax.tree_util.tree_map(lambda leaf: nodes(collect(list(leaf.ravel())), leaf.shape), tree)
 
@@ -214,7 +220,7 @@ def _ranges(sizes: tuple[int, ...]) -> list[range]:
     return [range(end - size, end) for size, end in zip(sizes, ends, strict=True) if size]
 
 
-def _specialise(graph: Graph, tree: Any, pattern: tuple[int, ...]) -> Any:
+def _specialise(graph: Graph, tree: PyTree, pattern: tuple[int, ...]) -> Any:
     """Parameters that are exactly 0 or 1 as constants."""
     known = iter(pattern)
 
@@ -229,7 +235,7 @@ def _specialise(graph: Graph, tree: Any, pattern: tuple[int, ...]) -> Any:
     return jax.tree_util.tree_map(place, tree)
 
 
-def _check_same(name: str, tree: Any, state: Any) -> None:
+def _check_same(name: str, tree: PyTree, state: PyTree) -> None:
     """A step must return the structure of its argument."""
     given, got = (jax.tree_util.tree_flatten(t) for t in (state, tree))
     if given[1] != got[1] or [np.shape(x) for x in given[0]] != [np.shape(x) for x in got[0]]:

@@ -13,6 +13,7 @@ from typing import Any
 
 from llvmlite import ir
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.adjoint import tape
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
@@ -88,11 +89,11 @@ def assemble(tangent: StepTangent, width: int) -> str:
     def place(array: Any, index: Any) -> ir.Value:
         return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
 
-    def load(nodes: list[Expr], array: ir.Value, start: Any) -> None:
+    def load(nodes: list[Expr], array: ir.Value, start: PyTree) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(place(array, b.add(start, INT64(i))), align=8))
 
-    def store(values: list[ir.Value], array: ir.Value, start: Any) -> None:
+    def store(values: list[ir.Value], array: ir.Value, start: PyTree) -> None:
         for i, value in enumerate(values):
             b.store(value, place(array, b.add(start, INT64(i))), align=8)
 

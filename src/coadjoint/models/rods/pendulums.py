@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -154,7 +153,7 @@ def _heights(along: object, p: PyTree) -> Array:
 
 def _checks(count: int, axes: int) -> dict[str, Callable[[PyTree, str], PyTree]]:
     def each(shape: tuple[int, ...], least: float) -> Callable[[PyTree, str], PyTree]:
-        def check(value: object, name: str) -> Any:
+        def check(value: object, name: str) -> PyTree:
             found = checks.array(value, name, shape, (count, *shape))
             low = np.min(found)
             if low < 0 or (least and low <= 0):

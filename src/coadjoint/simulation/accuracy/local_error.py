@@ -299,6 +299,6 @@ def from_plain(given: Mapping[str, Any], probe: StepTaker) -> PartsOfSteps:
     return PartsOfSteps(probe, Ruler(**known), InternalPlaces(due, *map(_numbers, courses)), int(given["order"]))
 
 
-def _numbers(given: Any) -> Any:
+def _numbers(given: Any) -> PyTree:
     """Lists of a JSON file as tuples."""
     return tuple(int(i) for i in given) if isinstance(given, list) else int(given)

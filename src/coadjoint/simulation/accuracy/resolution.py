@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels import packing
 from coadjoint.kernels.packing import layout
@@ -135,7 +135,7 @@ LARGEST = 24
 """The most coordinates (μ, n, π, a) of a system whose rates are given."""
 
 
-def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: Any) -> float | None:
+def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: PyTree) -> float | None:
     """h·max|λ| over the excited modes of ẋ = Ax + f at a record, x = (μ, n, π, a); None if unknown.
 
     A mode v with eigenvalue λ is excited by |c|/|λ|, f = Σ c v: its distance from its equilibrium.

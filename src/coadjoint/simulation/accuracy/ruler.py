@@ -137,7 +137,7 @@ def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
     return made if np.all(np.isfinite(made.tensor)) and np.allclose(made(row[None])[0], true, atol=1e-9) else None
 
 
-def following(places: Any, rule: Any) -> list[int]:
+def following(places: PyTree, rule: Any) -> list[int]:
     """The numbers of an internal state that follow the motion or a command, rather than jump at nodes.
 
     The numbers that `co.mechanics.sampled` advances jump, and so do those that the rule names in its attribute

@@ -83,7 +83,7 @@ def _values(run: Any, records: PyTree, times: np.ndarray) -> PyTree:
 
 
 @lru_cache(maxsize=32)
-def _table(system: Any, structure: Any, shapes: PyTree) -> PyTree:
+def _table(system: Any, structure: PyTree, shapes: PyTree) -> PyTree:
     """`_values` traced once for a system."""
     given = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
 
@@ -186,7 +186,7 @@ def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: PyTree
     return _commands_vary(doubling, rows, given, np.tile(SHORT * h, count), whose)
 
 
-def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, short: np.ndarray, whose: Any) -> bool:
+def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, short: np.ndarray, whose: PyTree) -> bool:
     """Whether the targets of an internal state, such as a command of an actuator, vary within a step."""
     at_node, at_end = (list(numbers) for numbers in (doubling.course.begin, doubling.course.end))
     if not at_node:

@@ -134,7 +134,7 @@ def whose(members: PyTree, good: np.ndarray, worst: int) -> Any:
     return None if members is None else np.asarray(members)[good][[worst]]
 
 
-def sentence(dt: Scalar, reasons: Any, resolving: float | None) -> str:
+def sentence(dt: Scalar, reasons: PyTree, resolving: float | None) -> str:
     """The text of the warning."""
     return (
         f"dt = {dt:g} does not resolve this motion: {'; '.join(reasons)}. Take dt = {resolving:.2g} or less. What is "

@@ -74,28 +74,28 @@ class StepperBase(StepperWarnings):
     # The current position.
 
     @property
-    def t(self) -> Any:
+    def t(self) -> PyTree:
         """The time, s: a number, or one for each member."""
         return self._of_members(of_lanes(self._buffers.state[:, [self.face.time]])[:, 0])
 
     @property
-    def steps(self) -> Any:
+    def steps(self) -> PyTree:
         """The number of good steps since the last reset or restore."""
         return self._of_members(of_lanes(self._buffers.status[:, [0]])[:, 0])
 
     @property
-    def status(self) -> Any:
+    def status(self) -> PyTree:
         """How the last step ended: 0 if well, otherwise a `kernels.program.Code`."""
         return self._of_members(of_lanes(self._buffers.status[:, [1]])[:, 0])
 
     @property
-    def failed(self) -> Any:
+    def failed(self) -> PyTree:
         """Whether a step failed."""
         code = self.status
         return (code != 0) & (code != Code.STOPPED)
 
     @property
-    def ended(self) -> Any:
+    def ended(self) -> PyTree:
         """Whether the event `until` has stopped it."""
         return self.status == Code.STOPPED
 

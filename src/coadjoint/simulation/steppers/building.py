@@ -96,7 +96,7 @@ def _known(value: object) -> bool:
     return isinstance(value, Signal) or callable(value)
 
 
-def _start(name: str, value: object) -> Any:
+def _start(name: str, value: object) -> PyTree:
     if _known(value):
         return value
     try:
@@ -158,7 +158,7 @@ def commanded(inputs: Inputs | None, state: State, command: PyTree) -> State:
     return state.replace(inputs=Named(**{**state.inputs.asdict(), **values}))
 
 
-def _value(value: Any, shape: tuple[int, ...], what: str) -> Any:
+def _value(value: Any, shape: tuple[int, ...], what: str) -> PyTree:
     array = float64(value, what)
     if jnp.shape(array) != shape:
         raise ArgumentError(
