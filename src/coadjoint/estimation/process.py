@@ -291,7 +291,7 @@ class Process(Remade, ABC):
                 f"needs {taken} arguments."
             )
 
-        def read(e: object, row: object) -> PyTree:
+        def read(e: Array, row: Array) -> PyTree:
             return jnp.ravel(jnp.asarray(function(*see(self.retract(row, e))[:taken]), dtype=float))
 
         return RowFunction(read, np.zeros(self.width), self.example)

@@ -181,7 +181,7 @@ class StrapdownProcess(Process):
         x = product(x, turn) if self.error == "left" else product(turn, x)
         return jnp.concatenate([row[:1], _flat(x), row[16:22], row[22:] + e[9:]])
 
-    def _between(self, row: object, other: object) -> ExtendedPose:
+    def _between(self, row: Array, other: Array) -> ExtendedPose:
         x, y = _pose(row), _pose(other)
         return product(inverse(x), y) if self.error == "left" else product(y, inverse(x))
 

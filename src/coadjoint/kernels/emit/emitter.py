@@ -163,7 +163,7 @@ class Emitter:
             return self._libm(_LIBM[op], *args)
         raise Untraceable(op)
 
-    def _fused(self, node: Expr) -> ir.Value:
+    def _fused(self, node: Expr) -> Any:
         """A sum or difference, as one operation with the first of its arguments that is a product.
 
         LLVM would choose by the other users of the product, so that a monitor could change the last digit of a state.

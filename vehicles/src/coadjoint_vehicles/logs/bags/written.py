@@ -43,7 +43,7 @@ def quaternions(directions: np.ndarray, axes: Axes) -> np.ndarray:
     return found
 
 
-def vector(path: str, values: Array) -> dict[str, np.ndarray]:
+def vector(path: str, values: Array) -> dict[str, Array]:
     """Fields x, y, z of columns."""
     return {f"{path}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
 
