@@ -8,6 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics import reactions
 from coadjoint.mechanics.constrained_start import singular_place
 from coadjoint.mechanics.continuous import reference as reference_motion
 from coadjoint.mechanics.continuous import vector_field
@@ -171,3 +172,29 @@ def test_the_continuous_reference_has_the_reactions(exact):
     found = reference_motion(system, start(system), [1.0], tolerance=1e-11)
     assert np.abs(found.g[-1] - exact.g).max() < 1e-8
     assert np.abs(found.n[-1] + PIN).max() < 1e-9
+
+
+@pytest.mark.long
+def test_lagrangians_that_are_not_quadratic_keep_gaps_at_round_off():
+    def stiff(xi, n, nu, a, p):
+        return 0.5 * xi @ p.inertia @ xi + 0.5 * p.mass * nu @ nu + 0.02 * (nu @ nu) ** 2 - 9.81 * p.mass * n @ a
+
+    free = pinned()
+    spaces = {"additional": co.Defining(), "advected": co.Defining(), "parameters": free.parameters}
+    system = co.System(co.SO3(), stiff, constraints={"pin": co.Holonomic(lambda n, a, p: n + p.pin)}, **spaces)
+    run = co.simulate(system, start(system), dt=0.005, steps=200, accuracy=False)
+    assert run.extrema["constraint_gap"][1] < 1e-14
+    assert run.extrema["constraint_rate"][1] < 1e-13
+    assert run.relative_change("energy") < 1e-3
+
+
+def test_one_closing_impulse_meets_the_rates_where_the_lagrangian_is_not_quadratic():
+    def stiff(xi, n, nu, a, p):
+        return 0.5 * xi @ p.inertia @ xi + 0.5 * p.mass * nu @ nu + 0.02 * (nu @ nu) ** 2
+
+    spaces = {"additional": co.Defining(), "advected": co.Defining(), "parameters": pinned().parameters}
+    system = co.System(co.SO3(), stiff, constraints={"pin": co.Holonomic(lambda n, a, p: n + p.pin)}, **spaces)
+    slipping = start(system, qdot=[0.3, -0.2, 0.1])
+    closed = evaluate(lambda s: reactions.kicked(system, s, reactions.closing(system, s, None)), slipping)
+    assert np.abs(evaluate(lambda s: reactions.node_rate(system, s), slipping)).max() > 0.5
+    assert np.abs(evaluate(lambda s: reactions.node_rate(system, s), closed)).max() < 1e-12

@@ -15,6 +15,7 @@ from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.constraints import Bound, Site
 from coadjoint.mechanics.coupling import rows_of_links
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 
 TRIPS = 6
@@ -103,26 +104,45 @@ def node_rates(system: ReducedFunctions, state: State, impulse: Array | None = N
 def closing(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
     """The impulse λ (m,) after which the velocities of the node satisfy all constraints.
 
-    One linear solve where these are affine in the momenta, else Newton's iteration; of many links by blocks. projector:
-    of redundant rows, the projection (m, m) onto those that are kept.
+    One linear solve where these are affine in the momenta, of many links by blocks; else Newton's iteration from the
+    velocities of the state. projector: of redundant rows, the projection (m, m) onto those that are kept.
     """
-    how = rows_of(system)
-
-    def improved(impulse: Array) -> tuple[Array, Array | None]:
-        if how is None:
-            found = node_rates(system, state, impulse)
-            return impulse - solved(found.mobility, found.rate, projector), found.velocities.residual
-        residual = inverse_legendre.velocities(system, state).residual
-        return impulse - how.jacobian_solve(left, impulse, left(impulse)), residual
+    how, nothing = rows_of(system), jnp.zeros(count(system))
+    if inverse_legendre.velocities(system, state).residual is not None:
+        return _closing_together(system, state, projector)
 
     def left(impulse: Array) -> Array:
         return node_rate(system, kicked(system, state, impulse))
 
-    impulse, residual = improved(jnp.zeros(count(system)))
-    if residual is not None or _curved(system, state):
-        for _ in range(TRIPS - 1):
-            impulse, _ = improved(impulse)
+    def improved(impulse: Array) -> Array:
+        if how is not None:
+            return impulse - how.jacobian_solve(left, impulse, left(impulse))
+        found = node_rates(system, state, impulse)
+        return impulse - solved(found.mobility, found.rate, projector)
+
+    impulse = improved(nothing)
+    for _ in range(TRIPS - 1 if _curved(system, state) else 0):
+        impulse = improved(impulse)
     return impulse
+
+
+def _closing_together(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
+    """`closing` by Newton's iteration for (ξ, y, λ): ∂ℓ = (μ, π) + Aᵀλ and A·(ξ, ν) = b."""
+    (group, Q, _), dim, size = system.places, system.group.dim, count(system)
+    at = site(state)
+
+    def left(z: Array) -> Array:
+        xi, nu, impulse = z[:dim], Q.tangent(group, state.n, z[dim:-size]), z[-size:]
+        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+        torque, force = reaction(system, at, impulse)
+        held = rate(system, at, xi, nu)
+        if projector is not None:
+            held = projector @ held + impulse - projector @ impulse
+        rest = Q.coordinates(group, state.n, pi - state.pi - force)
+        return jnp.concatenate([mu - state.mu - torque, rest, held])
+
+    z = jnp.concatenate([state.xi, Q.coordinates(group, state.n, state.nu), jnp.zeros(size)])
+    return jax.lax.fori_loop(0, TRIPS, lambda _, z: z - jnp.linalg.solve(jax.jacfwd(left)(z), left(z)), z)[-size:]
 
 
 def rows_of(system: ReducedFunctions) -> Coupled | None:

@@ -19,10 +19,10 @@ SMALL = 1e-10
 
 
 def symmetries(system: System, state: State) -> np.ndarray:
-    """Motions δg = ηg, δq = η·q + u of space that leave ℓ and all φ unchanged, rows (η, u), (k, dim G + ambient).
+    """Motions δg = ηg, δq = η·q + u of space that leave ℓ, or ℋ, and all φ unchanged: rows (η, u).
 
     Those with u = 0 are left out: c₀·a₀ = 0 makes them Kelvin–Noether quantities. A pin at c leaves the turn about the
-    vertical through it, η = e_z, u = −e_z × c. Found at random places; none with forces, rows on
+    vertical through it, η = e_z, u = −e_z × c. Found at random places, (k, dim G + ambient); none with forces, rows on
     velocities, a curved space of additional dynamics or many links.
     """
     group, Q, _ = system.places
@@ -35,6 +35,8 @@ def symmetries(system: System, state: State) -> np.ndarray:
     places = random.normal(scale=0.7, size=(count, dim)), random.normal(size=(count, dim + 2 * wide + 1))
     slopes = evaluate(lambda s, eta, y: jax.vmap(lambda e, y: _slopes(system, s, e, y))(eta, y), state, *places)
     rows = slopes.reshape(-1, dim + wide)
+    if not np.all(np.isfinite(rows)):
+        return nothing
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = rows / np.where(sizes > 0, sizes, 1.0)
     _, singular, basis = np.linalg.svd(rows, full_matrices=True)
@@ -47,7 +49,7 @@ def symmetries(system: System, state: State) -> np.ndarray:
 
 
 def _slopes(system: System, state: State, eta: Array, y: Array) -> Array:
-    """The derivatives of ℓ and of all φ along every (η, u) at a place and velocity, (1 + m, dim G + ambient)."""
+    """The derivatives of ℓ, or ℋ, and of all φ along every (η, u) at a place and velocity, (1 + m, dim G + ambient)."""
     group, Q, V = system.places
     dim, wide = group.dim, Q.ambient(group)
     g = group.exp(eta)
@@ -58,7 +60,8 @@ def _slopes(system: System, state: State, eta: Array, y: Array) -> Array:
     def values(n, a):
         at = Site(n, a, t, state.inputs)
         held = [one.value(system, at) for one in system.constraints]
-        value = system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, state.internal)
+        own = system.reduced_lagrangian if system.hamiltonian is None else system.reduced_hamiltonian
+        value = own(xi, n, nu, a, t, state.inputs, state.internal)
         return jnp.concatenate([value[None], *held])
 
     def along(motion):
