@@ -17,7 +17,6 @@ import numpy as np
 import zarr
 from zarr.storage import LocalStore
 
-from coadjoint.arrays import PyTree
 from coadjoint.errors import FileError, error_line
 from coadjoint.manifest import DAMAGED, Manifest, sums_up
 from coadjoint.texts import Table
@@ -61,10 +60,10 @@ class Verified(LocalStore):
         own = {"manifest": self.manifest, "place": self.place, "whole": self.whole}
         return Verified(self.root, read_only=read_only, **own)
 
-    async def get(self, key: str, *rest: PyTree, **options: Any) -> PyTree:
+    async def get(self, key: str, *rest: Any, **options: Any) -> Any:
         return self._checked(key, await super().get(key, *rest, **options)) if self._is_there(key) else None
 
-    def get_sync(self, key: str, *rest: PyTree, **options: Any) -> Any:
+    def get_sync(self, key: str, *rest: Any, **options: Any) -> Any:
         return self._checked(key, super().get_sync(key, *rest, **options)) if self._is_there(key) else None
 
     def _is_there(self, key: str) -> bool:
