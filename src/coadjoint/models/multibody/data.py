@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics.state import State
 from coadjoint.models.multibody.bonds import Bond
 from coadjoint.models.multibody.joints import KINDS
@@ -53,7 +54,7 @@ def counted(t: np.ndarray, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return angle - 2 * np.pi * np.concatenate([[0.0], np.cumsum(turns)])
 
 
-def _moving(records: State, p: Named) -> Moving:
+def _moving(records: State, p: PyTree) -> Moving:
     """Bodies and ground at records; ω = J⁻¹μ and ν = π/m are those of the nodes."""
     R = np.asarray(records.g)
     n, mu, pi = (np.reshape(one, R.shape[:3]) for one in (records.n, records.mu, records.pi))

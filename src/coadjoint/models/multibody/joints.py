@@ -147,9 +147,9 @@ def frame(axis: np.ndarray | None, across: np.ndarray | None = None) -> np.ndarr
     if axis is None:
         return np.eye(3)
     if across is None:
-        across = np.eye(3)[np.argmin(np.abs(axis))]
-        across = across - (across @ axis) * axis
-        across = across / np.linalg.norm(across)
+        aside = np.eye(3)[np.argmin(np.abs(axis))]
+        aside = aside - (aside @ axis) * axis
+        return frame(axis, aside / np.linalg.norm(aside))
     return np.stack([across, np.cross(axis, across), axis], axis=1)
 
 
