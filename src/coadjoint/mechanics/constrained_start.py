@@ -170,75 +170,6 @@ def singular_place(system: ReducedFunctions, state: State, projector: Array | No
     )
 
 
-def warnings(system: ReducedFunctions, state: State) -> list[str]:
-    """A sentence about rows on velocities that are integrable, if there are any."""
-    if not system.constraints:
-        return []
-    found = []
-    held = [one for one in system.constraints if not one.holonomic]
-    if held and not any(one.moving for one in held) and _integrable(system, state):
-        names = " and ".join(f"`{one.name}`" for one in held)
-        found.append(
-            f"The rows of {names} are integrable (Frobenius): they hold a function of the place, which co.Holonomic "
-            "would keep to round-off."
-        )
-    return found
-
-
-def _integrable(system: ReducedFunctions, state: State) -> bool:
-    """Whether A·[X, Y] vanishes for all fields X, Y with A·X = A·Y = 0, at random places."""
-    group, Q, _ = system.places
-    random = np.random.default_rng(1877)
-    wrong = evaluate(
-        lambda etas, shifts, s, p: jax.vmap(lambda e, w: _curvature(replace_parameters(system, p), s, e, w))(
-            etas, shifts
-        ),
-        random.normal(scale=0.7, size=(3, group.dim)),
-        random.normal(size=(3, Q.ambient(group))),
-        state,
-        system.parameters,
-    )
-    return bool(np.max(np.abs(wrong)) <= 1e-9)
-
-
-def _curvature(system: ReducedFunctions, state: State, eta: Array, shift: Array) -> Array:
-    """A·[X_i, X_j] of the fields X_i = (1 − A⁺A)e_i at a place off the state's, relative to A."""
-    group, Q, V = system.places
-    back = group.inverse(group.exp(eta))
-    n, a = Q.act(group, back, state.n), V.act(group, back, state.a)
-    n = n + shift * (1 + jnp.max(jnp.abs(n), initial=0.0)) if Q.flat else n
-    at, dim = site(state)._replace(n=n, a=a), group.dim
-
-    def rows(n, a):
-        found = jnp.concatenate(
-            [one.rows(system, at._replace(n=n, a=a))[0] for one in system.constraints if not one.holonomic]
-        )
-        tangent = jax.vmap(lambda row: Q.project(group, n, row[dim:]))(found)
-        found = jnp.concatenate([found[:, :dim], tangent], axis=1)
-        return found / jnp.linalg.norm(found, axis=1, keepdims=True)
-
-    def fields(n, a):
-        A = rows(n, a)
-        return jnp.eye(A.shape[1]) - A.T @ _least(A @ A.T, A, 1e-14)
-
-    kernel = fields(n, a)
-    along = jax.vmap(
-        lambda x: jax.jvp(
-            fields,
-            (n, a),
-            (x[dim:] - Q.infinitesimal(group, x[:dim], n), -V.infinitesimal(group, x[:dim], a)),
-        )[1]
-    )(kernel.T)  # (i, component, j): D_{X_i} X_j
-    along = jnp.swapaxes(along, 1, 2)
-
-    def constant(x, y):
-        turned = Q.lifted(group, x[:dim], n, y[dim:]) - Q.lifted(group, y[:dim], n, x[dim:])
-        return jnp.concatenate([group.ad(x[:dim], y[:dim]), turned])
-
-    own = jax.vmap(lambda x: jax.vmap(lambda y: constant(x, y))(kernel.T))(kernel.T)
-    return (along - jnp.swapaxes(along, 0, 1) + own) @ rows(n, a).T
-
-
 def projected(system: ReducedFunctions, state: State) -> State:
     """The nearest state on the constraints in the kinetic metric, from a state near it; see `System.project`."""
 
@@ -315,6 +246,6 @@ def _nearer(system: ReducedFunctions, state: State) -> State:
     )
 
 
-def _least(matrix: Array, right: Array, damping: float = 1e-10) -> Array:
+def _least(matrix: Array, right: Array) -> Array:
     """x with matrix x = right, both (m, …), of a positive matrix that may be singular: the least x, nearly."""
-    return jnp.linalg.solve(matrix + damping * jnp.trace(matrix) * jnp.eye(len(matrix)), right)
+    return jnp.linalg.solve(matrix + 1e-10 * jnp.trace(matrix) * jnp.eye(len(matrix)), right)

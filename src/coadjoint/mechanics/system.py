@@ -13,12 +13,13 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
-from coadjoint.mechanics.constrained_start import projected, warnings
+from coadjoint.mechanics.constrained_start import projected
 from coadjoint.mechanics.constraints import Bound, Constraint, bound, constraints_from
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
+from coadjoint.mechanics.integrability import integrable_rows
 from coadjoint.mechanics.invariance import Invariance, is_right, places_of
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
@@ -243,7 +244,7 @@ class System(ReducedFunctions, Portable):
 
         regular: whether the method needs an invertible Legendre transform.
         """
-        return check(self, start, regular) + warnings(self, start)
+        return check(self, start, regular) + integrable_rows(self, start)
 
     def project(self, state: State) -> State:
         """The state on all constraints that is nearest to one near them, in the kinetic metric.
