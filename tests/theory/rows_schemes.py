@@ -253,5 +253,5 @@ def tables():
     for name, own in (("cayley", paper.Cayley()), ("exponential", paper.Exponential())):
         for label, parts in ((name, 1), (f"{name}_half_step", 2)):
             _, (g, n, omega, nu) = paper.run(own, omega0, paper_tables.PAPER_STEP / parts, STEPS * parts)
-            last = runs[label].final
+            last = jax.tree.map(lambda leaf: leaf[-1], runs[label].records)  # with the velocities of a step, as paper's
             yield off_each((last.g, last.n, last.xi, last.nu), (g, n, omega, nu))
