@@ -16,7 +16,7 @@ from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
 from coadjoint.plotting.plots import Plots
-from coadjoint.plotting.scene import Body, Member, Scene, plain, quaternions
+from coadjoint.plotting.scene import DrawnBody, Member, Scene, plain, quaternions
 from coadjoint.plotting.scene_of_runs import scene
 from coadjoint.simulation.saved import SavedRun
 from made_runs import VEHICLE, dataset
@@ -72,7 +72,7 @@ def test_quaternions_are_those_of_the_rotations_without_jumps():
 
 def test_numbers_keep_five_digits_of_their_range():
     place = np.random.default_rng(3).normal(size=(100, 3)) * 1e-4
-    body = Body([{"kind": "box", "size": [1, 1, 1]}], place, np.tile([0, 0, 0, 1.0], (100, 1)), 1e-4)
+    body = DrawnBody([{"kind": "box", "size": [1, 1, 1]}], place, np.tile([0, 0, 0, 1.0], (100, 1)), 1e-4)
     told = plain(Scene("a", "", [Member("a", "#000000", np.arange(100.0), [body])]))
     assert np.max(np.abs(np.array(told["members"][0]["bodies"][0]["place"]) - place)) < 2e-5 * np.ptp(place)
 

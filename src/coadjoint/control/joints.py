@@ -28,7 +28,7 @@ KEPT = ("momentum", "velocity")
 
 
 @dataclass(frozen=True)
-class Joint:
+class PhaseJoint:
     """The end of phase `before` is the beginning of phase `after`; keep: the continuous quantity, momenta or
     velocities."""
 
@@ -101,7 +101,7 @@ class PhasedProgram(NamedTuple):
 
 def phased_program(
     parts: dict[str, Transcription],
-    joints: tuple[Joint, ...],
+    joints: tuple[PhaseJoint, ...],
     shared: tuple[str, ...],
     total: tuple[float, float] | None,
 ) -> PhasedProgram:

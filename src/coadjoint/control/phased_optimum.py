@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coadjoint.control.joints import Joint, PhasedProgram, carried
+from coadjoint.control.joints import PhasedProgram, PhaseJoint, carried
 from coadjoint.control.library import casadi
 from coadjoint.control.optimum import ROUND_OFF, UNSTABLE, chosen_system, difference, flight, violation
 from coadjoint.control.solve import FoundOptimum
@@ -37,7 +37,7 @@ class PhasedOptimum:
     build_seconds: float
     solve_seconds: float
     solver: str
-    joints: tuple[Joint, ...]
+    joints: tuple[PhaseJoint, ...]
     within: dict[str, dict[str, WorstWithin]]
 
     @property
@@ -80,7 +80,7 @@ class PhasedOptimum:
 
 def phases_flown(
     parts: dict[str, Transcription],
-    joints: tuple[Joint, ...],
+    joints: tuple[PhaseJoint, ...],
     program: PhasedProgram,
     found: FoundOptimum,
     built: float,

@@ -14,7 +14,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.control.guess import guessed_motion, variables
-from coadjoint.control.joints import KEPT, Joint, carried, phased_program
+from coadjoint.control.joints import KEPT, PhaseJoint, carried, phased_program
 from coadjoint.control.numbers import number
 from coadjoint.control.phased_optimum import PhasedOptimum, phases_flown
 from coadjoint.control.problem import Problem
@@ -53,7 +53,7 @@ class Phases:
     keep: Any = None
     shared: tuple[str, ...] = ()
     total_duration: tuple[float, float] | None = None
-    joints: tuple[Joint, ...] = field(init=False)
+    joints: tuple[PhaseJoint, ...] = field(init=False)
 
     def __post_init__(self):
         named = isinstance(self.phases, Mapping) and all(isinstance(name, str) for name in self.phases)
@@ -65,7 +65,7 @@ class Phases:
         self._require_one_after_the_other()
         kept = self._kept()
         pairs = zip(pairwise(self.phases), kept, strict=True)
-        object.__setattr__(self, "joints", tuple(Joint(*names, one) for names, one in pairs))
+        object.__setattr__(self, "joints", tuple(PhaseJoint(*names, one) for names, one in pairs))
         self._require_shared()
         self._require_total()
 

@@ -39,11 +39,10 @@ class Midpoint(Method, HalfStepSquared):
 
     def _node(self, system: System, record: State, h: Scalar) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
-        xi = record.xi
-        half = self.turn(system, h, xi)
+        half = self.turn(system, h, record.xi)
         back = group.inverse(half)
         start, nu = Q.act(group, back, record.n), record.nu
-        point = Point(xi, start + 0.5 * h * nu, nu, V.act(group, back, record.a), record.t + 0.5 * h)
+        point = Point(record.xi, start + 0.5 * h * nu, nu, V.act(group, back, record.a), record.t + 0.5 * h)
         return half, start, point, node(system, record, point)
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
@@ -63,14 +62,13 @@ class Midpoint(Method, HalfStepSquared):
     def advance(self, system: System, record: State, h: Scalar) -> State:
         group, Q, V = system.places
         half, start, point, at = self._node(system, record, h)
-        back = group.inverse(half)
-        n = Q.act(group, back, point.n + 0.5 * h * point.nu)
+        n = Q.act(group, group.inverse(half), point.n + 0.5 * h * point.nu)
         transported = Q.pull(group, half, n, Q.pull(group, half, start, record.pi) + h * at.force)
         return record.later(
             h,
             g=group.compose(record.g, group.compose(half, half)),
             n=n,
-            a=V.act(group, back, point.a),
+            a=V.act(group, group.inverse(half), point.a),
             mu=group.Ad_dual(half, group.Ad_dual(half, record.mu) + h * at.torque),
             pi=Q.momentum(group, n, transported, Q.pull(group, half, n, at.pi + 0.5 * h * at.force)),
         )

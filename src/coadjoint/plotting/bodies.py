@@ -19,7 +19,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.scene import POINTS, Body, Member, Readout, Scene, Shape, quaternions
+from coadjoint.plotting.scene import POINTS, DrawnBody, Member, Readout, Scene, Shape, quaternions
 from coadjoint.plotting.style import COLOURS
 
 _BOX = (1.0, 0.6, 0.36)
@@ -95,11 +95,11 @@ def _member(run: Entry, solids: Sequence[Solid] | None, capacity: int, alone: bo
     return Member(label, COLOURS[run.place % len(COLOURS)], run.time[kept], made, _readouts(run, described, kept))
 
 
-def _body(solid: Solid, place: np.ndarray, turn: np.ndarray, extent: float) -> Body:
+def _body(solid: Solid, place: np.ndarray, turn: np.ndarray, extent: float) -> DrawnBody:
     size = 0.12 * extent or 1.0
     shapes = list(solid.shapes) or [box(np.array(_BOX) * size)]
     moves = bool(np.max(np.ptp(place, axis=0)) > 1e-9)
-    return Body(
+    return DrawnBody(
         shapes, place, quaternions(turn), max(map(reach, shapes)), track=moves if solid.track is None else solid.track
     )
 

@@ -43,7 +43,7 @@ class Moving:
 
 
 @dataclass(frozen=True)
-class Body:
+class DrawnBody:
     """A body: its shapes, its place (nodes, 3) m, and its attitude as quaternions (nodes, 4), x, y, z, w.
 
     size: how long it is, m. track: whether its path is drawn.
@@ -78,7 +78,7 @@ class Member:
     label: str
     colour: str
     time: np.ndarray
-    bodies: Sequence[Body]
+    bodies: Sequence[DrawnBody]
     readings: Sequence[Readout] = ()
     current: np.ndarray | None = None
 

@@ -139,7 +139,7 @@ class Bond(Portable):
 
 
 @dataclass(frozen=True)
-class Held(Portable):
+class HeldCoordinates(Portable):
     """A constraint that keeps the coordinates of a joint at x₀ + vt, by which a state is found; shown: x₀ and v."""
 
     bond: Bond

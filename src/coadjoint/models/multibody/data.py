@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 UNITS = {"angle": ("rad", "rad/s"), "distance": ("m", "m/s")}
 
 
-class Moving(NamedTuple):
+class BodyMotions(NamedTuple):
     """R, x, Ω and v of all bodies in space, (time, N + 1, …), with the ground as the last, which stands still."""
 
     R: np.ndarray
@@ -54,7 +54,7 @@ def counted(t: np.ndarray, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return angle - 2 * np.pi * np.concatenate([[0.0], np.cumsum(turns)])
 
 
-def _moving(records: State, p: PyTree) -> Moving:
+def _moving(records: State, p: PyTree) -> BodyMotions:
     """Bodies and ground at records; ω = J⁻¹μ and ν = π/m are those of the nodes."""
     R = np.asarray(records.g)
     n, mu, pi = (np.reshape(one, R.shape[:3]) for one in (records.n, records.mu, records.pi))
@@ -64,10 +64,10 @@ def _moving(records: State, p: PyTree) -> Moving:
         np.concatenate([np.einsum("tnij,tnj->tni", R, one), still], axis=1)
         for one in (n, omega, pi / np.asarray(p.mass)[:, None])
     )
-    return Moving(np.concatenate([R, np.broadcast_to(np.eye(3), (len(R), 1, 3, 3))], axis=1), x, omega, v)
+    return BodyMotions(np.concatenate([R, np.broadcast_to(np.eye(3), (len(R), 1, 3, 3))], axis=1), x, omega, v)
 
 
-def _coordinates(bond: Bond, own: Named, bodies: Moving) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def _coordinates(bond: Bond, own: Named, bodies: BodyMotions) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """The angle and the distance along the axis, with their rates, (time,) each."""
     i, j = bond.first, bond.second
     R, x, omega, v = bodies

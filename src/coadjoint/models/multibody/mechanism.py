@@ -18,7 +18,7 @@ from coadjoint.mechanics.reactions import count
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.multibody.bodies import Body
-from coadjoint.models.multibody.bonds import Bond, Energy, Held
+from coadjoint.models.multibody.bonds import Bond, Energy, HeldCoordinates
 from coadjoint.models.multibody.data import joint_data
 from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
 from coadjoint.models.multibody.placing import Placing
@@ -205,7 +205,7 @@ class Mechanism:
         if not placing.needs_projection:
             return start
         held = {
-            f"{key}_held": Holonomic(Held(self.bonds[key], values).gap)
+            f"{key}_held": Holonomic(HeldCoordinates(self.bonds[key], values).gap)
             for key, values in placing.coordinates_and_speeds.items()
         }
         place = self._system(held).project(start) if held else self.system.project(start)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
-from coadjoint.models.multibody.bodies import rotation
+from coadjoint.models.multibody.bodies import Body, rotation
 from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
 from coadjoint.models.quantities import vector
-
-if TYPE_CHECKING:
-    from coadjoint.models.multibody.mechanism import Mechanism
 
 Pose = tuple[np.ndarray, np.ndarray]
 """R (3, 3) and the mass centre x (3,), m, in space."""
@@ -23,12 +20,24 @@ Twist = tuple[np.ndarray, np.ndarray]
 """The angular velocity and the velocity of the mass centre, (3,) each, in space."""
 
 
+class Described(Protocol):
+    """The bodies and joints of a mechanism by their names, and the pose of each body in the reference configuration."""
+
+    @property
+    def bodies(self) -> Mapping[str, Body]: ...
+
+    @property
+    def joints(self) -> Mapping[str, Joint]: ...
+
+    def reference(self, body: str, /) -> Pose: ...
+
+
 class Placing:
     """Bodies placed one after the other along the joints, first along those whose coordinates are given."""
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        mechanism: Described,
         coordinates: Mapping[str, PyTree],
         speeds: Mapping[str, PyTree],
         poses: Mapping[str, PyTree],

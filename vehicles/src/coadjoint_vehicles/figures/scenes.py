@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.extending import thin
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.scene import POINTS, Body, Member, Moving, Readout, Scene, Shape, quaternions
+from coadjoint.plotting.scene import POINTS, DrawnBody, Member, Moving, Readout, Scene, Shape, quaternions
 from coadjoint.plotting.style import COLOURS
 from coadjoint_vehicles.figures.shapes import SLENDER
 from coadjoint_vehicles.logs.records import VehicleRecords
@@ -52,12 +52,12 @@ def _member(run: Entry, capacity: int, alone: bool, hull: Shape | None) -> Membe
     )
 
 
-def _body(run: Entry, log: VehicleRecords, kept: np.ndarray, hull: Shape | None) -> Body:
+def _body(run: Entry, log: VehicleRecords, kept: np.ndarray, hull: Shape | None) -> DrawnBody:
     attrs = run.dataset.attrs
     length = float(attrs.get("vehicle_length", 1.0))
     torpedo = {"kind": "torpedo", "length": length, "diameter": SLENDER * length}
     look = json.loads(attrs[GEOMETRY]) if GEOMETRY in attrs else {"size": length, "shapes": [torpedo], "moving": []}
-    return Body(
+    return DrawnBody(
         shapes=look["shapes"] if hull is None else [hull, *look["shapes"][1:]],
         place=log.position[kept],
         turn=quaternions(log.directions[kept]),
