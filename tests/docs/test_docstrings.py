@@ -36,7 +36,7 @@ def names_before_colons(text: str) -> set[str]:
 
 
 CHAPTERS = ("groups", "spaces", "difference_maps", "mechanics", "methods", "theory", "stability", "audit", "models")
-RUNS = ("run", "result", "simulate", "trajectory", "resume", "recording", "saved", "events", "steppers.stepper")
+RUNS = ("run", "result", "simulate", "trajectory", "resume", "saved", "events", "steppers.stepper")
 """Of `simulation`, what `co.simulate` returns and what `coadjoint` itself names."""
 ARRAY = re.compile(r"\b(Array|ArrayLike|ndarray)\b")
 SIZE = (

@@ -156,7 +156,10 @@ def _sizes(matrix: np.ndarray) -> np.ndarray:
 
 
 def singular_place(system: ReducedFunctions, state: State, projector: Array | None) -> str:
-    """A sentence if the rows of the constraints are nearly dependent at a state, which they were not at the start."""
+    """A sentence if the rows of the constraints are nearly dependent at a state, which they were not at the start.
+
+    projector: of redundant rows the projection (m, m) onto those that are kept.
+    """
     if not system.constraints or rows_of(system) is not None:
         return ""
     found = evaluate(lambda s, p: node_rates(replace_parameters(system, p), s).mobility, state, system.parameters)

@@ -214,7 +214,7 @@ def require_internal(system: System, start: State, h: Scalar) -> list[str]:
 
 
 def internal_warnings(system: System, h: Array | float) -> list[str]:
-    """The warnings of the rule of the system about steps of length h."""
+    """The warnings of the rule of the system about steps of length h, one number, s."""
     return declared(system.internal).warnings(h, system.parameters)
 
 

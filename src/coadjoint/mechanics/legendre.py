@@ -29,7 +29,9 @@ class WithHamiltonian(Protocol):
     def additional(self) -> Space: ...
     def reduced_hamiltonian(
         self, mu: Array, n: Array, pi: Array, a: Array, t: Scalar, inputs: PyTree, internal: PyTree
-    ) -> Array: ...
+    ) -> Array:
+        """ℋ(μ, n, π, a), one number."""
+        ...
 
 
 class Place(NamedTuple):

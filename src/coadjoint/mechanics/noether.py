@@ -162,7 +162,7 @@ def _directions(group: LieGroup) -> np.ndarray:
 
 
 def echelon(rows: np.ndarray) -> np.ndarray:
-    """The reduced echelon basis of the span of the rows, each row normalised."""
+    """The reduced echelon basis of the span of the rows (k, d), each row normalised, (k, d)."""
     rows = rows.copy()
     for i in range(len(rows)):
         column = int(np.argmax(np.abs(rows[i:]).max(axis=0) > 1e-8))

@@ -173,7 +173,7 @@ class ReducedFunctions:
     def motion(
         self, xi: Array, n: Array, nu: Array, a: Array, t: Scalar, inputs: PyTree = None, internal: PyTree = None
     ) -> Motion:
-        """The motion that forces and inputs read."""
+        """The motion that forces and inputs read. xi: (dim G,). n, nu: (ambient,). a: (dim V*,)."""
         n, nu = (self.additional.view(self.group, x) for x in (n, nu))
         return Motion(
             self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
@@ -182,7 +182,8 @@ class ReducedFunctions:
     def motion_at(self, state: State, inputs: PyTree = None, h: Array | float = 0.0) -> NodeMotion:
         """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
 
-        A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.
+        h: one number, s. A state of the reduced theory, whose g is None, has a motion without g and q: what reads them
+        is not reduced.
         """
         s = state
         motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal)

@@ -287,6 +287,7 @@ def legendre(
 ) -> tuple[PyTree, PyTree]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian.
 
+    xi: (dim G,). n, nu: (ambient,). a: (dim V*,).
     near: (μ, π) from which the Legendre transform of ℋ is solved, as in `System.reduced_lagrangian`.
     """
     if not system.continuous:

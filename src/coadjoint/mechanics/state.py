@@ -27,7 +27,8 @@ class Places(NamedTuple):
 class Origin:
     """The system whose run a record is of, None of other states; any two count as equal, so that states go together.
 
-    unknowns: (ξ, ν) of the step that starts at a record whose own ξ and ν are those of the node: Newton's next guess.
+    unknowns: (ξ, ν), (dim G,) and (ambient,), of the step that starts at a record whose own ξ and ν are those of the
+    node: Newton's next guess.
     """
 
     __slots__ = ("system", "unknowns")

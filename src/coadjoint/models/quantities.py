@@ -48,7 +48,7 @@ def number(value: object, name: str, at_least: float | None = None) -> Array:
 
 
 def not_negative(value: object, name: str) -> Array:
-    """A number of at least 0; raises ArgumentError."""
+    """One number, at least 0; raises ArgumentError."""
     return number(value, name, at_least=0.0)
 
 

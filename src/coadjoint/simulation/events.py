@@ -123,7 +123,7 @@ def candidates(values: np.ndarray, count: int) -> np.ndarray:
     """Those of the first `count` intervals between nodes in which a function with these values may cross zero.
 
     Its sign differs between both nodes, or the cubic through four nodes turns back in between so near to zero that it
-    may have crossed twice; `crossings` decides.
+    may have crossed twice; `crossings` decides. values: (nodes,).
     """
     v = np.asarray(values)
     signs = np.sign(v)
@@ -141,7 +141,7 @@ def candidates(values: np.ndarray, count: int) -> np.ndarray:
 def crossings(values: np.ndarray, interval: int, f: Function) -> list[Crossing]:
     """The crossings in (0, 1] of an interval between two nodes, in order. f: the function after a part of the step.
 
-    A zero at the node where the interval begins belongs to the one before.
+    A zero at the node where the interval begins belongs to the one before. values: (nodes,).
     """
     v = np.asarray(values)
     ends: list[tuple[float, float]] = [(0.0, float(v[interval])), (1.0, float(v[interval + 1]))]
@@ -160,7 +160,7 @@ def crossings(values: np.ndarray, interval: int, f: Function) -> list[Crossing]:
 
 
 def from_zero(values: np.ndarray) -> np.ndarray:
-    """The values of a run from its start; the first one is 0 if it is round-off, as after a restart at an event."""
+    """The values (nodes,) of a run from its start; the first is 0 if it is round-off, as after a stop at an event."""
     if len(values) > 1 and abs(values[0]) <= AT_START * abs(values[1] - values[0]):
         return np.concatenate([[0.0], values[1:]])
     return values

@@ -242,12 +242,12 @@ class Result(Recording):
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
-        """Every monitored scalar, ([members,] nodes, …) each."""
+        """Every monitored scalar, of shape ([members,] nodes, …) each."""
         rows: list[Mapping[str, np.ndarray]] = self.memory.monitors
         return {name: self._joined(*(part[name] for part in rows)) for name in (rows[0] if rows else {})}
 
     def rows_of(self, names: Sequence[str], members: slice = slice(None)) -> dict[str, np.ndarray]:
-        """Some monitors at the saved nodes, ([members,] nodes, …) each, of some members; none is kept in memory."""
+        """Some monitors at the saved nodes, of shape ([members,] nodes, …) each, of some members; none is kept."""
         return {name: self.monitors[name][members] for name in names}
 
     def node_times(self) -> np.ndarray:
@@ -274,13 +274,13 @@ class Result(Recording):
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
     def sizes(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, ([members]), to which changes are relative; 0 if it is round-off of later X."""
+        """|X₀| of a monitored X, of shape ([members]), to which changes are relative; 0 if it is round-off."""
         low, high, first = self._bounds(name)
         size = np.linalg.norm(first, axis=-1)
         return np.where(size > 1e-9 * np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=-1), size, 0.0)
 
     def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| over every good step, ([members]), of a monitored X; absolute where its size is 0."""
+        """max_k |X_k − X₀| / |X₀| of a monitored X, of shape ([members]), over good steps; absolute where X₀ is 0."""
         low, high, first = self._bounds(name)
         widest = np.maximum(np.abs(high - first), np.abs(first - low))
         change, size = np.linalg.norm(widest, axis=None if self.members is None else 1), self.sizes(name)

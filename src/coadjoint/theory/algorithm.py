@@ -70,6 +70,7 @@ class Algorithm(DenseStage):
         return self.group.dim, self.space.dim(self.group)
 
     def prepare(self, parameters: PyTree, state: PyTree, h: Array | float) -> PyTree:
+        """The state: the step of h, one number, needs nothing more."""
         return state
 
     def monitors(self, parameters: PyTree, record: PyTree, h: Scalar) -> Mapping[str, Array]:

@@ -71,7 +71,10 @@ def generator(system: System, state: State, direction: Array) -> tuple[Array, Ar
 
 
 def two_form(system: System, state: State, d1: PhaseVariation, d2: PhaseVariation) -> tuple[Array, Array]:
-    """ω(δ₁, δ₂) = ⟨δ₂μ, η₁⟩ − ⟨δ₁μ, η₂⟩ + ⟨μ, [η₁, η₂]⟩ + ⟨δ₂π, w₁⟩ − ⟨δ₁π, w₂⟩ + ⟨π, η₁·w₂ − η₂·w₁⟩ and its size."""
+    """ω(δ₁, δ₂) = ⟨δ₂μ, η₁⟩ − ⟨δ₁μ, η₂⟩ + ⟨μ, [η₁, η₂]⟩ + ⟨δ₂π, w₁⟩ − ⟨δ₁π, w₂⟩ + ⟨π, η₁·w₂ − η₂·w₁⟩ and its size.
+
+    One number each.
+    """
     group, Q = system.group, system.additional
     turned = Q.lifted(group, d1.eta, state.n, d2.w) - Q.lifted(group, d2.eta, state.n, d1.w)
     on_group = [d2.mu @ d1.eta, -d1.mu @ d2.eta, state.mu @ group.ad(d1.eta, d2.eta)]
@@ -80,7 +83,7 @@ def two_form(system: System, state: State, d1: PhaseVariation, d2: PhaseVariatio
 
 
 def off_constraints(system: System, state: State, d: PhaseVariation) -> Array:
-    """(Dφ·δ, Dφ̇·δ), (2m,), zero for tangents to T*N, N = {φ = 0}; on a flat Q, raises ArgumentError on a curved one."""
+    """(Dφ·δ, Dφ̇·δ), 2m numbers, zero for tangents to T*N, N = {φ = 0}; raises ArgumentError where Q is curved."""
     group, Q, V = system.places
     if not Q.flat or not all(one.holonomic for one in system.constraints):
         raise ArgumentError("Tangents to T*N need holonomic constraints on a flat space of additional dynamics.")

@@ -115,7 +115,7 @@ class Bond(Portable):
         return jnp.stack([found[name] for name in KINDS[self.kind].coordinates])
 
     def spring(self, n: Array, a: PyTree, p: PyTree) -> Scalar:
-        """½k(x − x₀)², with the difference of angles within half a turn."""
+        """½k(x − x₀)², one number, J, with the difference of angles within half a turn. n: (3N,)."""
         own, x = getattr(p, self.name), self.coordinates(n, a, p)[0]
         off = x - own.rest
         if KINDS[self.kind].coordinates[0] == "angle":

@@ -22,7 +22,10 @@ UNITS = {"angle": ("rad", "rad/s"), "distance": ("m", "m/s")}
 
 
 class BodyMotions(NamedTuple):
-    """R, x, Ω and v of all bodies in space, (time, N + 1, …), with the ground as the last, which stands still."""
+    """The motion of all bodies in space, with the ground as the last, which stands still.
+
+    R: (rows, N, 3, 3). x, omega, v: (rows, N, 3), the mass centre, m, and the velocities, rad/s and m/s.
+    """
 
     R: np.ndarray
     x: np.ndarray
