@@ -140,26 +140,3 @@ def test_a_composition_by_xla_has_the_steps_and_the_tangent_of_machine_code():
     assert np.allclose(other, after, rtol=0, atol=1e-13)
     (Phi, Q), (slopes, noise) = (one.linearised(rows, after, H) for one in (native, by_xla))
     assert np.allclose(slopes, Phi, rtol=0, atol=1e-12) and np.allclose(noise, Q, rtol=0, atol=1e-13)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("method", [co.Midpoint(), SUZUKI], ids=lambda method: method.title)
-def test_a_filter_of_a_pinned_body_keeps_the_pin_and_has_the_tangent_of_differences(method):
-    """The multipliers are unknowns of its steps; errors across the pin end with the step."""
-    pin, g = np.array([0, 0, 0.5]), co.attitude.zyx(0.1, 0.2, 0.3)
-    system = co.System(
-        co.SO3(),
-        lambda xi, n, nu, a, p: 0.5 * xi @ (p.inertia * xi) + nu @ nu - 3.0 * n @ a,
-        additional=co.Defining(),
-        advected=co.Defining(),
-        parameters={"inertia": [1.0, 2.0, 3.0], "pin": pin},
-        constraints={"pin": co.Holonomic(lambda n, a, p: n + p.pin)},
-    )
-    xi = [0.3, -0.2, 0.5]
-    start = system.state(g=g, q=-g @ pin, xi=xi, qdot=-g @ np.cross(xi, pin), a0=[0, 0, 1])
-    process = ModelProcess(system, start, method=method, noise={"torque": 0.1})
-    rows = process.row(start)[None]
-    after = process.advanced(rows, H)
-    assert np.allclose(process.state(after[0]).n, -pin, atol=1e-14)
-    Phi, _ = process.linearised(rows, after, H)
-    assert np.allclose(by_differences(process, rows), Phi[0], rtol=0, atol=1e-9)

@@ -18,7 +18,7 @@ from coadjoint.sweeps.sweep import execute
 
 pytest.importorskip("psutil", reason="kills processes by psutil, which the extra [cluster] brings")
 
-MEMBERS, TASK, TASKS = 48, 4, 12
+MEMBERS, TASK, TASKS = 96, 4, 24
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +35,11 @@ def test_a_sweep_whose_workers_are_killed_is_the_same_to_the_bit(undisturbed, tm
     left, rounds = kills, 0
     while left > 0:
         folder = tmp_path / f"out{rounds}"
-        with Killer(min(left, 4), 4.0, seed=rounds) as killer:
+        with Killer(min(left, 4), 2.0, seed=rounds) as killer:
             found = execute(sweep, folder, workers=2, progress=False)
         assert bits(found.folder) == bits(undisturbed.folder)
-        assert killer.killed, "No worker was killed: the sweep ended too early."
         left, rounds = left - killer.killed, rounds + 1
+        assert rounds <= kills, "Few workers were killed: the sweeps ended too early."
 
 
 @pytest.mark.long
