@@ -14,12 +14,16 @@ from coadjoint import extending
 from coadjoint.cli.main import COMMANDS
 from coadjoint.plotting.registries import ADDED, SCENES
 from coadjoint.report.numbers import NUMBERS
+from coadjoint.runs.methods import METHODS
 from coadjoint.runs.run_file import KINDS
 from coadjoint.simulation.result import FORMATS
+from coadjoint_vehicles.files.kinds import ADDED as OF_VEHICLES
+from coadjoint_vehicles.logs.measured import LOG_FORMATS
 from imports import VEHICLES, parsed
 
 PAGE = Path(__file__).parents[1] / "docs" / "extending.md"
-NAMES = 41
+PLUGIN = Path(__file__).parent / "plugin"
+NAMES = 46
 """Names of the core that packages above may need and users do not."""
 
 
@@ -59,9 +63,10 @@ def test_vehicles_import_the_public_names_and_the_extension_api_and_nothing_else
 
 
 def test_the_extension_api_is_small_and_used() -> None:
+    plugin = [ast.parse(path.read_text(encoding="utf-8")) for path in PLUGIN.rglob("*.py")]
     used = {
         alias.name
-        for tree in parsed(VEHICLES).values()
+        for tree in (*parsed(VEHICLES).values(), *plugin)
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and node.module == "coadjoint.extending"
         for alias in node.names
@@ -77,7 +82,8 @@ def test_the_page_on_the_extension_api_has_every_name_and_module() -> None:
     rows = re.findall(r"^\| (`.*?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     words = {word for row in rows for word in re.findall(r"`([\w.]+)`", row)}
     assert words >= {*extending.__all__, *(name.removeprefix("coadjoint.") for name in extending.MODULES)}
-    tables = {node.kind for node in (ADDED, SCENES, NUMBERS, FORMATS, KINDS, COMMANDS, co.models.catalogue)}
+    registries = (ADDED, SCENES, NUMBERS, FORMATS, KINDS, COMMANDS, co.models.catalogue, METHODS, LOG_FORMATS)
+    tables = {node.kind for node in (*registries, *OF_VEHICLES.values())}
     assert words >= tables and len(words) == len(extending.__all__) + len(extending.MODULES) + len(tables)
 
 

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     # named otherwise where they are defined
     __all__ = ["kernel_backend", "player_page", "read_run_file", "scene_of_runs", "shown_number", "simulate_setup"]
 
+    from coadjoint.extensions import Registry as Registry
+    from coadjoint.extensions import import_string as import_string
     from coadjoint.kernels.run import backend as kernel_backend
     from coadjoint.kernels.run import disk_cache as disk_cache
     from coadjoint.kernels.trace.evaluate import evaluate as evaluate
@@ -50,11 +52,14 @@ if TYPE_CHECKING:
     from coadjoint.lazy import lazy as lazy
     from coadjoint.log import logger as logger
     from coadjoint.mechanics.copies import replace_parameters as replace_parameters
+    from coadjoint.mechanics.discrete import Point as Point
+    from coadjoint.mechanics.discrete import node as node
     from coadjoint.mechanics.inputs import Inputs as Inputs
     from coadjoint.mechanics.internal import starting_values as starting_values
     from coadjoint.mechanics.start import legendre as legendre
     from coadjoint.mechanics.state import Origin as Origin
     from coadjoint.mechanics.work_balance import with_ledger as with_ledger
+    from coadjoint.methods.increments import FullStep as FullStep
     from coadjoint.models.entry import MOVING as MOVING
     from coadjoint.plotting.decimation import thin as thin
     from coadjoint.plotting.player import page as player_page

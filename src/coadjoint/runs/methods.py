@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.checks import letters, unknown
 from coadjoint.errors import ArgumentError
+from coadjoint.extensions import Registry, import_string
 from coadjoint.lazy import homes
 from coadjoint.runs.sections import MethodSection
 
 if TYPE_CHECKING:
     from coadjoint.difference_maps import DifferenceMap
     from coadjoint.methods import Method
+
+METHODS: Registry[str] = Registry("METHODS")
+"""Methods of packages above, by the names of their classes: "module:Class"."""
 
 _CONTRACTS = ("Claims", "DifferenceMap", "Method", "Squared", "Step")
 """Names of base classes and wrappers, which are not rules or maps themselves."""
@@ -33,7 +38,7 @@ _BASES = {"VariableStep": "Simpson"}
 
 def method_name(written: str) -> str:
     """The class name of a rule; raises ArgumentError."""
-    return _named(written, "coadjoint.methods", "method")
+    return _named(written, [*homes("coadjoint.methods"), *METHODS], "method")
 
 
 def map_name(written: str) -> str:
@@ -41,7 +46,7 @@ def map_name(written: str) -> str:
     plain = letters(written)
     if plain.startswith("squared"):
         return "squared " + map_name(plain.removeprefix("squared"))
-    return _named(written, "coadjoint.difference_maps", "map")
+    return _named(written, [*homes("coadjoint.difference_maps")], "map")
 
 
 def method(chosen: MethodSection) -> Method:
@@ -52,7 +57,7 @@ def method(chosen: MethodSection) -> Method:
 def _rule(chosen: MethodSection, name: str, start: str) -> Method:
     from coadjoint import methods
 
-    kind: Any = getattr(methods, name)
+    kind: Any = import_string(METHODS[name]) if name in METHODS else getattr(methods, name)
     takes = signature(kind).parameters
     outermost = name == method_name(chosen.name)
     options = {key: getattr(chosen, key) for key in _OPTIONS if getattr(chosen, key) not in (None, "")}
@@ -77,8 +82,8 @@ def _map(name: str) -> DifferenceMap:
     return getattr(difference_maps, name)()
 
 
-def _named(written: str, home: str, what: str) -> str:
-    names = [name for name in homes(home) if name not in _CONTRACTS]
+def _named(written: str, there: Sequence[str], what: str) -> str:
+    names = [name for name in there if name not in _CONTRACTS]
     plain = {letters(name): name for name in names}
     if letters(written) not in plain:
         raise ArgumentError(unknown(f"{what} `{written}`", "coadjoint", written, names))

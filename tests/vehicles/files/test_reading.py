@@ -118,7 +118,6 @@ def test_a_new_part_is_one_class_and_one_line_of_its_room(monkeypatch):
     room = import_module("coadjoint_vehicles.parts")
     monkeypatch.setattr(room, "Brake", Brake, raising=False)
     monkeypatch.setattr(room, "__all__", [*room.__all__, "Brake"])
-    kinds.cache_clear()
     part = """[[part]]
 kind = "brake"
 name = "chute"
@@ -133,7 +132,6 @@ position = { value = [1.0, 2.0, 3.0], unit = "cm", source = "S" }
     assert again.strength == 2.0 and np.allclose(again.position, chute.position)
     with pytest.raises(ArgumentError, match="`strength` of the brake `chute` must be at least 0"):
         vehicle(ELLIPSOID, "FLU", part.replace("0.002", "-1"))
-    kinds.cache_clear()
 
 
 def test_a_file_in_flu_is_the_same_vehicle_as_in_frd() -> None:

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from coadjoint.clocks import Jumps, Unsorted, clock, require_choices
 from coadjoint.csv_tables import Sheet, csv_text, read_sheet
 from coadjoint.disk import atomic_file, write_text
 from coadjoint.errors import ArgumentError, FileError, warn
+from coadjoint.extending import Registry, import_string
 from coadjoint.identification import Log
 from coadjoint.texts import Table
 from coadjoint_vehicles.axes import Axes, space_axes
@@ -28,6 +30,9 @@ _BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
 _CURRENT = "current_"
 _LEFT_OUT = ("set_", _CURRENT, "u_water", "v_water", "w_water")
+
+LOG_FORMATS: Registry[str] = Registry("LOG_FORMATS")
+"""Formats of packages above, by suffix: "module:function" of the path, with options by name, which returns a Log."""
 
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
@@ -48,7 +53,7 @@ def read_log(
     ignore: columns to leave out. jumps: the treatment of a clock that is set back, or leaves out more than an hour and
     100 usual intervals: "refuse" raises, "split" begins a new stretch of the log there, `log.breaks`. unsorted: the
     treatment of rows that are out of order: "refuse" raises, "sort" sorts them by their times. options: those of
-    `co.vehicles.logs.read_bag`, for a robot's recording.
+    `co.vehicles.logs.read_bag`, for a robot's recording, or those of a format that another package adds.
 
     The headers of a table are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
@@ -76,11 +81,16 @@ def _read(
     unsorted: Unsorted,
     options: Table,
 ) -> Log:
-    if Path(path).suffix.lower() in BAG_FORMATS or Path(path).is_dir():
+    suffix = Path(path).suffix.lower()
+    if suffix in LOG_FORMATS:
+        return _added(
+            Path(path), suffix, {"axes": axes, "ignore": ignore, "jumps": jumps, "unsorted": unsorted, **options}
+        )
+    if suffix in BAG_FORMATS or Path(path).is_dir():
         from coadjoint_vehicles.logs.bags.reading import read_bag
 
         return read_bag(path, axes=axes, ignore=ignore, jumps=jumps, unsorted=unsorted, **options)
-    if Path(path).suffix.lower() == ".nc":
+    if suffix == ".nc":
         raise FileError(
             f"The file {path} is a dataset, not a log: of a run `co.load` reads it, whose `save` writes a log that "
             "ends in .mcap or .csv."
@@ -90,6 +100,20 @@ def _read(
             f"A table has no option `{next(iter(options))}`; it is of files that end in {', '.join(BAG_FORMATS)}."
         )
     return read_table(path, "NED/FRD" if axes is None else axes, ignore, jumps, unsorted)
+
+
+def _added(path: Path, suffix: str, options: Table) -> Log:
+    """The log by the reader of another package, which gets the options that differ from the defaults."""
+    given = {name: value for name, value in options.items() if value not in (None, (), "refuse")}
+    reader = import_string(LOG_FORMATS[suffix])
+    if strange := [name for name in given if name not in signature(reader).parameters]:
+        raise ArgumentError(f"The reader of {suffix} has no option `{strange[0]}`: leave it out.")
+    if not path.is_file():
+        raise FileError(f"There is no log {path}.")
+    log = reader(path, **given)
+    if not isinstance(log, Log):
+        raise ArgumentError(f"The reader {LOG_FORMATS[suffix]} must return a Log, but returned {type(log).__name__}.")
+    return log
 
 
 def read_table(
