@@ -104,8 +104,11 @@ def all_parts(checks: Checks) -> None:
         long_tests(checks, more / "python", began)
 
 
-def completed(seconds: float, parts: Callable[[Checks], None]) -> int:
-    """The exit status of parts that run in a temporary folder for at most so many seconds; prints their table."""
+def completed(seconds: float, parts: Callable[[Checks], None], tested: bool = True) -> int:
+    """The exit status of parts that run in a temporary folder for at most so many seconds; prints their table.
+
+    tested: whether some test must have passed.
+    """
     with temporary() as folder:
         checks = Checks(folder, seconds)
         checks.environment |= {"MPLBACKEND": "Agg", "MPLCONFIGDIR": str(folder / "matplotlib"), "TMPDIR": str(folder)}
@@ -115,9 +118,9 @@ def completed(seconds: float, parts: Callable[[Checks], None]) -> int:
             parts(checks)
         except BaseException as error:
             checks.outcomes.append(Outcome("interrupted", repr(error), 0.0, 0.0, None))
-            checks.close()
+            checks.close(tested)
             raise
-        return checks.close()
+        return checks.close(tested)
 
 
 if __name__ == "__main__":

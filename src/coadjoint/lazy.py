@@ -9,7 +9,8 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from coadjoint.errors import nearest, warn
+from coadjoint.deprecation import tell
+from coadjoint.errors import nearest
 
 
 class Lazy(NamedTuple):
@@ -39,7 +40,7 @@ def lazy(
     def load(name: str) -> Any:
         if name in rooms:
             there = f"{package}.{rooms[name]}"
-            warn(f"`{package}.{name}` is deprecated and goes in 0.3; write `{there}.{name}`.", 2, DeprecationWarning)
+            tell(f"{package}.{name}", f"{there}.{name}", "0.3", 2)
             return getattr(import_module(there), name)
         if name not in places:
             if added is not None and not name.startswith("_") and (found := added(name)) is not None:

@@ -133,6 +133,23 @@ def processor() -> tuple[str, ...]:
     return version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features, *level
 
 
+def is_for_this_machine(code: bytes) -> bool:
+    """Whether the head of an object file names this machine; LLVM loads that of any other, too."""
+    return _named(code) == _own_name()
+
+
+@cache
+def _own_name() -> bytes:
+    return _named(object_code(""))
+
+
+def _named(code: bytes) -> bytes:
+    """The format, and the number of the machine, in the head of ELF, Mach-O or COFF."""
+    if code[:4] == b"\x7fELF":
+        return code[:6] + code[18:20]
+    return code[:8] if code[1:4] == b"\xfa\xed\xfe" else code[:2]
+
+
 class Machine:
     """Machine code in memory; its functions live as long as this object.
 

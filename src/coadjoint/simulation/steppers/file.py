@@ -23,7 +23,7 @@ import numpy as np
 
 from coadjoint.archives import stored_array
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.kernels.run.machine import processor
+from coadjoint.kernels.run.machine import is_for_this_machine, processor
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain, to_plain
 from coadjoint.simulation.steppers.base import StepperBase
 from coadjoint.simulation.steppers.fields import Fields, named_file
@@ -126,6 +126,8 @@ def _opened(archive: zipfile.ZipFile, header: Table, kind: type[S]) -> S:
     arrays.setdefault("limits", unlimited(StepperInterface(**face).commands.size, header["lanes"]))
     _require_shapes(StepperInterface(**face), header["lanes"], arrays)
     code = archive.read("step.o") if tuple(header["processor"]) == processor() else None
+    if code is not None and not is_for_this_machine(code):
+        raise FileError("holds machine code of another kind of processor than it names: save the stepper again.")
     try:
         engine = NativeEngine(archive.read("step.ll").decode(), header["lanes"], code)
     except RuntimeError as error:
