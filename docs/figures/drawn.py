@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FIGURES = ROOT / "docs" / "figures"
 SCRIPTS = {
     "docs/figures/overview.py": ["overview"],
-    "docs/figures/readme.py": ["vehicle"],
+    "docs/figures/when_rk4.py": ["when_rk4"],
     "docs/figures/energy.py": ["energy"],
     "docs/figures/actuators.py": ["thruster_curve", "glider_sawtooth"],
     "docs/figures/falling_cat.py": ["falling_cat"],
@@ -47,6 +47,8 @@ SCRIPTS = {
     "docs/theorems/figures.py": [
         "theorem_four_settings", "theorem_kelvin_noether", "theorem_moser_veselov", "theorem_poisson",
     ],
+    "examples/paper_vehicle.py": ["paper_vehicle"],
+    "examples/paper_semidirect.py": ["paper_semidirect"],
     "examples/heisenberg.py": ["heisenberg"],
     "examples/alfven_waves.py": ["alfven_waves"],
     "examples/fluid_drop.py": ["fluid_drop"],

@@ -97,6 +97,34 @@ def test_a_turbulent_sphere_keeps_its_casimirs_until_viscosity_takes_its_small_s
         assert Path(f"turbulent_sphere.{ending}").stat().st_size > 10_000
 
 
+@pytest.mark.long
+def test_the_papers_vehicle_keeps_its_momentum_where_runge_and_kutta_lose_it(run_example):
+    curves = run_example("paper_vehicle", 50)["curves"]
+    changes = {name: [np.max(np.abs(one / one[0] - 1)) for one in pair] for name, pair in curves.items()}
+    assert len(changes) == 4
+    for name, (energy, momentum) in changes.items():
+        if name.startswith("Runge"):
+            assert 1e-10 < momentum < 1e-8 and energy < 1e-10
+        else:
+            assert momentum < 1e-12, name
+    left, midpoint, suzuki = (
+        changes[name][0] for name in ("left rectangle: the paper's", "midpoint", "Suzuki, order 4")
+    )
+    assert suzuki < 1e-2 * midpoint < 1e-4 * left
+    assert Path("paper_vehicle.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_the_settings_of_the_older_paper_solve_its_printed_equations(run_example):
+    found = run_example("paper_semidirect", 40)
+    assert {name: len(rows) for name, rows in found["residuals"].items()} == {
+        "semidirect product": 4, "heavy top": 4, "principal bundle": 1,
+    }  # fmt: skip
+    assert max(max(rows) for rows in found["residuals"].values()) < 1e-12
+    assert max(found["apart"].values()) < 1e-11
+    assert Path("paper_semidirect.png").stat().st_size > 10_000
+
+
 def test_the_charged_particle_runs_round_its_circle(run_example):
     found = run_example("heisenberg", 20)
     assert found["error"] < 1e-4 * found["radius"]
