@@ -56,7 +56,7 @@ def turned(angle, point, about):
     return about + np.stack([x * c + z * s, 0 * c, z * c - x * s], axis=1)
 
 
-angles = linkage.joint_data(run.records)
+angles = linkage.joint_data(run)
 knee, elbow = turned(angles.drive.values, B, A), turned(angles.pivot.values, C, D)
 opening = np.abs(np.linalg.norm(elbow - knee, axis=1) - np.linalg.norm(C - B))
 print(f"{linkage.freedoms(start)} freedom; the crank turns {angles.drive.values[-1] / (2 * np.pi):.2f} times")

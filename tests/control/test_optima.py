@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 import coadjoint as co
 import paper_vehicle
 from coadjoint.control import Bounds, End, Input, Problem
+from coadjoint.control.boundary_conditions import _element, place_of
+from coadjoint.kernels.trace.evaluate import evaluate
 
 J = np.diag([1.0, 2.0, 3.0])
 T = 5.0
@@ -322,3 +324,29 @@ def test_an_end_where_the_solver_begins_is_told_on_the_card():
         cost=lambda motion: -motion.inputs.push @ motion.inputs.push,
     ).solve()  # fmt: skip
     assert optimum.iterations > 0 or "stationary" in str(optimum)
+
+
+def of_two_links():
+    """Two bodies with two advected parameters, of which one is left out of starts, and additional dynamics by names."""
+    return co.System(
+        co.Power(co.SO3(), 2),
+        lambda xi, n, nu, a: 0.5 * jnp.sum(xi**2) + 0.5 * jnp.sum(nu.x**2) - jnp.sum(a.down * n.x),
+        additional={"x": co.Defining(), "y": co.Defining()},
+        advected={"pose": co.spaces.RelativePoses(((0, 1),)), "down": co.Defining()},
+    )
+
+
+def test_a_start_with_several_spaces_is_given_again_at_its_place():
+    system, x = of_two_links(), np.arange(6.0)
+    turned = Rotation.from_rotvec([[0.1, 0.2, 0.3], [0.5, 0.1, 0]]).as_matrix()
+    start = system.state(g=turned, q={"x": x, "y": 2 * x}, a0={"pose": None, "down": [0, 0, 1]})
+    again = system.state(**place_of(system, start))
+    assert again.a == pytest.approx(start.a, abs=1e-14) and again.n == pytest.approx(start.n, abs=1e-14)
+
+
+def test_an_end_of_several_links_is_reached_where_each_has_its_attitude():
+    """2 (F − e)(F + e)⁻¹ of a rotation by θ is 2 tan(θ/2)."""
+    pair = co.System(co.Power(co.SO3(), 2), lambda xi: 0.5 * xi[0] @ xi[0] + 0.5 * xi[1] @ xi[1])
+    turned = Rotation.from_rotvec([[0, 0, 0.3], [0.5, 0, 0]]).as_matrix()
+    found = evaluate(lambda s: _element(pair.state())(pair, s), pair.state(g=turned))
+    assert found == pytest.approx([0, 0, 2 * np.tan(0.15), 2 * np.tan(0.25), 0, 0], abs=1e-14)

@@ -148,7 +148,7 @@ USES = {
     ),
     "an impossible place": (
         lambda: holonomic(lambda n, a, p: n @ n + 1.0).project(start(pinned())),
-        r"No state on the constraints was found near this one",
+        r"No state .* near this one: the start must satisfy the constraint `pin`, but \|φ\| is .*contradict each other",
     ),
     "a steady motion": (
         lambda: co.stability.steady_motion(pinned(), start(pinned())),

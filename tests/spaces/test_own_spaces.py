@@ -52,6 +52,7 @@ EXEMPT = {
     "view": "how the user's functions see a point",
     "point": "checks what a user gives",
     "velocity": "checks what a user gives",
+    "given": "what `point` makes a point of",
     "components": "names of a dataset",
 }
 

@@ -54,12 +54,17 @@ def place_of(system: System, start: State) -> dict[str, object]:
     group, Q, V = system.places
     found: dict[str, PyTree] = {"g": start.g, "t": start.t}
     if Q.dim(group):
-        found["q"] = start.q
+        found["q"] = Q.given(group, start.q)
     if V.dim(group):
-        found["a0"] = evaluate(lambda s: V.act(group, s.g, s.a), start)
+        found["a0"] = V.given(group, spatial(start))
     if start.internal is not None:
         found["internal"] = start.internal
     return found
+
+
+def spatial(state: State) -> np.ndarray:
+    """g·a, (dim V*,): the advected parameters in space."""
+    return evaluate(lambda s: s.places.advected.act(s.places.group, s.g, s.a), state)
 
 
 def _element(target: State) -> Residual:
@@ -72,7 +77,7 @@ def _element(target: State) -> Residual:
     def residual(system: System, state: State) -> Array:
         group, one = system.group, jnp.eye(system.group.matrix_size)
         F = group.matrix(group.compose(group.inverse(target.g), state.g))
-        return group.vee(2 * jnp.linalg.solve((F + one).T, (F - one).T).T)
+        return group.vee(2 * jnp.linalg.solve((F + one).mT, (F - one).mT).mT)
 
     return residual
 
@@ -188,7 +193,7 @@ def start_residual(problem: ProblemData) -> StartResidual:
     start = problem.start
     q = np.asarray(start.q) if problem.system.additional.dim(problem.system.group) else np.zeros(0)
     qdot = np.asarray(start.qdot) if len(q) else q
-    a0 = start_values(problem).get("a0")
+    a0 = spatial(start) if problem.system.advected.dim(problem.system.group) else None
 
     def rows(system: System, state: State, eta: Array) -> Array:
         group, Q, V = system.places
@@ -219,8 +224,9 @@ def moved_start(problem: ProblemData, system: System, eta: np.ndarray) -> State:
     given = start_values(problem)
     given["g"] = evaluate(lambda g: group.compose(g, group.exp(by["g"])), start.g)
     if Q.dim(group):
-        given["q"] = given["q"] + by["q"]
+        given["q"] = Q.given(group, start.q + by["q"])
     velocities = ("xi", "qdot") if start.from_velocities else ("mu", "pi")
     for name in velocities[: 1 + bool(Q.dim(group))]:
-        given[name] = np.asarray(getattr(start, name)) + by[name]
+        moved = np.asarray(getattr(start, name)) + by[name]
+        given[name] = Q.given(group, moved) if name in ("qdot", "pi") else moved
     return system.state(**given, inputs=start.inputs)

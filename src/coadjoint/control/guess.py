@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.control.boundary_conditions import end_state
+from coadjoint.control.boundary_conditions import end_state, spatial
 from coadjoint.control.inputs_between import guesses
 from coadjoint.control.problem_data import End
 from coadjoint.control.stage import numbers_of
@@ -152,10 +152,10 @@ def _interpolated(transcription: Transcription) -> State:
         q, goal = np.asarray(start.q), np.asarray(target.q)
         if not Q.flat:
             raise ArgumentError('A curved space of q has no straight lines: take guess="simulate", or a run.')
-        given["q"] = each(q + s[:, None] * (goal - q))
-        given["qdot"] = each(speed[:, None] * (goal - q))
+        given["q"] = jax.tree.map(each, Q.given(group, q + s[:, None] * (goal - q)))
+        given["qdot"] = jax.tree.map(each, Q.given(group, speed[:, None] * (goal - q)))
     if V.dim(group):
-        given["a0"] = evaluate(lambda st: V.act(group, st.g, st.a), start)
+        given["a0"] = V.given(group, spatial(start))
     if start.internal is not None:
         given["internal"] = start.internal
     states = problem.system.state(**given, inputs=start.inputs)

@@ -164,7 +164,9 @@ def carried(system: System, states: State, into: System, keep: str) -> State:
     """The last of some states, as the start of a phase of another system."""
     last = jax.tree.map(lambda leaf: np.asarray(leaf)[-1], states) if np.ndim(states.t) else states
     last = evaluate(lambda state: at_node(system, state), last)
-    Q = system.additional.dim(system.group)
-    names = ("mu", "pi") if keep == "momentum" else ("xi", "qdot")
-    moving = {name: getattr(last, name) for name in names[: 1 + bool(Q)]}
+    group, Q, _ = system.places
+    turning, drifting = ("mu", "pi") if keep == "momentum" else ("xi", "qdot")
+    moving = {turning: getattr(last, turning)}
+    if Q.dim(group):
+        moving[drifting] = Q.given(group, getattr(last, drifting))
     return into.state(**place_of(system, last), **moving)

@@ -197,7 +197,11 @@ def projected(system: ReducedFunctions, state: State) -> State:
     try:
         checked_start(system, found)
     except ArgumentError as error:
-        raise ArgumentError(f"No state on the constraints was found near this one: {error}") from None
+        said = str(error).partition(": take")[0]
+        raise ArgumentError(
+            f"No state on the constraints was found near this one: t{said[1:]}. Start nearer to one; constraints that "
+            "contradict each other have none."
+        ) from None
     return found
 
 

@@ -90,6 +90,9 @@ def require_names(given: Mapping[Any, Any]) -> None:
     others = [key for key in given if not isinstance(key, str)]
     if others:
         raise ArgumentError(f"The names in a dictionary of values must be texts, but one is {shown(others[0])}.")
+    for key in given:
+        if hasattr(Named, key):
+            raise ArgumentError(f"The name {shown(key)} has a meaning of its own in values: take another one.")
 
 
 def _made(kind: type[Named], values: Mapping[str, object]) -> Named:

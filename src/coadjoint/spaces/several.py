@@ -13,7 +13,7 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
-from coadjoint.spaces.named import Named
+from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.space import Space
 
 
@@ -41,6 +41,7 @@ class Several(Space):
                     f"A dictionary of spaces must map names to spaces, as in dict(down=co.Defining()), "
                     f"but has {shown(name)}: {shown(space)}."
                 )
+        require_names(spaces)
         object.__setattr__(self, "names", tuple(spaces))
         object.__setattr__(self, "factors", tuple(spaces.values()))
 
@@ -119,6 +120,13 @@ class Several(Space):
 
     def point(self, group: LieGroup, value: object, name: str) -> Array:
         return self._joined("point", group, value, name)
+
+    def given(self, group: LieGroup, x: Array) -> dict[str, PyTree]:
+        found, first = {}, 0
+        for name, space in zip(self.names, self.factors, strict=True):
+            last = first + space.ambient(group)
+            found[name], first = space.given(group, x[..., first:last]), last
+        return found
 
     def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         return self._joined("velocity", group, value, name)

@@ -113,6 +113,10 @@ class Space:
         """The user's point as a flat float64 array (ambient,); raises ArgumentError with `name` for a wrong shape."""
         return checked_vector(value, self.ambient(group), name)
 
+    def given(self, group: LieGroup, x: Array) -> PyTree:
+        """The value of which `point` makes x, (…, ambient) with any leading axes."""
+        return x
+
     def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         """The user's velocity likewise, (ambient,); whether it is tangent is not checked here."""
         return checked_vector(value, self.ambient(group), name)

@@ -14,7 +14,7 @@ from coadjoint.mechanics import reactions
 from coadjoint.mechanics.reactions import site
 from coadjoint.models.multibody import Body, Joint, Mechanism
 from coadjoint.models.multibody.data import counted
-from mechanisms import ARM, FREEDOMS, JOINTS, MASS, MOMENTS, pendulum, rod
+from mechanisms import ARM, FREEDOMS, JOINTS, MASS, MOMENTS, disk, pendulum, rod
 
 
 def test_each_kind_of_joint_leaves_its_freedoms_and_its_reaction_has_no_power():
@@ -128,6 +128,16 @@ WRONG = {
         ),
         "couples two joints with an angle, but `two` is 'prismatic'",
     ),
+    "a joint called as a method of parameters": (lambda: hung(replace=hinge()), "'replace' has a meaning of its own"),
+    "a joint called as the contact of another": (
+        lambda: Mechanism(bodies=disk().bodies, joints={**disk().joints, "wheel_contact": hinge(second="disk")}),
+        "`wheel_contact`, which is a name that another joint makes",
+    ),
+    "a joint called as the angle of another": (
+        lambda: hung(a=Joint("cylindrical", "ground", "rod", at=(0, 0, 0), axis=(0, 0, 1)), a_angle=hinge()),
+        "`a_angle`, which is a name that another joint makes",
+    ),
+    "coordinates without names": (lambda: pendulum().state(coordinates=[1.0]), "must be a dictionary of names and val"),
     "an unknown joint": (lambda: pendulum().state(coordinates={"hing": 1.0}), "hinge"),
     "a coordinate of a ball joint": (
         lambda: hung(ball=Joint("spherical", "ground", "rod", at=(0, 0, 0))).state(speeds={"ball": 1.0}),
@@ -147,7 +157,7 @@ def hung(**joints) -> Mechanism:
     return Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints=joints)
 
 
-@pytest.mark.cases(32)
+@pytest.mark.cases(36)
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_wrong_mechanism_raises_an_error_that_says_why(wrong: str):
     make, sentence = WRONG[wrong]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
@@ -89,9 +90,7 @@ class Bond(Portable):
 
     def rolling(self, n: Array, a: PyTree, p: PyTree) -> Array:
         """The rows (2, 6N) of the velocities (ξ, ν) that hold the wheel without slip."""
-        still = jnp.zeros_like(n)
-        slopes = jax.jacfwd(self.slip, (0, 1))(still, still, n, a, p)
-        return jnp.concatenate([jnp.reshape(slope, (2, -1)) for slope in slopes], axis=1)
+        return _rows(self.slip, n, a, p)
 
     def _twist(self, xi: Array, nu: Array, n: Array, a: PyTree, p: PyTree) -> tuple[Array, Array]:
         """The angular velocity of the second body relative to the first, and ḋ, (3,) each, along the first frame."""
@@ -153,6 +152,22 @@ class HeldCoordinates(Portable):
 
 
 @dataclass(frozen=True)
+class HeldSpeeds(Portable):
+    """Rows on the velocities that keep the rates of a joint's coordinates, by which a state is found; shown: rates."""
+
+    bond: Bond
+    shown: tuple[float, ...]
+
+    def rows(self, n: Array, a: PyTree, p: PyTree) -> Array:
+        """(k, 6N)."""
+        return _rows(self.bond.speeds, n, a, p)
+
+    def right(self, n: Array, a: PyTree, p: PyTree) -> Array:
+        """(k,)."""
+        return jnp.array(self.shown)
+
+
+@dataclass(frozen=True)
 class Energy(Portable):
     """ℓ = ½ Σ ω·Jω + ½ Σ m|ν|² + Σ m n·γ − Σ ½k(x − x₀)², with gravity γ and the springs of joints."""
 
@@ -163,6 +178,13 @@ class Energy(Portable):
         turning = 0.5 * jnp.sum(xi * jnp.einsum("nij,nj->ni", p.inertia, xi))
         moving = jnp.sum(p.mass[:, None] * (0.5 * nu**2 + n * a.gravity))
         return turning + moving - sum(bond.spring(n, a, p) for bond in self.springs)
+
+
+def _rows(speeds: Callable[..., Array], n: Array, a: PyTree, p: PyTree) -> Array:
+    """The rows (k, 6N) of k speeds of (ξ, ν)."""
+    still = jnp.zeros_like(n)
+    slopes = jax.jacfwd(speeds, (0, 1))(still, still, n, a, p)
+    return jnp.concatenate([jnp.reshape(slope, (len(slope), -1)) for slope in slopes], axis=1)
 
 
 def _of(rows: Array, link: int) -> Array:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from coadjoint.arrays import PyTree
+from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.members import count_members, member_of
 from coadjoint.mechanics.state import State
 from coadjoint.models.multibody.bonds import Bond
-from coadjoint.models.multibody.joints import KINDS
+from coadjoint.models.multibody.joints import labels
 from coadjoint.spaces.named import Named
 
 if TYPE_CHECKING:
@@ -33,18 +35,45 @@ class BodyMotions(NamedTuple):
     v: np.ndarray
 
 
-def joint_data(bonds: Mapping[str, Bond], records: State, system: System) -> xarray.Dataset:
-    """NAME and NAME_speed of every joint with coordinates, over the times of records."""
+class Recorded(Protocol):
+    """A run: its records and its system."""
+
+    @property
+    def records(self) -> State: ...
+
+    @property
+    def system(self) -> System: ...
+
+
+def joint_data(bonds: Mapping[str, Bond], run: State | Recorded, system: System) -> xarray.Dataset:
+    """NAME and NAME_speed of every joint with coordinates, over the times of records, and over members."""
     import xarray
 
-    t, found = np.asarray(records.t), {}
-    p = (records.origin.system or system).parameters
-    moving = _moving(records, p)
+    states, of = (run, run.origin.system or system) if isinstance(run, State) else (run.records, run.system)
+    if states.places != system.places or set(of.parameters or ()) != set(system.parameters or ()):
+        raise ArgumentError("Argument `run` must be a run of this mechanism, but is one of another system.")
+    nodes = {name: np.asarray(getattr(states, name)) for name in ("t", "g", "n", "mu", "pi")}
+    t = nodes["t"]
+    together = t.ndim == 1 and len(t) > 1 and np.ptp(t) == 0
+    if t.ndim < 2 and not together and count_members(of.parameters) is None:
+        return _dataset(bonds, nodes, of.parameters)
+    rows = ({name: leaf[k] for name, leaf in nodes.items()} for k in range(len(t)))
+    return xarray.concat([_dataset(bonds, row, member_of(of.parameters, k)) for k, row in enumerate(rows)], "member")
+
+
+def _dataset(bonds: Mapping[str, Bond], nodes: Mapping[str, np.ndarray], p: PyTree) -> xarray.Dataset:
+    """`joint_data` of t, g, n, μ and π at one node, or at those of one member with a leading axis."""
+    import xarray
+
+    if not nodes["t"].ndim:
+        return _dataset(bonds, {name: leaf[None] for name, leaf in nodes.items()}, p).isel(time=0)
+    t, found = nodes["t"], {}
+    moving = _moving(nodes, p)
     for key, bond in bonds.items():
-        names = KINDS[bond.kind].coordinates
+        names = labels(key, bond.kind)
         both = _coordinates(bond, getattr(p, key), moving) if names else {}
-        for name in names:
-            own, units, (x, speed) = key if len(names) == 1 else f"{key}_{name}", UNITS[name], both[name]
+        for name, own in names.items():
+            units, (x, speed) = UNITS[name], both[name]
             found[own] = ("time", counted(t, x, speed) if name == "angle" else x, {"units": units[0]})
             found[f"{own}_speed"] = ("time", speed, {"units": units[1]})
     return xarray.Dataset(found, coords={"time": ("time", t, {"units": "s"})})
@@ -57,10 +86,10 @@ def counted(t: np.ndarray, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return angle - 2 * np.pi * np.concatenate([[0.0], np.cumsum(turns)])
 
 
-def _moving(records: State, p: PyTree) -> BodyMotions:
-    """Bodies and ground at records; ω = J⁻¹μ and ν = π/m are those of the nodes."""
-    R = np.asarray(records.g)
-    n, mu, pi = (np.reshape(one, R.shape[:3]) for one in (records.n, records.mu, records.pi))
+def _moving(nodes: Mapping[str, np.ndarray], p: PyTree) -> BodyMotions:
+    """Bodies and ground; ω = J⁻¹μ and ν = π/m are those of the nodes."""
+    R = nodes["g"]
+    n, mu, pi = (np.reshape(nodes[name], R.shape[:3]) for name in ("n", "mu", "pi"))
     omega = np.linalg.solve(p.inertia, mu[..., None])[..., 0]
     still = np.zeros((len(R), 1, 3))
     x, omega, v = (

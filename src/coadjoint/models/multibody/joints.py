@@ -52,6 +52,12 @@ KINDS = {
 """Every kind of joint by its word."""
 
 
+def labels(joint: str, kind: str) -> dict[str, str]:
+    """The names of the coordinates of a joint in data, by what they are: that of the joint, if it has one alone."""
+    names = KINDS[kind].coordinates
+    return {name: joint if len(names) == 1 else f"{joint}_{name}" for name in names}
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of one of the kinds of `KINDS` between two bodies, in the reference configuration.

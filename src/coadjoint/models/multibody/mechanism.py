@@ -13,14 +13,14 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, Power
 from coadjoint.mechanics.constrained_start import checked_start
 from coadjoint.mechanics.constraints import Constraint, Holonomic, Nonholonomic
-from coadjoint.mechanics.members import Quantity
+from coadjoint.mechanics.members import Quantity, count_members, each, member_of
 from coadjoint.mechanics.reactions import count
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.multibody.bodies import Body
-from coadjoint.models.multibody.bonds import Bond, Energy, HeldCoordinates
-from coadjoint.models.multibody.data import joint_data
-from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
+from coadjoint.models.multibody.bonds import Bond, Energy, HeldCoordinates, HeldSpeeds
+from coadjoint.models.multibody.data import Recorded, joint_data
+from coadjoint.models.multibody.joints import KINDS, SPACE, Joint, labels
 from coadjoint.models.multibody.placing import Placing
 from coadjoint.models.quantities import vector
 from coadjoint.spaces import Defining, RelativePoses
@@ -92,6 +92,7 @@ class Mechanism:
         for key in sorted(self.joints, key=lambda key: self.joints[key].kind == "gear"):
             self.bonds[key] = self._bond(key, self.joints[key])
         self.bonds = {key: self.bonds[key] for key in self.joints}
+        self._require_names()
         self.system = self._system({})
 
     def _require_ends(self, key: str, joint: Joint) -> None:
@@ -106,6 +107,15 @@ class Mechanism:
                 raise ArgumentError(
                     f"{what} couples two joints with an angle, but `{end}` is {shown(self.joints[end].kind)}."
                 )
+
+    def _require_names(self) -> None:
+        """Raise ArgumentError where a joint has the name that another gives to a constraint or to joint data."""
+        made = [f"{key}_contact" for key, joint in self.joints.items() if joint.kind == "rolling"]
+        for key, joint in self.joints.items():
+            for name in labels(key, joint.kind).values():
+                made += [f"{name}_speed", *([name] if name != key else [])]
+        if clash := sorted(set(made) & set(self.joints)):
+            raise ArgumentError(f"A joint cannot be called `{clash[0]}`, which is a name that another joint makes.")
 
     def _bond(self, key: str, joint: Joint) -> Bond:
         if joint.teeth is not None:
@@ -196,20 +206,41 @@ class Mechanism:
             poses: body → (R, x), its attitude (3, 3) and the origin of its frame (3,), m, in space.
             rates, velocities: body → ω in its frame, (3,), rad/s, and the velocity of its mass centre in space, m/s.
 
-        Raises ArgumentError for unknown names, and where no such state is near.
+        Numbers may be `co.each(values)`, for the members of an ensemble. Raises ArgumentError for unknown names, and
+        where no such state is near.
         """
-        placing = Placing(self, coordinates or {}, speeds or {}, poses or {}, rates or {}, velocities or {})
-        g, q, xi, qdot = placing.found()
-        a0 = {"pose": None, "gravity": self.gravity}
-        start = self.system.state(g=g, q=q, xi=xi, qdot=qdot, a0=a0)
+        given = [one or {} for one in (coordinates, speeds, poses, rates, velocities)]
+        count = count_members(given)
+        if count is None:
+            return self._state(*self._placed(given))
+        rows = [self._placed(member_of(given, k)) for k in range(count)]
+        return self._state(*(each(np.stack(column)) for column in zip(*rows, strict=True)))
+
+    def _state(self, *arguments: PyTree) -> State:
+        """The state of g, q, ξ and q̇."""
+        a0: PyTree = {"pose": None, "gravity": self.gravity}
+        return self.system.state(**dict(zip(("g", "q", "xi", "qdot"), arguments, strict=True)), a0=a0)
+
+    def _placed(self, given: list[Mapping[str, PyTree]]) -> tuple[PyTree, ...]:
+        """g, q, ξ and q̇ with these coordinates, speeds, poses, rates and velocities."""
+        placing = Placing(self, *given)
         if not placing.needs_projection:
-            return start
-        held = {
-            f"{key}_held": Holonomic(HeldCoordinates(self.bonds[key], values).gap)
-            for key, values in placing.coordinates_and_speeds.items()
-        }
-        place = self._system(held).project(start) if held else self.system.project(start)
-        return self.system.state(g=place.g, q=place.q, xi=place.xi, qdot=place.qdot, a0=a0)
+            return placing.found()
+        g, q, xi, qdot = placing.found()
+        if placing.coordinates:
+            held = {key: HeldCoordinates(self.bonds[key], both) for key, both in placing.coordinates_and_speeds.items()}
+            place = self._projected({key: Holonomic(one.gap) for key, one in held.items()}, g, q, xi, qdot)
+            if placing.speeds_are_held:
+                return place
+            g, q, _, _ = place
+        rates = {key: HeldSpeeds(self.bonds[key], tuple(speed.tolist())) for key, speed in placing.speeds.items()}
+        return self._projected({key: Nonholonomic(one.rows, one.right) for key, one in rates.items()}, g, q, xi, qdot)
+
+    def _projected(self, held: Mapping[str, Constraint], *arguments: PyTree) -> tuple[PyTree, ...]:
+        """g, q, ξ and q̇ moved the least onto all joints, and onto what is held of them."""
+        system = self._system({f"{key}__held": one for key, one in held.items()}) if held else self.system
+        place = system.project(self._state(*arguments))
+        return place.g, place.q, place.xi, place.qdot
 
     def freedoms(self, state: State) -> int:
         """The number of independent velocities at a state: 6N less the rank of all rows of constraints."""
@@ -219,16 +250,19 @@ class Mechanism:
         projector = checked_start(self.system, state)
         return free - (count(self.system) if projector is None else round(float(np.trace(projector))))
 
-    def joint_data(self, records: State) -> xarray.Dataset:
+    def joint_data(self, run: State | Recorded) -> xarray.Dataset:
         """The coordinates and speeds of the joints at the records of a run, with turns counted.
 
-            turned = linkage.joint_data(run.records)
+            turned = linkage.joint_data(run)
 
         A variable NAME with the joint's coordinate, rad or m, and NAME_speed, for joints with one; NAME_angle,
         NAME_distance and their speeds for those with two. Turns are counted by the mean speed between two records,
-        which must give the change of an angle to within half a turn. Arguments: records: of a run of this mechanism.
+        which must give the change of an angle to within half a turn. Of an ensemble they have the dimension `member`.
+
+        Arguments: run: of this mechanism, or states, as those of `co.trajectory`, which are taken to have the
+        parameters of `system`. Raises ArgumentError for states of other systems.
         """
-        return joint_data(self.bonds, records, self.system)
+        return joint_data(self.bonds, run, self.system)
 
 
 def _named(given: Any, name: str, kind: type, words: str, *taken: str) -> dict[str, PyTree]:

@@ -20,6 +20,10 @@ Twist = tuple[np.ndarray, np.ndarray]
 """The angular velocity and the velocity of the mass centre, (3,) each, in space."""
 
 
+GIVEN = ("coordinates", "speeds", "poses", "rates", "velocities")
+WORDS = "a dictionary of names and values"
+
+
 class Described(Protocol):
     """The bodies and joints of a mechanism by their names, and the pose of each body in the reference configuration."""
 
@@ -45,6 +49,8 @@ class Placing:
         velocities: Mapping[str, PyTree],
     ):
         self.mechanism = mechanism
+        for name, given in zip(GIVEN, (coordinates, speeds, poses, rates, velocities), strict=True):
+            checks.mapping(given, name, WORDS)
         self.coordinates = {key: self._numbers(key, value, "coordinates") for key, value in coordinates.items()}
         self.speeds = {key: self._numbers(key, value, "speeds") for key, value in speeds.items()}
         for name, given in {"poses": poses, "rates": rates, "velocities": velocities}.items():
@@ -52,6 +58,7 @@ class Placing:
                 checks.known(body, mechanism.bodies, "body", f"Argument `{name}`")
         self.rates = {key: vector(value, f"rates` of `{key}") for key, value in rates.items()}
         self.velocities = {key: vector(value, f"velocities` of `{key}") for key, value in velocities.items()}
+        self.placed = self._along_gears(self.coordinates), self._along_gears(self.speeds)
         self.places: dict[str, Pose] = {SPACE: (np.eye(3), np.zeros(3))}
         self.twists: dict[str, Twist] = {SPACE: (np.zeros(3), np.zeros(3))}
         for body, pose in poses.items():
@@ -62,13 +69,17 @@ class Placing:
 
     @property
     def coordinates_and_speeds(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-        """x₀ and v of every joint for which one is given; x₀ is 0 where v alone is given."""
-        found = {}
-        for key in (*self.coordinates, *(key for key in self.speeds if key not in self.coordinates)):
-            nothing = np.zeros(len(KINDS[self.mechanism.joints[key].kind].coordinates))
-            pair = self.coordinates.get(key, nothing), self.speeds.get(key, nothing)
-            found[key] = tuple(tuple(map(float, one)) for one in pair)
-        return found
+        """x₀ and v of every joint whose coordinates are given; v is 0 where no speed is."""
+        return {
+            key: (tuple(place.tolist()), tuple(self.speeds.get(key, np.zeros_like(place)).tolist()))
+            for key, place in self.coordinates.items()
+        }
+
+    @property
+    def speeds_are_held(self) -> bool:
+        """Whether `coordinates_and_speeds` says all velocities: those of the same joints, or none."""
+        moving = [key for given in (self.speeds, self.rates, self.velocities) for key in given]
+        return not moving or set(self.coordinates) == set(moving) == set(self.speeds)
 
     def found(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """g (N, 3, 3), q (N, 3), ξ (N, 3) in the body frames, q̇ (N, 3)."""
@@ -92,6 +103,17 @@ class Placing:
             )
         return np.atleast_1d(checks.array(value, f"{name}` of `{key}", () if size == 1 else (size,)))
 
+    def _along_gears(self, given: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """With the angles, or their rates, of wheels that mesh with given ones, θ₂ = −(z₁/z₂)θ₁."""
+        found, joints = dict(given), self.mechanism.joints
+        gears = [(joint.first, joint.second, joint.teeth) for joint in joints.values() if joint.teeth]
+        gears += [(second, first, (b, a)) for first, second, (a, b) in gears]
+        while mesh := next((one for one in gears if one[0] in found and one[1] not in found), None):
+            first, second, (own, other) = mesh
+            found[second] = np.zeros(len(KINDS[joints[second].kind].coordinates))
+            found[second][0] = -own / other * found[first][0]
+        return found
+
     def _posed(self, body: str, pose: Any) -> Pose:
         if not isinstance(pose, (tuple, list)) or len(pose) != 2:
             raise ArgumentError(f"Argument `poses` of `{body}` must be a pair (R, x) of attitude and position.")
@@ -101,7 +123,7 @@ class Placing:
     def _follow(self) -> set[str]:
         """Place all bodies; the joints along which they are placed."""
         joints, followed = self.mechanism.joints, set()
-        given = {*self.coordinates, *self.speeds}
+        given = {key for found in self.placed for key in found}
         order = [key for key in joints if joints[key].kind not in ("gear", "rolling", "distance")]
         order.sort(key=lambda key: key not in given)
         while True:
@@ -144,8 +166,8 @@ class Placing:
         A, at = joint.axes()[0], np.zeros(3) if joint.at is None else joint.at
         axis = A[:, 2]
         size = dict.fromkeys(("angle", "distance"), 0.0)
-        coordinate = {**size, **dict(zip(names, self.coordinates.get(key, np.zeros(len(names))), strict=True))}
-        speed = {**size, **dict(zip(names, self.speeds.get(key, np.zeros(len(names))), strict=True))}
+        coordinate = {**size, **dict(zip(names, self.placed[0].get(key, np.zeros(len(names))), strict=True))}
+        speed = {**size, **dict(zip(names, self.placed[1].get(key, np.zeros(len(names))), strict=True))}
         if joint.pitch is not None:
             for one in (coordinate, speed):
                 one["distance"] = joint.pitch / (2 * np.pi) * one["angle"]

@@ -1,0 +1,66 @@
+"""States by coordinates and speeds of joints, and coordinates as data."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.models.multibody import Mechanism
+from coadjoint.models.multibody.placing import Placing
+from mechanisms import ARM, MOMENTS, four_bar, gears, pendulum
+
+
+def placing(made: Mechanism, coordinates=None, speeds=None, rates=None) -> Placing:
+    return Placing(made, coordinates or {}, speeds or {}, {}, rates or {}, {})
+
+
+def test_a_wheel_is_placed_by_the_one_that_it_meshes_with():
+    R, _, xi, _ = placing(gears(20, 30), {"one": 1.0}, {"two": 2.0}).found()
+    assert np.arctan2(R[:, 1, 0], R[:, 0, 0]) == pytest.approx([1, -2 / 3], abs=1e-14)
+    assert xi[:, 2] == pytest.approx([-3, 2], abs=1e-14)
+
+
+def test_a_speed_alone_leaves_the_coordinate_free_and_a_coordinate_alone_the_speed():
+    found = placing(gears(20, 30), {"one": 1.0}, {"two": 2.0})
+    assert found.coordinates_and_speeds == {"one": ((1.0,), (0.0,))}
+    assert not found.speeds_are_held
+    assert placing(gears(20, 30), {"one": 1.0}).speeds_are_held
+    assert placing(gears(20, 30), {"one": 1.0}, {"one": 1.0}).speeds_are_held
+    assert not placing(pendulum(), {"hinge": 1.0}, rates={"rod": (0, 3, 0)}).speeds_are_held
+
+
+@pytest.mark.long
+def test_speeds_of_other_joints_and_rates_of_bodies_stay_with_given_coordinates():
+    linkage, swing = four_bar(), pendulum()
+    turned = linkage.joint_data(linkage.state(coordinates={"A": 0.4}, speeds={"C": 2.0}))
+    assert (float(turned.A), float(turned.C_speed)) == pytest.approx((0.4, 2), abs=1e-12)
+    velocity = 3 * ARM * np.array([-np.cos(1), 0, np.sin(1)])
+    state = swing.state(coordinates={"hinge": 1.0}, rates={"rod": (0, 3, 0)}, velocities={"rod": velocity})
+    assert swing.joint_data(state).hinge_speed == pytest.approx(3, abs=1e-12)
+
+
+class Members(NamedTuple):
+    """What joint data reads of an ensemble."""
+
+    records: co.mechanics.State
+    system: co.System
+
+
+def test_joint_data_of_members_and_of_one_state_are_theirs():
+    """ω = J⁻¹μ by the inertia of each member."""
+    swing = pendulum()
+    start = swing.state(coordinates={"hinge": co.each([0.3, 0.6])}, speeds={"hinge": co.each([2.0, 3.0])})
+    assert swing.joint_data(start).hinge_speed.values == pytest.approx([2, 3], abs=1e-14)
+    alone = swing.joint_data(jax.tree.map(lambda leaf: leaf[0], start))
+    assert alone.hinge.shape == () and alone.hinge == pytest.approx(0.3, abs=1e-14)
+    heavy = swing.system.replace(inertia=co.each(np.array([[k * np.diag(MOMENTS)] for k in (1, 4)])))
+    turned = swing.joint_data(Members(jax.tree.map(lambda leaf: np.stack([leaf, leaf], axis=1), start), heavy))
+    assert dict(turned.hinge.sizes) == {"member": 2, "time": 2}
+    assert turned.hinge.values[:, 0] == pytest.approx([0.3, 0.6], abs=1e-14)
+    assert turned.hinge_speed.values[:, 0] == pytest.approx([2, 3 / 4], abs=1e-14)
+    with pytest.raises(co.errors.ArgumentError, match="must be a run of this mechanism"):
+        gears(1, 2).joint_data(start)
