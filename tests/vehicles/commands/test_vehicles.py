@@ -44,7 +44,9 @@ def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys
     found = json.loads(told(capsys, "show", "rexrov", "--json"))
     assert found["numbers"]["body.mass"]["value"] == 1862.87 and found["numbers"]["body.mass"]["unit"] == "kg"
     assert found["summary"]["displaced_mass"] == pytest.approx(1028 * 1.83826)
-    assert found["sources"].keys() == vehicle.sources.keys()
+    assert found["sources"].keys() == vehicle.sources.keys() == found["licences"].keys()
+    assert found["licence"] == "Apache-2.0" and "licence             Apache-2.0" in out
+    assert next(line for line in out.splitlines() if line.startswith("UUV  ")).endswith("Apache-2.0")
 
 
 @pytest.mark.long

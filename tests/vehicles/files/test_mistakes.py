@@ -70,6 +70,7 @@ REFUSED = {
     "two volumes": (REMUS, "neutral = true", 'neutral = true\nvolume = { value = 1, unit = "L" }', r"`volume` and `neutral`"),
     "no volume": (REMUS, "neutral = true", "", r"needs one of `volume`, `buoyancy` and `neutral = true`, but has none"),
     "a source that is none": (REMUS, MASS, MASS.replace("PVS", "PVC"), r"source 'PVC', which \[sources\] does not have.*PVS"),
+    "a licence of no source": (REMUS, "[licences]", '[licences]\nME = "MIT"', r"\[licences\] names ME, which \[sources\] does not have"),
     "axes that nobody knows": (REMUS, 'axes = "FRD"', 'axes = "FSD"', r"axes must be one of 'FRD', 'FLU', but is 'FSD'"),
     "no axes": (REMUS, 'axes = "FRD"\n', "", r"\[vehicle\] needs `axes = "),
     "a kind that is none": (REMUS, 'kind = "propeller"', 'kind = "propellor"', r"Did you mean 'propeller'\?"),

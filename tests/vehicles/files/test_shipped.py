@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,26 @@ def test_every_number_of_a_shipped_vehicle_names_its_source(name: str) -> None:
     nameless = [key for key, found in vehicle.provenance.items() if not found.source or not found.unit]
     assert nameless == []
     assert all(len(citation) > 20 for citation in vehicle.sources.values())
+
+
+SPDX = {"Apache-2.0", "MIT", "CC-BY-4.0"}
+"""Licences of sources that NOTICE names."""
+
+
+@pytest.mark.parametrize("name", vehicles.names())
+def test_a_shipped_vehicle_and_each_of_its_sources_have_a_licence(name: str) -> None:
+    vehicle = vehicles.load(name)
+    declared = {key: text for key, text in vehicle.licences.items() if key in vehicle.sources}
+    assert vehicle.licence == "Apache-2.0" and declared == vehicle.licences
+    published = {key for key, text in vehicle.sources.items() if text.startswith("published force curve")}
+    assert vehicle.sources.keys() - published == declared.keys()
+    for text in declared.values():
+        assert text.partition(",")[0] in SPDX or text == "none stated: numbers only"
+
+
+def test_the_notice_names_the_licences_of_all_sources() -> None:
+    notice = (Path(__file__).parents[3] / "vehicles" / "NOTICE").read_text("utf-8")
+    assert all(licence in notice for licence in SPDX)
 
 
 def test_remus_has_the_mass_of_its_ellipsoid_and_the_damping_of_its_time_constants() -> None:

@@ -104,6 +104,8 @@ def described(vehicle: Vehicle) -> Table:
         "controller": _controller(vehicle),
         "numbers": {key: number._asdict() for key, number in vehicle.provenance.items()},
         "sources": dict(vehicle.sources),
+        "licence": vehicle.licence,
+        "licences": dict(vehicle.licences),
         "warnings": list(vehicle.warnings),
     }
 
@@ -129,6 +131,7 @@ def show(vehicle: Vehicle) -> None:
         ("name", vehicle.name),
         ("description", vehicle.description),
         ("note", vehicle.note),
+        ("licence", vehicle.licence),
         ("mass", f"{derived['mass']:.6g} kg, displaces {derived['displaced_mass']:.6g} kg of water"),
         ("net weight", _net(derived["net_weight"], derived["mass"] * vehicle.gravity)),
         ("metacentric height", _height(height)),
@@ -152,7 +155,8 @@ def show(vehicle: Vehicle) -> None:
     terminal.table(("number", "value", "unit", "source", "note"), rows)
     if vehicle.sources:
         terminal.line("")
-        terminal.table(("source", "citation"), list(vehicle.sources.items()))
+        rows = [(key, citation, vehicle.licences.get(key, "")) for key, citation in vehicle.sources.items()]
+        terminal.table(("source", "citation", "licence"), rows)
     for sentence in vehicle.warnings:
         terminal.line(f"\nWarning: {sentence}")
 

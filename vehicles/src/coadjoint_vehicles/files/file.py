@@ -23,7 +23,7 @@ from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 
 VOLUMES = ("volume", "buoyancy", "neutral")
 SIZES = ("length", "diameter", "width", "height")
-SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "sensors", "controller")
+SECTIONS = ("vehicle", "sources", "licences", "body", "added_mass", "part", "sensors", "controller")
 
 
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
@@ -56,13 +56,16 @@ def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path
     for section in ("vehicle", "body", "added_mass"):
         if section not in table:
             raise book.fail(f"a vehicle file needs a section [{section}].")
-    book.sources.update(_sources(book, table.get("sources", {})))
+    book.sources.update(_texts(book, "sources", table.get("sources", {})))
+    book.licences.update(_texts(book, "licences", table.get("licences", {})))
+    if strange := [key for key in book.licences if key not in book.sources]:
+        raise book.fail(f"[licences] names {strange[0]}, which [sources] does not have.")
     return _vehicle(book, table, folder)
 
 
 def _vehicle(book: Notebook, table: Table, folder: Path) -> Vehicle:
     head = Section(book, "[vehicle]", "vehicle", table["vehicle"])
-    said = {key: head.text(key, "" if key != "name" else None) for key in ("name", "description", "note")}
+    said = {key: head.text(key, "" if key != "name" else None) for key in ("name", "description", "note", "licence")}
     if not said["name"].strip():
         raise head.fail("name must not be empty.")
     axes = BODY_AXES[head.text("axes", None, tuple(BODY_AXES))]
@@ -86,6 +89,8 @@ def _vehicle(book: Notebook, table: Table, folder: Path) -> Vehicle:
             name=said["name"],
             description=said["description"],
             note=said["note"],
+            licence=said["licence"],
+            licences=book.licences,
             parts=tuple(parts),
             sensors=sensors,
             controller=controller,
@@ -178,8 +183,8 @@ def _parts(book: Notebook, given: object, axes: border.Axes, body: Table) -> lis
     return made
 
 
-def _sources(book: Notebook, given: object) -> dict[str, str]:
-    section = Section(book, "[sources]", "sources", given)
+def _texts(book: Notebook, name: str, given: object) -> dict[str, str]:
+    section = Section(book, f"[{name}]", name, given)
     return {key: section.text(key) for key in cast("dict[str, Any]", given)}
 
 

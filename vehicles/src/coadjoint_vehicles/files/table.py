@@ -28,6 +28,7 @@ class Notebook:
 
     path: str
     sources: dict[str, str] = field(default_factory=dict)
+    licences: dict[str, str] = field(default_factory=dict)
     provenance: dict[str, Quantity] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     used: set[str] = field(default_factory=set)

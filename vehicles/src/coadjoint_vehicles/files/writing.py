@@ -36,13 +36,14 @@ def vehicle_to_toml(vehicle: Vehicle) -> str:
 def _lines(vehicle: Vehicle) -> Iterator[str]:
     told = vehicle.provenance
     yield "[vehicle]"
-    for key, text in (("name", vehicle.name), ("description", vehicle.description), ("note", vehicle.note)):
-        if text:
+    for key in ("name", "description", "note", "licence"):
+        if text := getattr(vehicle, key):
             yield f"{key} = {_text(text)}"
     yield 'axes = "FRD"'
-    if vehicle.sources:
-        yield "\n[sources]"
-        yield from (f"{_key(key)} = {_text(citation)}" for key, citation in vehicle.sources.items())
+    for title, texts in (("sources", vehicle.sources), ("licences", vehicle.licences)):
+        if texts:
+            yield f"\n[{title}]"
+            yield from (f"{_key(key)} = {_text(text)}" for key, text in texts.items())
     yield "\n[body]"
     held_mass, _, held_volume, _ = held(vehicle.parts)
     neutral = (vehicle.mass + held_mass) / vehicle.fluid_density - held_volume

@@ -47,7 +47,9 @@ class Vehicle:
     from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
     diameter, or width and height of a hull that is not round: m. parts: their names are different. sensors: theirs,
     too. controller: the one that it is shipped with.
-    provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for impossible values.
+    provenance: Quantity by key, such as "body.mass" or "rudder.area". sources: a citation by the key of a source.
+    licence: of the file, by its SPDX identifier; licences: that of each source. Raises ArgumentError for impossible
+    values.
     """
 
     name: str
@@ -70,6 +72,8 @@ class Vehicle:
     controller: Controller | None = None
     provenance: Mapping[str, Quantity] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
+    licence: str = ""
+    licences: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -33,7 +33,8 @@ T200 = Table([float(u) for u, _ in _T200], [KGF * F for _, F in _T200])
 
 15 of the 201 rows (µs, kgf) in uf-mil/mil2, subjugator_thruster_manager/lut.h, measured by Blue Robotics (*T200 Public
 Performance Data 10–20 V*, September 2019); that they are those of 16 V is by ten of them, the ends 5.25 and −4.07 kgf
-among them, which other public code names so. Straight lines between the 15 miss none of the others by more than 0.5 N.
+among them, which other public code names so. No licence is stated: they are numbers of a data sheet. Straight lines
+between the 15 miss none of the others by more than 0.5 N.
 """
 
 PUBLISHED = {"T200": T200}
