@@ -23,5 +23,7 @@ def of_lanes(grouped: np.ndarray, count: int | None = None) -> np.ndarray:
     if grouped.ndim == 3:
         groups, size, width = grouped.shape
         return grouped.swapaxes(1, 2).reshape(groups * width, size)[:count].copy()
+    if grouped.shape[-1] == 1:
+        return grouped[:count, ..., 0]
     moved = np.moveaxis(grouped, -1, 1)
     return moved.reshape(moved.shape[0] * moved.shape[1], *moved.shape[2:])[:count]

@@ -20,6 +20,9 @@ from coadjoint.simulation.sinks import Outputs
 PATIENCE = 0.25
 """Seconds between two updates of progress, which determine the size of chunks."""
 
+ASSUMED = 400.0
+"""Steps per second of one trajectory by machine code before its speed is known: a hundred steps take milliseconds."""
+
 LONGEST = 5.0
 """The most seconds for a part of a block of many members: the longest delay of an interrupt."""
 
@@ -42,17 +45,20 @@ class Driver:
 
     def drive(self, position: AnyPosition) -> None:
         """Move `position` to the end of the plan; its `failed` shows whether a step failed."""
-        # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
-        with compiling(self.title, self.plan.solution, self.progress):
-            self.run(position.state, 1, 1)
-        speed = 0.0
+        alone = self.plan.backend == "native" and self.plan.members is None
+        if not alone:
+            # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
+            with compiling(self.title, self.plan.solution, self.progress):
+                self.run(position.state, 1, 1)
+        speed, limit = ASSUMED if alone else 0.0, np.inf
         with Progress(self.plan.steps, self.progress, self.title) as bar:
             bar.advance(position.steps, 0.0)
             while position.steps < self.plan.steps and not position.stopped:
                 before = position.steps, position.seconds
                 self._stretch(position, speed)
                 done, spent = position.steps - before[0], position.seconds - before[1]
-                speed = min(done / max(spent, 1e-6), 8 * speed or np.inf)
+                speed = min(done / max(spent, 1e-6), limit)
+                limit = 8 * speed
                 bar.advance(done, position.seconds)
         if not position.failed:
             self._close(position)

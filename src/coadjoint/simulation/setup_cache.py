@@ -4,7 +4,8 @@ Every run reads all functions once and computes their digest (`mechanics.identit
 same digest, numbers, method and step size is not checked again in this process. Any change in the behaviour of a
 function of the system, its inputs, events or quantities changes the digest, whether through a closure, a global, an
 array, an attribute or a function of a library. Groups, spaces, difference maps and methods are identified by their
-classes and fields.
+classes and fields. Functions that reach the same values as at an earlier reading (`kernels.trace.reached`) are not read
+again.
 
 A system whose functions all belong to the library, such as a shipped vehicle, is not read: the files of the library and
 the values that the functions hold identify it (`kernels.trace.identity`). The results of checks are kept on
@@ -17,7 +18,7 @@ import copy
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -26,13 +27,17 @@ from coadjoint.arrays import PyTree
 from coadjoint.kernels.run import disk_cache, store
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.identity import identity
+from coadjoint.kernels.trace.jaxprs import trace_context
 from coadjoint.kernels.trace.library import library
+from coadjoint.kernels.trace.reached import numbers_of, reached
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.identity import OPAQUE, parts, version
+from coadjoint.mechanics.identity import NUMBERS, OPAQUE, parts, version
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
 from coadjoint.texts import Table
+
+V = TypeVar("V")
 
 KEPT = 64
 """The most starts that are remembered."""
@@ -59,6 +64,10 @@ class Reading(NamedTuple):
     own: bool
 
 
+_readings: OrderedDict[tuple[PyTree, ...], Reading] = OrderedDict()
+"""Earlier readings by what their functions reached just before."""
+
+
 _known: OrderedDict[tuple[PyTree, ...], Known] = OrderedDict()
 
 
@@ -83,20 +92,61 @@ def read(
     """
     try:
         numbers, structure = jax.tree_util.tree_flatten((system.parameters, start))
-        own, here = identity(parts(system), events, observed), library()
-        whole = own is not None and own.library_only and here is not None
-        if own is not None and whole:
-            seen = f"{here} {own.digest}"
-            key = (structure, seen, digest(numbers), *more)
-        else:
-            seen = version(system, start, *functions)
-            key = (replace_parameters(system, None), structure, seen, digest(numbers), events, observed, *more)
-        hash(key)
-        plain, name = repr(structure), None
-        if own is not None and here is not None and not seen.endswith(OPAQUE) and " at 0x" not in plain:
-            name = disk_cache.name("start", own.digest, seen, plain, numbers, *more)
+        here = library()
+        seen = _reached(system, functions, events, observed)
+        same = None if seen is None else (structure, here, seen, numbers_of(numbers), observed, *more)
+        known = None if same is None else _earlier(same)
+        if known is not None:
+            return known
+        found = _read(system, start, (numbers, structure, here), functions, events, observed, *more)
     except Exception:
         return None
+    if same is not None:
+        _remember(_readings, same, found)
+    return found
+
+
+def _reached(
+    system: System, functions: list[Callable[[State], PyTree]], events: object, observed: PyTree
+) -> tuple[object, ...] | None:
+    """All that the functions of a reading reach now, apart from its numbers, in this context; None if unknown."""
+    context = trace_context()
+    held = {name: one for name, one in vars(system).items() if name not in NUMBERS}
+    more = None if context is None else reached(type(system), held, functions, events)
+    return None if more is None else (context, *more)
+
+
+def _earlier(same: tuple[PyTree, ...]) -> Reading | None:
+    with _lock:
+        known = _readings.get(same)
+        if known is not None:
+            _readings.move_to_end(same)
+    return known
+
+
+def _read(
+    system: System,
+    start: State,
+    given: tuple[list[PyTree], PyTree, str | None],
+    functions: list[Callable[[State], PyTree]],
+    events: object,
+    observed: PyTree,
+    *more: object,
+) -> Reading:
+    """The reading by traces. given: numbers, their structure, and the digest of the library."""
+    numbers, structure, here = given
+    own = identity(parts(system), events, observed)
+    whole = own is not None and own.library_only and here is not None
+    if own is not None and whole:
+        seen = f"{here} {own.digest}"
+        key = (structure, seen, digest(numbers), *more)
+    else:
+        seen = version(system, start, *functions)
+        key = (replace_parameters(system, None), structure, seen, digest(numbers), events, observed, *more)
+    hash(key)
+    plain, name = repr(structure), None
+    if own is not None and here is not None and not seen.endswith(OPAQUE) and " at 0x" not in plain:
+        name = disk_cache.name("start", own.digest, seen, plain, numbers, *more)
     return Reading(seen, key, name, whole)
 
 
@@ -134,10 +184,7 @@ def remember_verdict(reading: Reading | None, purpose: str, found: Table) -> Non
 
 def _remember_verdict(reading: Reading, purpose: str, found: dict[str, object]) -> None:
     """Keep it in this process."""
-    with _lock:
-        _verdicts[purpose, reading.key] = copy.deepcopy(found)
-        while len(_verdicts) > KEPT:
-            _verdicts.popitem(last=False)
+    _remember(_verdicts, (purpose, reading.key), copy.deepcopy(found))
 
 
 def _named(reading: Reading, purpose: str) -> str | None:
@@ -148,10 +195,14 @@ def remember(reading: Reading | None, known: Known) -> None:
     """Keep the results for a reading."""
     if reading is None:
         return
+    _remember(_known, reading.key, _copied(known))
+
+
+def _remember(kept: OrderedDict[tuple[PyTree, ...], V], key: tuple[PyTree, ...], value: V) -> None:
     with _lock:
-        _known[reading.key] = _copied(known)
-        while len(_known) > KEPT:
-            _known.popitem(last=False)
+        kept[key] = value
+        while len(kept) > KEPT:
+            kept.popitem(last=False)
 
 
 def _copied(known: Known) -> Known:

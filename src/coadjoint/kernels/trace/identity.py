@@ -142,21 +142,21 @@ class _Walk:
             self._several("member", [type(value), value.name])
         elif isinstance(value, types.ModuleType):
             self._module(value.__name__, value)
-        elif _named(value):
+        elif named(value):
             self.word("named", value.__module__, value.__qualname__)
-        elif not isinstance(value, type) and all(map(_of_library, _bases(value))):
+        elif not isinstance(value, type) and of_library_alone(value):
             self._instance(value)
         else:
             raise NoIdentity
 
     def _module(self, name: str, module: types.ModuleType) -> None:
-        if not _by_name(name.partition(".")[0]) or sys.modules.get(name) is not module:
+        if not by_name(name.partition(".")[0]) or sys.modules.get(name) is not module:
             raise NoIdentity
         self.word("module", name)
 
     def _function(self, function: Any) -> None:
-        if not _written_here(function):
-            if _of_library(function) or not _named(function):
+        if not written_here(function):
+            if _of_library(function) or not named(function):
                 raise NoIdentity
             self.word("named", function.__module__, function.__qualname__)
             return
@@ -186,18 +186,28 @@ class _Walk:
 
     def _instance(self, value: object) -> None:
         """An object by its class and its attributes, except those that it has derived from others."""
-        kind = type(value)
-        self.word("instance", kind.__module__, kind.__qualname__)
+        self.word("instance", type(value).__module__, type(value).__qualname__)
         if isinstance(value, tuple):
             self._several("items", tuple(value))
-        held = dict(getattr(value, "__dict__", {}))
-        for base in kind.__mro__:
-            slots = base.__dict__.get("__slots__", ())
-            for name in (slots,) if isinstance(slots, str) else slots:
-                if name not in ("__dict__", "__weakref__") and hasattr(value, name):
-                    held[name] = getattr(value, name)
-        derived = functools.cached_property
-        self._mapping({name: one for name, one in held.items() if not isinstance(getattr(kind, name, None), derived)})
+        self._mapping(held_by(value))
+
+
+def held_by(value: object) -> dict[str, Any]:
+    """The attributes of an object, except those that it has derived from others."""
+    kind = type(value)
+    held = dict(getattr(value, "__dict__", {}))
+    slots, derived = _attributes(kind)
+    held.update((name, getattr(value, name)) for name in slots if hasattr(value, name))
+    return {name: one for name, one in held.items() if name not in derived}
+
+
+@functools.lru_cache(maxsize=1024)
+def _attributes(kind: type) -> tuple[tuple[str, ...], frozenset[str]]:
+    """The slots of a class, and the names of its derived attributes."""
+    given = [base.__dict__.get("__slots__", ()) for base in kind.__mro__]
+    names = [name for slots in given for name in ((slots,) if isinstance(slots, str) else slots)]
+    derived = [name for name in dir(kind) if isinstance(getattr(kind, name, None), functools.cached_property)]
+    return tuple(name for name in names if name not in ("__dict__", "__weakref__")), frozenset(derived)
 
 
 def _root(value: object) -> str:
@@ -208,14 +218,20 @@ def _of_library(value: object) -> bool:
     return _root(value) in homes()
 
 
-def _by_name(root: str) -> bool:
+def by_name(root: str) -> bool:
+    """Whether a package is the library, or one whose version is in its identity."""
     return root in _BY_NAME or root in homes()
 
 
-def _written_here(function: Any) -> bool:
+def written_here(function: Any) -> bool:
     """Whether the code of a function is the library's, whatever name it goes by."""
     home = str(function.__globals__.get("__name__")).partition(".")[0]
     return home in homes() and function.__code__.co_filename.startswith(str(homes()[home]))
+
+
+def of_library_alone(value: object) -> bool:
+    """Whether all classes that define the behaviour of an object are the library's."""
+    return all(map(_of_library, _bases(value)))
 
 
 def _bases(value: object) -> list[type]:
@@ -224,9 +240,9 @@ def _bases(value: object) -> list[type]:
     return [one for one in type(value).__mro__ if one not in plain and _root(one) not in ("abc", "typing")]
 
 
-def _named(value: object) -> bool:
+def named(value: object) -> bool:
     """Whether a function or class is the one that its name stands for in the library or in a package of its version."""
-    if not _by_name(_root(value)):
+    if not by_name(_root(value)):
         return False
     found: Any = sys.modules.get(value.__module__)
     for name in str(getattr(value, "__qualname__", None)).split("."):

@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax._src import xla_bridge
+from jax._src import config, xla_bridge
 from jax.core import ShapedArray
 from jax.core import Tracer as Tracer
 from jax.extend import core
@@ -62,6 +62,12 @@ def used_by_each(function: Callable, *args: object) -> list[list[bool]]:
     jaxpr = jaxpr_of(function, *args)[0].jaxpr
     results = len(jaxpr.outvars)
     return [list(partial_eval.dce_jaxpr(jaxpr, [i == k for i in range(results)])[1]) for k in range(results)]
+
+
+def trace_context() -> object:
+    """The settings of JAX that hold here and change traces, hashable; None if this JAX does not show them."""
+    shown = getattr(config, "trace_context", None)
+    return None if shown is None else shown()
 
 
 def xla_has_begun() -> bool:

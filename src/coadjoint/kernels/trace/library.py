@@ -93,8 +93,15 @@ def _versions() -> str:
     return " ".join([sys.version, *(f"{name} {metadata.version(name)}" for name in PACKAGES)])
 
 
+_written_settings: list[tuple[dict[str, object], str]] = []
+"""JAX's settings as they were last, and their text."""
+
+
 def _settings() -> str:
     """JAX's settings, some of which change what is traced."""
     import jax
 
-    return repr(sorted((str(name), repr(value)) for name, value in jax.config.values.items()))
+    values = dict(jax.config.values)
+    if not _written_settings or _written_settings[-1][0] != values:
+        _written_settings[:] = [(values, repr(sorted((str(name), repr(value)) for name, value in values.items())))]
+    return _written_settings[-1][1]

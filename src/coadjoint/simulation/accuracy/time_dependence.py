@@ -157,7 +157,9 @@ ROUND_OFF = 1e-9
 
 def unresolved_time(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: PyTree = None) -> float | None:
     """A dt that resolves the dependence on t, with everything else held; None if the steps already resolve it."""
-    native = doubling.plan.backend == "native"
+    system, native = doubling.plan.program.skeleton, doubling.plan.backend == "native"
+    if not (system.forces or system.internal or system.constraints or system.inputs or system.depends_on_time):
+        return None
     some = np.unique(np.linspace(0, len(rows) - 1, ROWS if native else ROWS_BY_XLA).astype(int))
     rows, step, members = rows[some], np.abs(h[some]), None if members is None else np.asarray(members)[some]
     for _ in range(24):
