@@ -35,6 +35,8 @@ def casadi_expressions(roots: Iterable[Expr], known: Mapping[Expr, Any]) -> list
         elif node.op == "entry":
             assert isinstance(node.value, Table)
             found[node] = _entry(ca, node.value, found[node.args[0]])
+        elif node.op == "pivoted":
+            found[node] = None
         elif node.op in operations:
             found[node] = operations[node.op](*(found[a] for a in node.args))
         else:
@@ -69,6 +71,7 @@ def _operations(ca: Any) -> dict[str, Callable[..., PyTree]]:
         "is_finite": lambda a: ca.fabs(a) < math.inf,
         "truncate": lambda a: ca.sign(a) * ca.floor(ca.fabs(a)),
         "select": ca.if_else,
+        "solution": lambda quick, safe, pivoted: quick,
     }
 
 

@@ -16,7 +16,7 @@ from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.momentum_sizes import largest
-from coadjoint.mechanics.reactions import kicked, node_rates, parts, rate, rows_of, site
+from coadjoint.mechanics.reactions import Independent, kicked, node_rates, parts, rate, rows_of, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -30,6 +30,9 @@ ON = 1e-9
 DEPENDENT = 1e-11
 """The smallest eigenvalue of A M⁻¹Aᵀ in units of its diagonal, relative to the largest, of an independent row."""
 
+APART = 1e-6
+"""What rows that were taken leave of the diagonal of A M⁻¹Aᵀ, relative to it, at a row that is taken in its order."""
+
 SINGULAR = 1e-3
 """The smallest of these eigenvalues, relative to the largest, at a step that failed in a singular place."""
 
@@ -37,8 +40,8 @@ TRIPS = 40
 """Newton's iterations of a projection."""
 
 
-def checked_start(system: ReducedFunctions, state: State) -> np.ndarray | None:
-    """The projection (m, m) onto the rows that are independent at a start, None where all are.
+def checked_start(system: ReducedFunctions, state: State) -> Independent:
+    """The places of rows of which all others follow at a start, None where none does.
 
     Raises ArgumentError unless the state satisfies all constraints, and where a row does not depend on the velocities;
     LagrangianError where a constraint is not pure.
@@ -47,9 +50,9 @@ def checked_start(system: ReducedFunctions, state: State) -> np.ndarray | None:
         read = one.value if one.holonomic else one.rows
         require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
     found = evaluate(lambda s, p: _surveyed(replace_parameters(system, p), s), state, system.parameters)
-    projector = None if rows_of(system) is not None else _projector(system, found["mobility"])
+    independent = None if rows_of(system) is not None else _independent(system, found["mobility"])
     _require_on(system, found)
-    return projector
+    return independent
 
 
 def require_members_on_constraints(system: ReducedFunctions, parameters: PyTree, axes: PyTree, states: State) -> None:
@@ -121,8 +124,8 @@ def _surveyed_links(system: ReducedFunctions, state: State) -> dict[str, Any]:
     return {"places": places, "rate": (rates, jnp.full_like(rates, speed)), "mobility": jnp.zeros((0, 0))}
 
 
-def _projector(system: ReducedFunctions, matrix: np.ndarray) -> np.ndarray | None:
-    """The projection of `checked_start` of A M⁻¹Aᵀ (m, m); raises ArgumentError for rows without derivatives."""
+def _independent(system: ReducedFunctions, matrix: np.ndarray) -> Independent:
+    """The rows of `checked_start` of A M⁻¹Aᵀ (m, m); raises ArgumentError for rows without derivatives."""
     diagonal = np.abs(np.diag(matrix))
     for one, part in parts(system):
         if not np.all(np.isfinite(matrix[part])):
@@ -136,11 +139,27 @@ def _projector(system: ReducedFunctions, matrix: np.ndarray) -> np.ndarray | Non
                 "the start: leave it out, or start elsewhere."
             )
     rank = _rank(matrix)
-    if rank == len(matrix):
-        return None
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    kept = vectors[:, np.argsort(np.abs(values))[-rank:]]
-    return kept @ kept.T
+    return None if rank == len(matrix) else _first_rows(matrix, rank)
+
+
+def _first_rows(matrix: np.ndarray, rank: int) -> tuple[int, ...]:
+    """Rows of A M⁻¹Aᵀ as many as its rank, each the first that does not follow from those before it.
+
+    So a loop loses rows of the joint that closes it, and those of the tree that is left stay independent as it moves.
+    """
+    scale = 1 / np.sqrt(np.abs(np.diag(matrix)))
+    left = scale[:, None] * (0.5 * (matrix + matrix.T)) * scale
+    found: list[int] = []
+    for bound in (APART, 0.0):  # then the best of those that nearly follow, as many as the rank asks for
+        while len(found) < rank:
+            sizes = np.abs(np.diag(left))
+            row = int(np.argmax(sizes > bound) if bound else np.argmax(sizes))
+            if sizes[row] <= bound:
+                break
+            found.append(row)
+            left = left - np.outer(left[:, row], left[row]) / left[row, row]
+            left[row], left[:, row] = 0.0, 0.0
+    return tuple(sorted(found))
 
 
 def _rank(matrix: np.ndarray) -> int:
@@ -155,15 +174,15 @@ def _sizes(matrix: np.ndarray) -> np.ndarray:
     return np.abs(np.linalg.eigvalsh(scale[:, None] * (0.5 * (matrix + matrix.T)) * scale))
 
 
-def singular_place(system: ReducedFunctions, state: State, projector: Array | None) -> str:
+def singular_place(system: ReducedFunctions, state: State, independent: Independent) -> str:
     """A sentence if the rows of the constraints are nearly dependent at a state, which they were not at the start.
 
-    projector: of redundant rows the projection (m, m) onto those that are kept.
+    independent: the rows that were found to be so at the start, None for all.
     """
     if not system.constraints or rows_of(system) is not None:
         return ""
     found = evaluate(lambda s, p: node_rates(replace_parameters(system, p), s).mobility, state, system.parameters)
-    rank = len(found) if projector is None else round(float(np.trace(projector)))
+    rank = len(found if independent is None else independent)
     sizes = np.sort(_sizes(found))[::-1]
     if not np.all(np.isfinite(sizes)) or sizes[rank - 1] > SINGULAR * sizes[0]:
         return ""

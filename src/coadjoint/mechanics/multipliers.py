@@ -6,23 +6,42 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.mechanics.rates import rates
-from coadjoint.mechanics.reactions import count, node_rate, reaction, rows_of, site, solved
+from coadjoint.mechanics.reactions import Independent, count, node_rate, node_rates, reaction, rows_of, site, solved
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
 
-def multipliers(system: System, state: State, projector: Array | None) -> Array:
+def multipliers(system: System, state: State, independent: Independent) -> Array:
     """λ (m,) of φ̈ = 0, or d/dt A·(ξ, ν) = ḃ, at a node with its own velocities; of redundant rows the least λ."""
     change, nothing, how = acceleration(system, state), jnp.zeros(count(system)), rows_of(system)
     if how is not None:
         return how.jacobian_solve(change, nothing, -change(nothing))
     matrix, right = jax.jacfwd(change)(nothing), -change(nothing)
-    if projector is None:
-        return solved(matrix, right, None)
-    return matrix @ solved(matrix @ matrix, right, projector)
+    return _spread(matrix, solved(matrix, right, independent), independent)
+
+
+def least(system: System, state: State, strength: Array, independent: Independent) -> Array:
+    """The least multipliers (m,) with the reaction of these, of which those of redundant rows are zero."""
+    return strength if independent is None else _spread(node_rates(system, state).mobility, strength, independent)
+
+
+def _spread(matrix: Array, strength: Array, independent: Independent) -> Array:
+    """The least λ (m,) with the reaction of `strength`, whose entries at redundant rows are zero.
+
+    With A_R = C A_S of redundant rows R and independent rows S it is λ_R = (1 + CCᵀ)⁻¹Cλ_S, λ_S − Cᵀλ_R. matrix:
+    A M⁻¹Aᵀ (m, m).
+    """
+    if independent is None:
+        return strength
+    kept = np.array(independent)
+    left = np.setdiff1d(np.arange(len(strength)), kept)
+    C = jnp.linalg.solve(matrix[kept][:, kept].T, matrix[left][:, kept].T).T
+    of_left = jnp.linalg.solve(jnp.eye(len(left)) + C @ C.T, C @ strength[kept])
+    return jnp.zeros_like(strength).at[kept].set(strength[kept] - C.T @ of_left).at[left].set(of_left)
 
 
 def acceleration(system: System, state: State) -> Callable[[Array], Array]:

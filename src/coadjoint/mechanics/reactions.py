@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.kernels.newton.coupled import Coupled
@@ -17,6 +18,9 @@ from coadjoint.mechanics.coupling import rows_of_links
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
+
+Independent = tuple[int, ...] | None
+"""Where rows follow from others, the places of those that are kept; None where none does."""
 
 TRIPS = 6
 """Newton's iterations for the multipliers of a node where the velocities are not affine in the momenta."""
@@ -101,15 +105,15 @@ def node_rates(system: ReducedFunctions, state: State, impulse: Array | None = N
     return NodeRates(now, matrix, found)
 
 
-def closing(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
+def closing(system: ReducedFunctions, state: State, independent: Independent) -> Array:
     """The impulse λ (m,) after which the velocities of the node satisfy all constraints.
 
     One linear solve where these are affine in the momenta, of many links by blocks; else Newton's iteration from the
-    velocities of the state. projector: of redundant rows, the projection (m, m) onto those that are kept.
+    velocities of the state. independent: the rows that are kept where some are redundant; λ of the others is zero.
     """
     how, nothing = rows_of(system), jnp.zeros(count(system))
     if inverse_legendre.velocities(system, state).residual is not None:
-        return _closing_together(system, state, projector)
+        return _closing_together(system, state, independent)
 
     def left(impulse: Array) -> Array:
         return node_rate(system, kicked(system, state, impulse))
@@ -118,7 +122,7 @@ def closing(system: ReducedFunctions, state: State, projector: Array | None) -> 
         if how is not None:
             return impulse - how.jacobian_solve(left, impulse, left(impulse))
         found = node_rates(system, state, impulse)
-        return impulse - solved(found.mobility, found.rate, projector)
+        return impulse - solved(found.mobility, found.rate, independent)
 
     impulse = improved(nothing)
     for _ in range(TRIPS - 1 if _curved(system, state) else 0):
@@ -126,7 +130,7 @@ def closing(system: ReducedFunctions, state: State, projector: Array | None) -> 
     return impulse
 
 
-def _closing_together(system: ReducedFunctions, state: State, projector: Array | None) -> Array:
+def _closing_together(system: ReducedFunctions, state: State, independent: Independent) -> Array:
     """`closing` by Newton's iteration for (ξ, y, λ): ∂ℓ = (μ, π) + Aᵀλ and A·(ξ, ν) = b."""
     (group, Q, _), dim, size = system.places, system.group.dim, count(system)
     at = site(state)
@@ -135,9 +139,7 @@ def _closing_together(system: ReducedFunctions, state: State, projector: Array |
         xi, nu, impulse = z[:dim], Q.tangent(group, state.n, z[dim:-size]), z[-size:]
         mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
         torque, force = reaction(system, at, impulse)
-        held = rate(system, at, xi, nu)
-        if projector is not None:
-            held = projector @ held + impulse - projector @ impulse
+        held = chosen(rate(system, at, xi, nu), impulse, independent)
         rest = Q.coordinates(group, state.n, pi - state.pi - force)
         return jnp.concatenate([mu - state.mu - torque, rest, held])
 
@@ -157,9 +159,16 @@ def _curved(system: ReducedFunctions, state: State) -> bool:
     return any(depends(lambda impulse: node_rates(system, state, impulse).mobility, jnp.zeros(count(system))))
 
 
-def solved(matrix: Array, right: Array, projector: Array | None) -> Array:
-    """x (m,) with matrix x = right; of redundant rows the one in the range of the projector."""
-    if projector is not None:
-        rest = jnp.eye(len(right)) - projector
-        matrix, right = projector @ matrix @ projector + rest, projector @ right
-    return jnp.linalg.solve(matrix, right)
+def chosen(held: Array, strength: Array, independent: Independent) -> Array:
+    """The equations (m,) of independent rows, and λ = 0 of the others."""
+    if independent is None:
+        return held
+    return jnp.where(np.isin(np.arange(len(held)), independent), held, strength)
+
+
+def solved(matrix: Array, right: Array, independent: Independent) -> Array:
+    """x (m,) with matrix x = right; where rows are redundant that of the independent ones, and zeros."""
+    if independent is None:
+        return jnp.linalg.solve(matrix, right)
+    rows = np.array(independent)
+    return jnp.zeros_like(right).at[rows].set(jnp.linalg.solve(matrix[rows][:, rows], right[rows]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Any
 
@@ -26,7 +26,7 @@ from coadjoint.mechanics.constrained_start import (
 from coadjoint.mechanics.constraints import Bound
 from coadjoint.mechanics.coupling import structure
 from coadjoint.mechanics.discrete import Node, Point
-from coadjoint.mechanics.reactions import closing, count, kicked, powers, site, source
+from coadjoint.mechanics.reactions import chosen, closing, count, kicked, powers, site, source
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.coupled_links import require_coupling
@@ -39,14 +39,14 @@ class Reactions:
     """The memory of RATTLE.
 
     step: λ of the step that starts at a record, (m,). end: λ′ of the step before, (m,), the guess of λ; at the start
-    zero. projector: of redundant rows the projection (m, m) onto those that are kept, None without. base: the
-    memory of the method.
+    zero. base: the memory of the method. independent: where rows are redundant, the places of those that are kept;
+    λ of the others is zero.
     """
 
     step: Array
     end: Array
-    projector: Array | None
     base: Any
+    independent: tuple[int, ...] | None = field(default=None, metadata={"static": True})
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,13 @@ class Rattle(Step):
         memory = None if isinstance(base.memory, Factors) else base.memory
         how = self.structure(system)
         if isinstance(how, Coupled):
-            nothing = Reactions(np.zeros(count(system)), np.zeros(count(system)), None, memory)
+            nothing = Reactions(np.zeros(count(system)), np.zeros(count(system)), memory)
             require_coupling(
                 system, lambda here, s, h, z: self.residual(here, s.replace(memory=nothing), h, z), bare, how
             )
         kept = state.memory.end if isinstance(state.memory, Reactions) else np.zeros(count(system))
-        projector = None if traced(state, system.parameters) else checked_start(system, bare)
-        return state.replace(memory=Reactions(kept, kept, projector, memory))
+        independent = None if traced(state, system.parameters) else checked_start(system, bare)
+        return state.replace(memory=Reactions(kept, kept, memory, independent))
 
     def remember_by_xla(self, system: System, state: State) -> State:
         return state
@@ -147,7 +147,7 @@ class Rattle(Step):
     def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         of_base = self._unknowns(system)
         found = self.base.record(system, self._bare(state), h, z[:of_base])
-        return found.replace(memory=Reactions(z[of_base:], state.memory.end, state.memory.projector, found.memory))
+        return found.replace(memory=replace(state.memory, step=z[of_base:], base=found.memory))
 
     @staticmethod
     def _bare(state: State) -> State:
@@ -159,10 +159,8 @@ class Rattle(Step):
         return kicked(system, self._bare(record), 0.5 * h * record.memory.step)
 
     def equations(self, system: System, record: State, h: Scalar) -> Array:
-        inner, projector = self.inner(system, record, h), record.memory.projector
-        held = self._held(system, inner, h)
-        if projector is not None:
-            held = projector @ held + record.memory.step - projector @ record.memory.step
+        inner = self.inner(system, record, h)
+        held = chosen(self._held(system, inner, h), record.memory.step, record.memory.independent)
         return jnp.concatenate([self.base.equations(system, inner, h), held])
 
     def _held(self, system: System, inner: State, h: Scalar) -> Array:
@@ -184,10 +182,10 @@ class Rattle(Step):
     def _ended(self, system: System, record: State, h: Scalar) -> tuple[State, Array]:
         """The state at node k + 1, and the impulse ½hλ′ there."""
         free = self.base.advance(system, self.inner(system, record, h), h)
-        impulse = closing(system, free, record.memory.projector)
+        impulse = closing(system, free, record.memory.independent)
         after = kicked(system, free, impulse)
         end = 2 * impulse / h
-        return after.replace(memory=Reactions(end, end, record.memory.projector, free.memory)), impulse
+        return after.replace(memory=replace(record.memory, step=end, end=end, base=free.memory)), impulse
 
     def relative(self, system: System, record: State, h: Scalar) -> Element:
         return self.base.relative(system, self._bare(record), h)
@@ -243,9 +241,9 @@ def kept(state: State) -> Reactions | None:
 def redundancy(state: State) -> list[str]:
     """A sentence about redundant rows of the constraints of a state that was begun, if there are any."""
     memory = kept(state)
-    if memory is None or memory.projector is None:
+    if memory is None or memory.independent is None:
         return []
-    rank, rows = round(float(np.trace(memory.projector))), len(memory.projector)
+    rank, rows = len(memory.independent), np.shape(memory.step)[-1]
     return [
         f"The constraints have {rows} rows, of which {rows - rank} follow from the others at the start: the reactions "
         "are the least of those that do the same."

@@ -186,7 +186,9 @@ def variables(
     for name, values in (("xi", more.pop("xi")), ("mu", records.mu), *([("xi_step", records.xi)] if known else [])):
         found[name] = _coordinates(group, values)
     more |= {"nu_step": records.nu} if known else {}
-    found.update(_reactions(system, records, more.pop("reactions", None)))
+    memory = kept(records)
+    of_steps = more.pop("step_reactions", None if memory is None else memory.step)
+    found.update(_reactions(system, more.pop("reactions", None), of_steps))
     if "xi_there" in more:
         found[_seen_from_there(system)] = _coordinates(group, more.pop("xi_there"))
     for space, pairs in ((Q, {"n": records.n, "nu": more.pop("nu"), "pi": records.pi, **more}), (V, {"a": records.a})):
@@ -206,12 +208,11 @@ def variables(
     return {name: (dims, values) for name, (dims, values) in found.items() if 0 not in np.shape(values)[1:]}
 
 
-def _reactions(system: System, records: State, at_nodes: np.ndarray | None) -> Variables:
+def _reactions(system: System, at_nodes: np.ndarray | None, of_steps: np.ndarray | None) -> Variables:
     """λ of every constraint at the nodes, and those of the steps that start there, (records, rows)."""
-    memory = kept(records)
     found: Variables = {}
     for one, part in reactions.parts(system):
-        for name, values in (("reaction", at_nodes), ("reaction_step", None if memory is None else memory.step)):
+        for name, values in (("reaction", at_nodes), ("reaction_step", of_steps)):
             if values is not None:
                 found[f"{name}_{one.name}"] = (("time", f"{one.name}_row"), values[:, part])
     return found

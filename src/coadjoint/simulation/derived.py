@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.members import Each, member_of
-from coadjoint.mechanics.multipliers import multipliers
+from coadjoint.mechanics.multipliers import least, multipliers
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
@@ -124,7 +124,10 @@ def _derived(system: System, state: State) -> dict[str, object]:
         "rotation": group.rotation(state.g),
     }
     if system.constraints:
-        found["reactions"] = multipliers(system, node, None if state.memory is None else state.memory.projector)
+        memory = state.memory
+        found["reactions"] = multipliers(system, node, None if memory is None else memory.independent)
+        if memory is not None and memory.independent is not None:
+            found["step_reactions"] = least(system, node, memory.step, memory.independent)
     return found
 
 

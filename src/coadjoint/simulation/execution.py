@@ -109,7 +109,7 @@ def _solved(run: Result) -> str:
 def _singular(run: Result) -> str:
     """A sentence if the constraints of a run have come to a singular place."""
     memory = kept(run.position.state)
-    return "" if memory is None else singular_place(run.system, run.position.state, memory.projector)
+    return "" if memory is None else singular_place(run.system, run.position.state, memory.independent)
 
 
 def _sentence(run: Result) -> str:

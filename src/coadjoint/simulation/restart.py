@@ -39,7 +39,7 @@ def written(record: State, system: System) -> Table:
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
     """
     memory = kept(record)
-    memory = None if memory is None else replace(memory, projector=None, base=None)
+    memory = None if memory is None else replace(memory, base=None, independent=None)
     last = record.replace(memory=memory, ledger=None)
     return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, system.parameters), strict=True)}
 
@@ -135,7 +135,7 @@ def _multipliers(record: dict[tuple[str, ...], np.ndarray]) -> Reactions | None:
     """The guess of the multipliers of constraints."""
     if ("memory", "end") not in record:
         return None
-    return Reactions(record["memory", "step"], record["memory", "end"], projector=None, base=None)
+    return Reactions(record["memory", "step"], record["memory", "end"], base=None)
 
 
 def _tree(leaves: dict[tuple[str, ...], np.ndarray]) -> PyTree:

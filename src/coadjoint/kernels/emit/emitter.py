@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 
+from coadjoint.kernels.emit.gauss import solution_where_unsafe
 from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.untraceable import Untraceable
@@ -146,6 +147,13 @@ class Emitter:
             return builder.fneg(*args)
         if op == "select":
             return builder.select(*args)
+        if op == "pivoted":
+            assert isinstance(node.value, tuple)
+            end = 1 + len(node.value)
+            return solution_where_unsafe(self, args[0], dict(zip(node.value, args[1:end], strict=True)), args[end:])
+        if op == "solution":
+            quick, safe, pivoted = args
+            return builder.select(safe, quick, builder.load(builder.gep(pivoted, [INT64(node.value)]), align=8))
         if op in _COMPARISONS:
             compare = builder.fcmp_unordered if op == "ne" else builder.fcmp_ordered
             return compare(_COMPARISONS[op], *args)

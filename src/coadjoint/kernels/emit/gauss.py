@@ -8,6 +8,7 @@ from typing import Any
 
 from llvmlite import ir
 
+BYTES = ir.IntType(8).as_pointer()
 _DOUBLE, _INT64 = ir.DoubleType(), ir.IntType(64)
 _POINTER = _DOUBLE.as_pointer()
 _NAME = "gauss"
@@ -25,6 +26,38 @@ def gauss(module: ir.Module) -> ir.Function:
         function.attributes.add(attribute)
     _Gauss(function).write()
     return function
+
+
+def solved_lanes(emit: Any, matrix: dict[int, Any], right: list[ir.Value]) -> Iterator[list[Any]]:
+    """The solution of each lane of an `Emitter` by elimination with partial pivoting, one after the other.
+
+    matrix: the nonzero entries, by their places in the rows end to end.
+    """
+    b, n = emit.builder, len(right)
+    function, cleared = gauss(emit.module), emit.module.declare_intrinsic("llvm.memset", [BYTES, _INT64])
+    with b.goto_entry_block():
+        a = b.alloca(_DOUBLE, n * n)
+        x = b.alloca(_DOUBLE, n)
+    for lane in range(emit.width):
+        pick = (lambda v: v) if emit.width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
+        b.call(cleared, [b.bitcast(a, BYTES), ir.IntType(8)(0), _INT64(8 * n * n), ir.IntType(1)(0)])
+        for place, values in ((a, matrix), (x, dict(enumerate(right)))):
+            for i, value in values.items():
+                b.store(pick(value), b.gep(place, [_INT64(i)]))
+        b.call(function, [a, x, _INT64(n)])
+        yield [b.load(b.gep(x, [_INT64(i)])) for i in range(n)]
+
+
+def solution_where_unsafe(emit: Any, safe: ir.Value, matrix: dict[int, Any], right: list[ir.Value]) -> ir.Value:
+    """A pointer to the solution, computed where some lane is not safe, else to nothing yet."""
+    b, n = emit.builder, len(right)
+    with b.goto_entry_block():
+        found = b.alloca(_DOUBLE, n * emit.width)
+    with b.if_then(emit.any(b.xor(safe, emit.bit(True))), likely=False):
+        for lane, values in enumerate(solved_lanes(emit, matrix, right)):
+            for i, value in enumerate(values):
+                b.store(value, b.gep(found, [_INT64(i * emit.width + lane)]))
+    return b.bitcast(found, emit.number.as_pointer())
 
 
 class _Gauss:

@@ -6,11 +6,9 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
-from coadjoint.kernels.emit.gauss import gauss
+from coadjoint.kernels.emit.emitter import Emitter
+from coadjoint.kernels.emit.gauss import solved_lanes
 from coadjoint.kernels.newton.increments import Increment
-
-BYTES = ir.IntType(8).as_pointer()
 
 
 def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
@@ -48,23 +46,15 @@ def _pivoted(
 
     matrix: the nonzero entries, by their places in the rows end to end.
     """
-    b, n, width = emit.builder, len(right), emit.width
-    function, cleared = gauss(emit.module), emit.module.declare_intrinsic("llvm.memset", [BYTES, INT64])
-    with b.goto_entry_block():
-        a = b.alloca(DOUBLE, n * n)
-        x = b.alloca(DOUBLE, n)
+    b, width = emit.builder, emit.width
     results = list(delta)
-    for lane in range(width):
-        pick = (lambda v: v) if width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
-        b.call(cleared, [b.bitcast(a, BYTES), ir.IntType(8)(0), INT64(8 * n * n), ir.IntType(1)(0)])
-        for place, values in ((a, matrix), (x, dict(enumerate(right)))):
-            for i, value in values.items():
-                b.store(pick(value), b.gep(place, [INT64(i)]))
-        b.call(function, [a, x, INT64(n)])
-        solved = [b.load(b.gep(x, [INT64(i)])) for i in range(n)]
+    for lane, solved in enumerate(solved_lanes(emit, matrix, right)):
         if width == 1:
             return solved
-        here = pick(safe)
         place = ir.IntType(32)(lane)
-        results = [b.insert_element(r, b.select(here, pick(r), v), place) for r, v in zip(results, solved, strict=True)]
+        here = b.extract_element(safe, place)
+        results = [
+            b.insert_element(r, b.select(here, b.extract_element(r, place), v), place)
+            for r, v in zip(results, solved, strict=True)
+        ]
     return results

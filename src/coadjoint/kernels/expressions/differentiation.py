@@ -111,10 +111,13 @@ PARTIALS: dict[str, Partial] = {
     "erfc": _gauss(-1.0),
     **{op: lambda g, n: (g.zero,) for op in _FLAT},
 }
-"""The partial derivatives of a node by its arguments; `select` and truth values are treated where they occur."""
+"""The partial derivatives of a node by its arguments; `select`, "solution" and truth values are treated where they
+occur."""
 
 
 def _partials(graph: Graph, node: Expr) -> Sequence[Expr]:
+    if node.op == "solution":
+        return graph.one, graph.zero, graph.zero
     rule = PARTIALS.get(node.op)
     if rule is None:
         raise Untraceable(node.op, "it has no derivative here")
@@ -140,7 +143,7 @@ def _pushed(graph: Graph, roots: Sequence[Expr], tangents: dict[Expr, dict[int, 
             continue
         if node.op == "select":
             tangents[node] = _select_tangent(graph, node, inner[1] or {}, inner[2] or {})
-        elif node.op not in TRUTH:
+        elif node.op not in TRUTH and node.op != "pivoted":
             tangents[node] = _tangent(graph, node, inner)
     return [{i: d for i, d in tangents.get(root, {}).items() if d is not graph.zero} for root in roots]
 

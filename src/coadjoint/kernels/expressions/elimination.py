@@ -13,7 +13,7 @@ from coadjoint.kernels.expressions.expression import Expr, Graph
 Matrix = list[list[Expr]]
 
 MAX_SIZE = 12
-"""A larger coupled system, with its pivoting, would be mostly selections; it goes to XLA instead."""
+"""A larger coupled system, with pivoting written out, would be mostly selections: it is solved as Newton's are."""
 
 
 def dot(graph: Graph, xs: Sequence[Expr], ys: Sequence[Expr]) -> Expr:

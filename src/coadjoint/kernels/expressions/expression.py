@@ -24,13 +24,14 @@ TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite
 """Operations whose results are true or false."""
 
 
-Value = float | bool | str | Table | None
+Value = float | bool | str | Table | tuple[int, ...] | None
 
 
 class Expr:
     """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth.
 
-    "entry" is the number at an integer index, its argument, in the table that is its `value`.
+    "entry" is the number at an integer index, its argument, in the table that is its `value`. "pivoted" is the solution
+    of a linear system by elimination with pivots, and "solution" an unknown of such a system: `Graph.guarded`.
     """
 
     __slots__ = ("args", "number", "op", "value")
@@ -111,8 +112,27 @@ class Graph:
             return self.constant(table.numbers[int(place.value)])  # pyright: ignore[reportArgumentType]
         return self._node("entry", (place,), table)
 
+    def guarded(self, quick: list[Expr], safe: Expr, matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
+        """x with matrix x = right: `quick` where `safe` holds, elsewhere by elimination with pivots.
+
+        The derivatives are those of `quick`.
+        """
+        if safe is self.true:
+            return quick
+        entries = [x for row in matrix for x in row]
+        places = tuple(i for i, x in enumerate(entries) if x is not self.zero)
+        pivoted = self._node("pivoted", (safe, *(entries[i] for i in places), *right), places)
+        return [self._solution(i, x, safe, pivoted) for i, x in enumerate(quick)]
+
+    def _solution(self, place: Value, quick: Expr, safe: Expr, pivoted: Expr) -> Expr:
+        return quick if safe is self.true else self._node("solution", (quick, safe, pivoted), place)
+
     def again(self, node: Expr, args: Iterable[Expr]) -> Expr:
         """The operation of a node on other arguments."""
+        if node.op == "solution":
+            return self._solution(node.value, *args)
+        if node.op == "pivoted":
+            return self._node(node.op, tuple(args), node.value)
         return self.entry(node.value, *args) if isinstance(node.value, Table) else self.apply(node.op, *args)
 
     def apply(self, op: str, *args: Expr) -> Expr:

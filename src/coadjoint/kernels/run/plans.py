@@ -9,7 +9,7 @@ from __future__ import annotations
 import jax
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.newton.increments import CANCELLATION
+from coadjoint.kernels.expressions.block_elimination import CANCELLATION
 from coadjoint.kernels.program import MAX_UNKNOWNS, NEWTON, Program
 from coadjoint.kernels.run import disk_cache
 from coadjoint.kernels.trace.identity import Shapes

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.kernels.expressions import elimination
+from coadjoint.kernels.expressions.block_elimination import guarded_solve
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
@@ -268,14 +269,16 @@ def _solve_operator(graph: Graph, operator: Callable[[list[Array]], list[Array]]
     solution: list[Expr] = [graph.zero] * len(flat)
     by_matrix: dict[tuple, list[list[int]]] = {}
     for group in groups:
-        if len(group) > elimination.MAX_SIZE:
-            raise Untraceable("custom_linear_solve", f"it couples more than {elimination.MAX_SIZE} unknowns")
         key = tuple(rows[i].get(j, graph.zero) for i in group for j in group)
         by_matrix.setdefault(key, []).append(group)
     for key, alike in by_matrix.items():
         n = len(alike[0])
         matrix = [list(key[i * n : (i + 1) * n]) for i in range(n)]
-        answers = elimination.solve(graph, matrix, [[flat[i] for i in group] for group in alike])
+        given = [[flat[i] for i in group] for group in alike]
+        if n <= elimination.MAX_SIZE:
+            answers = elimination.solve(graph, matrix, given)
+        else:
+            answers = [guarded_solve(graph, matrix, right) for right in given]
         for group, answer in zip(alike, answers, strict=True):
             for i, x in zip(group, answer, strict=True):
                 solution[i] = x

@@ -247,8 +247,8 @@ class Mechanism:
         free = 6 * len(self.bodies)
         if not self.joints:
             return free
-        projector = checked_start(self.system, state)
-        return free - (count(self.system) if projector is None else round(float(np.trace(projector))))
+        independent = checked_start(self.system, state)
+        return free - (count(self.system) if independent is None else len(independent))
 
     def joint_data(self, run: State | Recorded) -> xarray.Dataset:
         """The coordinates and speeds of the joints at the records of a run, with turns counted.
