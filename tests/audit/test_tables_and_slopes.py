@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.audit.figures import BINS, energy_figure, order_figure
 from coadjoint.audit.findings import Audit, Cell, Finding
 from coadjoint.audit.long_run import INTERVALS, LongRun, drift
 from coadjoint.audit.order import Convergence, convergence, error_after, fit
+from coadjoint.audit.page import ENERGY, NUMBERS, ORDERS, PAGE, write
+from coadjoint.audit.shipped import with_hamiltonian, with_left_rectangle
 from coadjoint.audit.stepper import REFERENCE_TOLERANCE, exact, uncertainty
 from coadjoint.audit.systems import AuditSystem
-from coadjoint.audit.tables import _span, _worst, by_system, markdown, rows, summary
-from coadjoint.errors import StepError
+from coadjoint.audit.tables import COLUMNS, _span, _worst, by_system, markdown, rows, summary
+from coadjoint.errors import FileError, StepError
+from coadjoint.kernels.trace.evaluate import evaluate
 
 H = 0.5 ** np.arange(8)
 
@@ -119,6 +124,51 @@ def test_a_row_has_the_worst_of_all_systems():
     assert row == ("Midpoint", "Cayley", "2", "1.97–2.01", "–", "–", "1e-12", "2e-04", "0.01", "NO")
     (row,) = rows(Audit((cell(findings=(Finding("energy", "exact", 1e-15, 1e-9),)),), 1.0))
     assert row[-2:] == ("exact", "yes") and row[3] == "–"
+    (row,) = rows(Audit((cell(),), 1.0))
+    assert row[-3:] == ("–", "–", "yes")
+
+
+def test_the_page_has_the_verdict_the_tables_and_the_figures(tmp_path):
+    watched = cell(convergence=measured(2.0), long_run=LongRun(np.arange(200.0), np.ones(200), 1e-3, 0.0, 0.0))
+    lost = cell("Galerkin", system="curved", findings=(), refusal="It needs a flat space")
+    written = write(Audit((watched, lost), 1.0), tmp_path, "coadjoint audit")
+    page, numbers, *figures = written
+    assert [path.relative_to(tmp_path).as_posix() for path in figures] == [f"figures/{n}" for n in (ORDERS, ENERGY)]
+    assert all(path.stat().st_size > 1000 for path in figures)
+    text = page.read_text()
+    assert "Written by `coadjoint audit`" in text and "Not every claim was shown:\n\n- Galerkin has shown" in text
+    assert "- Galerkin over Cayley on curved: It needs a flat space" in text and "a system of your own" in text
+    assert markdown(COLUMNS, rows(Audit((watched, lost), 1.0))) in text and f"figures/{ENERGY}" in text
+    assert json.loads(numbers.read_text())["failures"] == Audit((watched, lost), 1.0).failures
+    written = write(Audit((cell(convergence=measured(2.0)),), 1.0), tmp_path / "one", "audit")
+    assert [path.name for path in written] == [PAGE, NUMBERS, ORDERS]
+    assert "Every claim was shown." in written[0].read_text() and "refuse" not in written[0].read_text()
+    with pytest.raises(FileError, match=r"The folder .*audit.md cannot be written to"):
+        write(Audit((cell(),), 1.0), page, "audit")
+
+
+# Systems as methods need them.
+
+
+def test_a_system_is_given_the_hamiltonian_and_the_left_rectangle_of_its_lagrangian():
+    """ℋ = ½(μ − b)·J⁻¹(μ − b) + ½π²/m + U(n), Λ = hℓ, and on the group with ξ = (F − Fᵀ)ᵛ/2h."""
+    J, b, mass, h = np.diag([1.0, 2.0, 3.0]), np.array([0.1, -0.2, 0.3]), 2.5, 0.2
+
+    def lagrangian(xi, n, nu):
+        return 0.5 * xi @ (J @ xi) + b @ xi + 0.5 * mass * nu @ nu - n[0] ** 3
+
+    system = co.System(co.SO3(), lagrangian, additional=co.Trivial(1))
+    xi, n, nu = np.array([0.3, -0.5, 0.4]), np.array([0.7]), np.array([-0.6])
+    made = with_hamiltonian(system)
+    mu, pi = J @ xi + b, mass * nu
+    assert evaluate(made.hamiltonian, mu, n, pi) == pytest.approx(mu @ xi + pi @ nu - lagrangian(xi, n, nu), rel=1e-14)
+    made = with_left_rectangle(system)
+    expected = h * lagrangian(xi, n, nu)
+    assert evaluate(made.discrete_lagrangian, xi, n, n + h * nu, h) == pytest.approx(expected, rel=1e-14)
+    F = evaluate(co.SO3().exp, h * xi)
+    turned = np.sin(h * np.linalg.norm(xi)) / (h * np.linalg.norm(xi)) * xi
+    expected = h * lagrangian(turned, n, nu)
+    assert evaluate(made.group_lagrangian, F, n, n + h * nu, h) == pytest.approx(expected, rel=1e-13)
 
 
 def test_orders_on_every_system_are_spans_over_the_maps():

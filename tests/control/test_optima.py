@@ -315,6 +315,7 @@ def test_a_run_that_leaves_the_optimum_by_ten_times_all_violations_is_told_on_th
     optimum = turning([0, 0, 2.5], 8).solve()
     card = str(replace(optimum, violation=1e-9, difference=times * 10 * 8 * 1e-9))
     assert ("leaves the optimum" in card) == told
+    assert "leaves the optimum" not in str(replace(optimum, violation=0.0, difference=times * 1e-15))
 
 
 def test_an_end_where_the_solver_begins_is_told_on_the_card():

@@ -8,6 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.control import Bounds, End, Input, Problem
+from coadjoint.control.within_steps import WorstWithin, lines
 
 RADIUS = 0.5
 
@@ -83,6 +84,16 @@ def test_path_points_hold_with_an_actuator_that_lags_and_a_method_of_two_stages(
     assert clearances(optimum, [1 / 3, 2 / 3]).min() > RADIUS**2 - 1e-6
     true = RADIUS**2 - clearances(optimum, np.linspace(0.01, 0.99, 99)).min()
     assert optimum.within["clear"].excess == pytest.approx(max(true, 0.0), abs=1e-3)
+
+
+def test_the_card_says_the_worst_violation_within_steps_or_how_large_it_may_be():
+    held = {"low": WorstWithin(1e-9, 2.0, 0.3), "high": WorstWithin(2e-6, 2.0, 0.4), "none": WorstWithin(0.0, 0.0, 0.0)}
+    assert lines(held, 0) == [("between the nodes", "constraints violated by at most 2.0e-06")] and lines({}, 0) == []
+    over = {**held, "wall": WorstWithin(0.25, -1.0, 1.5)}
+    ((what, said),) = lines(over, 0)
+    assert what == "warning" and "`wall` is violated by 0.25 at t = 1.5 s; `path_points=3` imposes it" in said
+    assert "more `path_points`" in lines(over, 2)[0][1]
+    assert WorstWithin(2.1e-6, 1.0, 0.0).violated and not WorstWithin(1.9e-6, -1.0, 0.0).violated
 
 
 @pytest.mark.long

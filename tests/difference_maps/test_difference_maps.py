@@ -9,6 +9,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
+from coadjoint.difference_maps.second_kind import _cubic
 from coadjoint.errors import GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -199,6 +200,15 @@ def test_only_the_exponential_is_its_own_squared_map(tau):
 
     assert gap(co.Exponential()) < 1e-15
     assert gap(tau) > 1e-5
+
+
+def test_a_basis_that_is_nilpotent_up_to_round_off_has_polynomials():
+    """e³ = κe of S N S⁻¹, N² = 0: κ is round-off, and counts as 0."""
+    S, N = np.random.default_rng(3).normal(size=(3, 3)), np.eye(3, k=2)
+    bent = co.MatrixGroup([S @ N @ np.linalg.inv(S)])
+    (e,) = bent.basis
+    assert abs(np.sum((e @ e @ e) * e)) > 0 and _cubic(bent) == (0.0,)
+    assert _cubic(co.SO3()) == (-1.0,) * 3
 
 
 def test_second_kind_goes_forwards_and_backwards():

@@ -52,6 +52,7 @@ def test_a_linear_log_is_smoothed_as_the_whole_problem_is_solved():
         assert np.allclose(ours.covariances[k][np.ix_(free, free)], spread[here, here], rtol=1e-8, atol=1e-12)
     assert np.all(ours.deviations <= found.deviations + 1e-9)
     assert np.array_equal(ours.rows[-1], found.rows[-1])
+    assert np.array_equal(ours.covariances, ours.covariances.transpose(0, 2, 1))
 
 
 def test_a_run_that_was_not_kept_whole_cannot_be_smoothed():

@@ -55,6 +55,12 @@ def test_the_mean_of_turns_about_one_axis_is_the_turn_by_the_mean_angle_even_acr
     np.testing.assert_allclose(weighted, co.attitude.zyx(np.radians(173.5), 0, 0), atol=1e-14)
 
 
+def test_the_mean_of_turns_that_differ_by_round_off_is_one_of_them():
+    R = co.attitude.zyx(0.3, -0.2, 0.7)
+    near = np.stack([R, np.nextafter(R, 1), np.nextafter(R, -1), R @ R @ R.T])
+    np.testing.assert_allclose(mean(co.SO3(), near), R, atol=1e-15)
+
+
 def test_the_mean_of_vectors_is_theirs():
     x = generator("vectors").normal(size=(6, 3))
     np.testing.assert_allclose(mean(co.Translation(3), x), np.mean(x, axis=0), atol=1e-15)

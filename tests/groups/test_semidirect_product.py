@@ -193,7 +193,19 @@ class _RightAction(Representation):
         return group.matrix(group.inverse(g)) @ x
 
 
+class _Shifted(Space):
+    """ℝ², which ℝ moves along the first axis."""
+
+    def ambient(self, group):
+        return 2
+
+    def act(self, group, g, x):
+        return x + jnp.stack([g[0], 0.0])
+
+
 def test_what_is_no_representation_is_refused_in_one_sentence():
+    with pytest.raises(GroupError, match=r"needs a linear action, but .* moves the origin by"):
+        co.SemidirectProduct(co.Translation(1), _Shifted())
     with pytest.raises(GroupError, match=r"must carry a left action of .*, act\(gh, x\) = act\(g, act\(h, x\)\)"):
         co.SemidirectProduct(co.SO3(), _RightAction())
     with pytest.raises(GroupError, match="needs a linear action, but Points\\(\\) moves the origin"):

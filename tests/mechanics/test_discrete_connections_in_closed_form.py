@@ -17,12 +17,12 @@ SO2 = co.SO2()
 
 
 class Bent:
-    """g⁻¹ġ = −x ẋ on SO(2) with one shape."""
+    """g⁻¹ġ = −x² ẋ on SO(2) with one shape."""
 
     group, size = SO2, 1
 
     def velocity(self, x: Any, v: Any) -> Any:
-        return jnp.stack([-x[0] * v[0]])
+        return jnp.stack([-(x[0] ** 2) * v[0]])
 
 
 def angle(R: Any) -> float:
@@ -33,7 +33,7 @@ def angle(R: Any) -> float:
 def test_an_increment_is_that_of_the_connection_in_the_middle_or_at_the_start(at, place):
     found: Any = co.mechanics.DiscreteConnection.from_connection(Bent(), at=at)  # pyright: ignore[reportArgumentType]
     step = evaluate(found.increment, np.array([0.3]), np.array([0.5]))
-    assert angle(step) == pytest.approx(-place * 0.2, rel=1e-13)
+    assert angle(step) == pytest.approx(-(place**2) * 0.2, rel=1e-13)
     with pytest.raises(ArgumentError, match='must be "middle" or "start", but is \'end\''):
         co.mechanics.DiscreteConnection.from_connection(Bent(), at="end")  # pyright: ignore[reportArgumentType]
 

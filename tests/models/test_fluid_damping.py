@@ -127,12 +127,18 @@ def test_steps_back_in_time_undo_those_forward_as_far_as_round_off_allows():
     back = co.trajectory(fluid, there, dt=-0.5, steps=13, method=damped, backend="xla").final
     assert np.max(np.abs(there.mu - start.mu)) > 0.1
     np.testing.assert_allclose(back.mu, start.mu, atol=1e-6)
+
+
+def test_steps_back_in_time_that_amplify_round_off_too_much_are_refused():
+    fluid = fluids.euler(4)
+    start = fluids.start(fluid, fluids.rossby_haurwitz(degree=3, order=2, amplitude=0.4))
+    damped = fluids.DampedMidpoint(viscosity=0.27, drag=0.1)
     for h, steps, sentence in (
         (-0.5, 14, r"14 steps of -0\.5 s back in time amplify round-off by 1e9: take at most 13 steps"),
         (-50.0, 1, r"1 steps of -50 s .* by 1e61: take \|dt\| < 6\.58 s"),
     ):
         with pytest.raises(ArgumentError, match=sentence):
-            co.trajectory(fluid, there, dt=h, steps=steps, method=damped)
+            co.trajectory(fluid, start, dt=h, steps=steps, method=damped)
 
 
 def test_numbers_of_numpy_are_numbers():

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.models import fluids, swimmer
@@ -54,3 +55,17 @@ def test_the_energy_of_a_swimmer_is_that_of_its_ellipses():
     u, w = c * moving[:, 0] + s * moving[:, 1], c * moving[:, 1] - s * moving[:, 0]
     expected = 0.5 * np.sum(about * turning**2 + along * u**2 + across * w**2) - 0.5 * p.stiffness * x @ x
     assert evaluate(swimmer.lagrangian, xi, x, v, p) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_swimmer_starts_where_and_as_bent_as_it_is_said():
+    made = swimmer.make(semi_axes=(1.0, 0.2), density=1000.0, stiffness=5.0)
+    state = swimmer.start(
+        made, angle=0.3, position=(1.0, -2.0), velocity=(0.1, 0.2, 0.3), bend=(0.4, 0.5), bend_rate=(0.6, 0.7)
+    )
+    turned = [[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]
+    np.testing.assert_allclose(state.g[0], turned, atol=1e-15)
+    for found, given in zip((state.g[1], state.xi, state.n, state.nu),
+                            ((1.0, -2.0), (0.1, 0.2, 0.3), (0.4, 0.5), (0.6, 0.7)), strict=True):  # fmt: skip
+        np.testing.assert_array_equal(found, given)
+    with pytest.raises(ArgumentError, match=r"`position` must have shape \(2,\)"):
+        swimmer.start(made, position=(1.0, 2.0, 3.0))

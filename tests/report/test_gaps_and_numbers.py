@@ -97,4 +97,5 @@ def test_what_the_catalogue_gives_is_left_out_where_the_file_gives_it():
 
 def test_json_has_plain_numbers_and_null_for_what_is_not_finite():
     given = {"a": np.float64(0.5), "b": np.array([1.0, np.nan]), 3: (np.int64(2), np.inf, True, None), "c": object}
+    assert to_json({"unit": "µm"}) == '{\n  "unit": "µm"\n}\n'
     assert json.loads(to_json(given)) == {"a": 0.5, "b": [1.0, None], "3": [2, None, True, None], "c": str(object)}

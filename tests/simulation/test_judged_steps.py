@@ -171,24 +171,29 @@ def test_a_loaded_stepper_is_judged_without_jax(tmp_path):
     assert len(said) == 1
 
 
-@pytest.mark.long
-def test_what_a_file_measures_of_positions_is_what_a_stepper_measures():
+@pytest.mark.parametrize(
+    ("group", "space"),
+    [
+        (co.SE2(), co.spaces.Points()),
+        pytest.param(co.SO3(), co.Defining(), marks=pytest.mark.long),
+        pytest.param(co.SE3(), co.Defining(), marks=pytest.mark.long),
+        pytest.param(co.SO3(), {"a": co.Defining()}, marks=pytest.mark.long),
+    ],
+)
+def test_what_a_file_measures_of_positions_is_what_a_stepper_measures(group, space):
     """q = g·n of a point that turns, of one that moves with a body, and of a named one."""
     from coadjoint.kernels.packing import layout, pack
     from coadjoint.simulation.accuracy.ruler import plain, ruler_of
 
     random = np.random.default_rng(5)
-    for group, space in ((co.SO3(), co.Defining()), (co.SE3(), co.Defining()), (co.SO3(), {"a": co.Defining()})):
-        system = co.System(group, lambda xi, n, nu: 0.5 * xi @ xi, additional=space)
-        q = random.normal(size=system.additional.ambient(system.group))
-        given = {"a": q} if isinstance(space, dict) else q
-        state = system.state(
-            g=jax.tree.map(np.asarray, _element(group, random)), q=given, xi=random.normal(size=group.dim)
-        )
-        ruler, row = ruler_of(layout(state), system.places), pack(state)[1][None]
-        kept = plain(ruler, layout(state), system.places)
-        assert np.allclose(kept.q(row), ruler.q(row)) and np.allclose(kept.q(row)[0], q)
-        assert np.allclose(kept.turning(state.xi[None]), ruler.turning(state.xi[None]))
+    system = co.System(group, lambda xi, n, nu: 0.5 * xi @ xi, additional=space)
+    q = random.normal(size=system.additional.ambient(system.group))
+    given = {"a": q} if isinstance(space, dict) else q
+    state = system.state(g=jax.tree.map(np.asarray, _element(group, random)), q=given, xi=random.normal(size=group.dim))
+    ruler, row = ruler_of(layout(state), system.places), pack(state)[1][None]
+    kept = plain(ruler, layout(state), system.places)
+    assert np.allclose(kept.q(row), ruler.q(row)) and np.allclose(kept.q(row)[0], q)
+    assert np.allclose(kept.turning(state.xi[None]), ruler.turning(state.xi[None]))
 
 
 def _element(group, random):

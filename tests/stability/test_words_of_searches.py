@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from coadjoint.stability.analysis import Stability
+from coadjoint.stability.spectrum import Linearisation, Mode
 from coadjoint.stability.steady import Search
 
 
@@ -76,3 +77,34 @@ def test_a_card_names_what_moves_what_was_found_and_the_verdict(monkeypatch):
     assert ["spectrum", "unstable"] in lines and ["energy–Casimir", "undecided: neither definite"] in lines
     still = known(-1, forces="drag", xi=np.zeros(2), nu=np.zeros(1))
     assert "top: at rest" in str(still) and "energy–Casimir" not in str(still) and "zero modes" not in str(still)
+
+
+def mode(eigenvalue: complex, growth: int, **shares: float) -> Mode:
+    return Mode(eigenvalue, np.zeros(3), shares, growth)
+
+
+@pytest.mark.parametrize(
+    ("one", "says"),
+    [
+        (mode(0.5, 1, roll=1.0), "roll: grows, time constant 2 s"),
+        (mode(-4.0, -1, roll=0.05, yaw=0.04), "roll: decays, time constant 0.25 s"),
+        (mode(0.0, 0), "attitude: stays"),
+        (mode(2j * np.pi, 0, a=0.4, b=0.3, c=0.2, d=0.1), "a-b-c: oscillates, period 1 s, neither damped nor excited"),
+        (mode(0.1 + 1j * np.pi, 1, yaw=1.0), "yaw: oscillates and grows, period 2 s, time constant 10 s"),
+        (
+            mode(-3.0 + 4.0j, -1, yaw=1.0),
+            "yaw: oscillates and decays, period 1.57 s, time constant 0.333 s, damping ratio 0.6",
+        ),
+    ],
+)
+def test_a_mode_says_how_it_moves(one, says):
+    assert str(one) == says
+
+
+def test_a_spectrum_is_as_far_from_a_hamiltonian_one_as_its_worst_eigenvalue_from_the_negative_of_another():
+    def defect(*eigenvalues: complex) -> float:
+        empty = np.zeros((0, 0))
+        return Linearisation(empty, empty, empty, empty, np.array(eigenvalues), 0, ()).symmetry_defect
+
+    assert defect() == 0.0 and defect(2.0, -2.0, 3j, -3j) == 0.0
+    assert defect(2.0, -2.0, 4j, -3j) == pytest.approx(0.25) and defect(0.5, -1.0) == pytest.approx(0.5)

@@ -30,6 +30,8 @@ def test_all_members_that_did_not_fail_are_lines_through_what_varies():
     figure = parallel(Made())  # pyright: ignore[reportArgumentType]
     (lines,) = figure.axes[0].collections
     assert len(lines.get_segments()) == 380
+    (axes, _) = figure.axes
+    assert axes.get_xlim() == pytest.approx((-0.3, 3.3)) and axes.get_ylim() == pytest.approx((-0.1, 1.1))
     labels = [label.get_text() for label in figure.axes[0].get_xticklabels()]
     assert labels[:3] == ["mass", "position_m[2]", "final_q[0] (m)"]
 

@@ -63,11 +63,10 @@ def test_a_part_of_a_step_that_led_to_an_event_has_another_transform_and_is_refu
     np.testing.assert_allclose(found.plus.mu[:-1], records.mu[1:], atol=1e-13)
 
 
-@pytest.mark.long
 def test_members_are_refused_by_every_function_in_one_sentence(path):
     fleet, smooth = TOP.replace(weight=co.each([1.0, 2.0])), SMOOTH.replace(weight=co.each([1.0, 2.0]))
     link = at(theory.reduced_path(TOP.places, path, DOWN), 0)
-    ensemble = co.simulate(smooth, SMOOTH.state(**START), dt=H, steps=3, progress=False)
+    state = SMOOTH.state(**START)
     poisson = theory.poisson_link(SO3, link)
     for call in (
         partial(theory.discrete_euler_poincare_algorithm, fleet, link, H, 2),
@@ -77,16 +76,16 @@ def test_members_are_refused_by_every_function_in_one_sentence(path):
         partial(theory.reduce, theory.unreduce(fleet)),
         partial(theory.reduce_continuous, theory.unreduce_continuous(smooth)),
         partial(theory.action, theory.unreduce(fleet), path, np.array(DOWN), H),
-        partial(theory.discrete_legendre, smooth, co.Midpoint(), ensemble.records, H),
-        partial(theory.discrete_momentum_maps, smooth, SUZUKI, ensemble.records, H),
-        partial(theory.equations_of, smooth, co.Midpoint(), ensemble.records, H),
+        partial(theory.discrete_legendre, smooth, co.Midpoint(), state, H),
+        partial(theory.discrete_momentum_maps, smooth, SUZUKI, state, H),
+        partial(theory.equations_of, smooth, co.Midpoint(), state, H),
     ):
         with pytest.raises(
             co.errors.ArgumentError, match=r"that of one system, but parameters of this one are co.each"
         ):
             call()
     with pytest.raises(co.errors.ArgumentError, match="but is an ensemble"):
-        theory.printed_equations(ensemble)
+        theory.printed_equations(co.simulate(smooth, state, dt=H, steps=1, progress=False))
 
 
 def test_sequences_whose_parts_do_not_belong_together_are_refused_in_one_sentence(path):

@@ -228,10 +228,8 @@ class SLn(MatrixCoordinates, MatrixElements):
         return (matrix - jnp.trace(matrix) / self.size * np.eye(self.size)).reshape(-1)[:-1]
 
     def _covector(self, mu: Array) -> Array:
-        """The matrix M without trace with ⟨μ, ξ⟩ = tr(Mᵀξ̂)."""
-        diagonal_sum = jnp.sum(mu[:: self.size + 1])
-        rows = jnp.concatenate([mu, jnp.zeros(1)]).reshape(self.size, self.size)
-        return rows - diagonal_sum / self.size * np.eye(self.size)
+        """A matrix M with ⟨μ, ξ⟩ = tr(Mᵀξ̂); others differ by a multiple of 1."""
+        return jnp.concatenate([mu, jnp.zeros(1)]).reshape(self.size, self.size)
 
     def _of_covector(self, matrix: Array) -> Array:
         """μ of M: ⟨M, e_k⟩ for every matrix of the basis."""

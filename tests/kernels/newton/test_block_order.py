@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from equations import Equations, Still
 
-from coadjoint.kernels.newton.increments import blocks, matching
+from coadjoint.kernels.expressions.expression import Graph
+from coadjoint.kernels.newton.increments import _affine, blocks, matching
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native
 
@@ -22,6 +23,14 @@ def test_blocks_come_before_those_that_need_them():
 def test_rows_are_matched_to_unknowns_off_the_diagonal():
     assert matching([[1], [0, 2], [0]]) == [2, 0, 1]
     assert matching([[0], [0], [1, 2]]) is None
+
+
+def test_an_unknown_whose_row_holds_one_that_is_not_affine_is_none_either():
+    """x² = …, y − x = …, z = …: the rows of y and z have constant derivatives."""
+    graph = Graph()
+    x, y, z = (graph.symbol(name) for name in "xyz")
+    rows = [{0: graph.add(x, x)}, {0: graph.constant(-1.0), 1: graph.constant(1.0)}, {2: graph.constant(3.0)}]
+    assert _affine([[2], [0], [1]], rows, (x, y, z)) == {2}
 
 
 def found(matrix, right, curved=0.0):

@@ -46,6 +46,15 @@ def test_a_chain_has_three_colours_and_a_ring_is_folded_in_two():
     assert (ring.width, ring.rows) == (2, 4)
 
 
+def test_the_iteration_goes_on_until_every_link_is_solved():
+    """Of links that are alone one begins at its root, and the others do not."""
+    how = Coupled(3, (1,), ())
+    right = np.array([0.0, 2.0, 10.0])
+    found = evaluate(lambda z: how.root(lambda z: z + z**3 - right, z, jnp.asarray(0.1), (3,)), np.zeros(3))
+    np.testing.assert_allclose(found.unknowns, [0, 1, 2], atol=1e-14)
+    assert found.code == Code.CONVERGED and found.iterations > 3
+
+
 @pytest.mark.long
 def test_factors_are_carried_over_and_the_root_has_the_derivative_of_its_equations():
     how, _, r = equations(CHAIN, (2,))

@@ -77,6 +77,10 @@ RODS = {
         lambda: rod(ends="clamped", motion=lambda t: (jnp.eye(2), jnp.ones(2) + t)),
         r"`motion` must be \(1, 0\) at t = 0",
     ),
+    "a motion that is turned at the start": (
+        lambda: rod(ends="clamped", motion=lambda t: (-jnp.eye(2), jnp.zeros(2) + t)),
+        r"`motion` must be \(1, 0\) at t = 0",
+    ),
     "a motion that is no rotation": (
         lambda: rod(ends="clamped", motion=lambda t: ((1 + t) * jnp.eye(2), jnp.zeros(2))),
         "R of `motion` must be a rotation, but at t = 0.1 s",
