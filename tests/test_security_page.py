@@ -15,9 +15,10 @@ from coadjoint import csv_tables, manifest, sealed, texts, vehicles
 from coadjoint.cli.main import every_command
 from coadjoint.errors import CoadjointError
 from coadjoint.kernels.run import store
+from coadjoint.models.descriptions import elements
 from coadjoint.plotting import bodies, meshes
 from coadjoint_vehicles.hydrodynamics import wamit
-from coadjoint_vehicles.importing import elements, xacro
+from coadjoint_vehicles.importing import xacro
 from coadjoint_vehicles.logs import read_log
 from coadjoint_vehicles.logs.bags import dataflash_file, decompressing, tlog_file
 from coadjoint_vehicles.serving import plain

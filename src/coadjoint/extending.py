@@ -27,6 +27,10 @@ MODULES = (
     "coadjoint.identification.channels",
     "coadjoint.mechanics.continuous",
     "coadjoint.mechanics.members",
+    "coadjoint.models.descriptions.elements",
+    "coadjoint.models.descriptions.frames",
+    "coadjoint.models.descriptions.links",
+    "coadjoint.models.descriptions.urdf",
     "coadjoint.models.quantities",
     "coadjoint.plotting.entries",
     "coadjoint.plotting.plots",
@@ -35,7 +39,7 @@ MODULES = (
     "coadjoint.plotting.style",
     "coadjoint.runs.sections",
 )
-"""Types, checks of arguments, units, files, sections, tables, clocks, errors, members and rates of motion, figures."""
+"""Types, checks, units, files, tables, clocks, errors, members, rates of motion, links and joints, figures."""
 
 if TYPE_CHECKING:
     # named otherwise where they are defined

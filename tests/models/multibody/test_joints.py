@@ -126,7 +126,7 @@ WRONG = {
             two=Joint("prismatic", "ground", "rod", at=(0, 0, 0), axis=(0, 0, 1)),
             mesh=Joint("gear", "one", "two", teeth=(1, 2)),
         ),
-        "couples two joints with an angle, but `two` is 'prismatic'",
+        "or two that slide, but `one` is revolute and `two` prismatic",
     ),
     "a joint called as a method of parameters": (lambda: hung(replace=hinge()), "'replace' has a meaning of its own"),
     "a joint called as the contact of another": (

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import FileError
+from coadjoint.models.descriptions.elements import Element, parse
 from coadjoint_vehicles.importing.draft import Draft
-from coadjoint_vehicles.importing.elements import Element, parse
 from coadjoint_vehicles.importing.uuv_actuators import SAMPLES, _bessa, _curve, _interval, _lag, _limited, _share
 
 DEAD = """<conversion><type>Bessa</type><rotorConstantL>2</rotorConstantL><rotorConstantR>3</rotorConstantR>

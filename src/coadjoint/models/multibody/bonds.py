@@ -58,8 +58,10 @@ class Bond(Portable):
         return jnp.stack(rows)
 
     def _gear(self, n: Array, a: PyTree, p: PyTree) -> Array:
-        """sin(z₁θ₁ + z₂θ₂)/z₁, smooth where an angle jumps by a turn."""
+        """sin(z₁θ₁ + z₂θ₂)/z₁, smooth where an angle jumps by a turn; of distances x₁ + (z₂/z₁)x₂."""
         one, other = (wheel.coordinates(n, a, p)[0] for wheel in self.wheels)
+        if KINDS[self.wheels[0].kind].coordinates[0] == "distance":
+            return one + self.teeth[1] / self.teeth[0] * other
         return jnp.sin(self.teeth[0] * one + self.teeth[1] * other) / self.teeth[0]
 
     def _distance(self, d: Array, C: Array, own: PyTree) -> Array:

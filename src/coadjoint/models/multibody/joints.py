@@ -69,7 +69,7 @@ class Joint:
 
     Arguments:
         kind: fixed, revolute, prismatic, cylindrical, planar, spherical, universal, distance, screw, gear or rolling.
-        first, second: names of bodies, or "ground"; of a gear the names of two joints that turn.
+        first, second: names of bodies, or "ground"; of a gear those of two joints that turn, or slide.
         at: the joint's point, (3,), m; of `rolling` the wheel's centre.
         axis: the direction about or along which it moves, (3,); of `planar` the normal of the plane; of `universal` the
             axis on the first body; of `rolling` the axis of the disk, by default none: a ball.
@@ -77,7 +77,8 @@ class Joint:
         to: of `distance`, the point on the second body, (3,), m.
         length: of `distance`, m, by default that of the reference configuration.
         pitch: of `screw`, the advance in a turn, m; negative of a left-handed screw.
-        teeth: of `gear`, (z₁, z₂) with z₁θ₁ + z₂θ₂ = 0; both positive of wheels with external teeth.
+        teeth: of `gear`, (z₁, z₂) with z₁θ₁ + z₂θ₂ = 0, of angles or distances; both positive of wheels with external
+            teeth.
         radius: of `rolling`, m.
         normal: of `rolling`, that of the plane of the first body, (3,), towards the wheel.
         stiffness, rest: a spring ½k(x − x₀)² at the coordinate x of the joint, the angle, rad, or the distance, m;

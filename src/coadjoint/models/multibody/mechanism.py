@@ -96,16 +96,20 @@ class Mechanism:
         self.system = self._system({})
 
     def _require_ends(self, key: str, joint: Joint) -> None:
-        """Raise ArgumentError unless a joint is between two bodies that exist, or of a gear two joints that turn."""
+        """Raise ArgumentError unless a joint is between two bodies that exist, or of a gear two joints alike."""
         what = f"The joint `{key}`"
         if joint.first == joint.second:
             raise ArgumentError(f"{what} must connect two, but both ends are `{joint.first}`.")
         known = self.joints if joint.kind == "gear" else self.links
         for end in (joint.first, joint.second):
             checks.known(end, known, "joint" if joint.kind == "gear" else "body", what)
-            if joint.kind == "gear" and "angle" not in KINDS[self.joints[end].kind].coordinates:
+        if joint.kind == "gear":
+            kinds = [self.joints[end].kind for end in (joint.first, joint.second)]
+            first, second = (KINDS[kind].coordinates[:1] for kind in kinds)
+            if not first or first != second:
                 raise ArgumentError(
-                    f"{what} couples two joints with an angle, but `{end}` is {shown(self.joints[end].kind)}."
+                    f"{what} couples two joints with an angle or two that slide, but `{joint.first}` is {kinds[0]} and "
+                    f"`{joint.second}` {kinds[1]}."
                 )
 
     def _require_names(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint_vehicles.importing.elements import Element
+from coadjoint.models.descriptions.elements import Element
 from coadjoint_vehicles.importing.report import Left, Report, Taken
 from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint_vehicles.parts.part import Part

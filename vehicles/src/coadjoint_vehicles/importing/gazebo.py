@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from coadjoint_vehicles.importing.bodies import Link, impossible, link_named, placed, require_mass, together
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import Placement, flag_in, number, number_in, numbers, text_in
+from coadjoint.models.descriptions.links import DescribedLink, impossible, link_named, placed, require_mass, together
 from coadjoint_vehicles.importing.draft import Draft
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import Placement, flag_in, number, number_in, numbers, text_in
 from coadjoint_vehicles.importing.gazebo_actuators import airfoils, ballast, thrusters
 from coadjoint_vehicles.importing.gazebo_damping import COLUMNS, ROWS, damping
+from coadjoint_vehicles.importing.plugins import plugins_named
 from coadjoint_vehicles.importing.sdf import joints_of, links_of, model_of, own_pose
-from coadjoint_vehicles.importing.urdf import plugins_named
 
 DENSITY = 1000.0
 """kg/m³, the default of the system Buoyancy."""
@@ -66,7 +66,7 @@ def read_gazebo(root: Element, folder: Path, draft: Draft) -> None:
     )
 
 
-def _base(plugin: Element | None, links: dict[str, Link], model: Element) -> Link:
+def _base(plugin: Element | None, links: dict[str, DescribedLink], model: Element) -> DescribedLink:
     """The link that the hydrodynamics act on, else the first."""
     if plugin is not None:
         return link_named(links, text_in(plugin, "link_name"), plugin)
@@ -90,7 +90,7 @@ def _density(draft: Draft, floats: list[Element], hydrodynamics: list[Element]) 
         draft.body["fluid_density"] = draft.given("body.fluid_density", DENSITY, "kg/m^3", note)
 
 
-def _body(draft: Draft, base: Link, links: dict[str, Link], poses: dict[str, Placement]) -> None:
+def _body(draft: Draft, base: DescribedLink, links: dict[str, DescribedLink], poses: dict[str, Placement]) -> None:
     """Mass, centre and inertia of all links that joints connect."""
     held = [(links[name], pose) for name, pose in poses.items()]
     require_mass(held, draft.source)
@@ -110,7 +110,7 @@ def _body(draft: Draft, base: Link, links: dict[str, Link], poses: dict[str, Pla
         )
 
 
-def _volume(draft: Draft, floats: list[Element], links: dict[str, Link], poses: dict[str, Placement]) -> None:
+def _volume(draft: Draft, floats: list[Element], links: dict[str, DescribedLink], poses: dict[str, Placement]) -> None:
     """V and the centre of buoyancy by the shapes of the collisions, as the system Buoyancy has them."""
     enabled = {child.text.strip().rpartition("::")[2] for plugin in floats for child in plugin.all("enable")}
     total, moment, where = 0.0, np.zeros(3), []
@@ -164,7 +164,7 @@ def _shape_volume(draft: Draft, collision: Element) -> float:
     return found
 
 
-def _added_mass(draft: Draft, base: Link, plugin: Element | None) -> None:
+def _added_mass(draft: Draft, base: DescribedLink, plugin: Element | None) -> None:
     """M_A = <fluid_added_mass> − M_a of the plugin, about the origin of the link."""
     total, where = np.zeros((6, 6)), None
     inertial = base.element.first("inertial")

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import Placement, flag_in, number_in, numbers, text_in
+from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink, link_named
 from coadjoint.texts import Table
-from coadjoint_vehicles.importing.bodies import Joint, Link, link_named
 from coadjoint_vehicles.importing.draft import Draft
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import Placement, flag_in, number_in, numbers, text_in
 from coadjoint_vehicles.parts.airfoil import Airfoil
 from coadjoint_vehicles.parts.ballast import Ballast
 from coadjoint_vehicles.parts.thrusters import Thrusters
@@ -21,7 +21,11 @@ NO_STALL = 0.5 * math.pi
 
 
 def thrusters(
-    draft: Draft, plugins: list[Element], links: dict[str, Link], joints: list[Joint], poses: dict[str, Placement]
+    draft: Draft,
+    plugins: list[Element],
+    links: dict[str, DescribedLink],
+    joints: list[DescribedJoint],
+    poses: dict[str, Placement],
 ) -> None:
     """A part for each thruster of Gazebo, along the axis of its joint: k = ρCD⁴ N s²/rad² of revolutions in rad/s."""
     for index, plugin in enumerate(plugins):
@@ -76,7 +80,11 @@ def _coefficient(draft: Draft, plugin: Element) -> float:
 
 
 def airfoils(
-    draft: Draft, plugins: list[Element], links: dict[str, Link], joints: list[Joint], poses: dict[str, Placement]
+    draft: Draft,
+    plugins: list[Element],
+    links: dict[str, DescribedLink],
+    joints: list[DescribedJoint],
+    poses: dict[str, Placement],
 ) -> None:
     """A foil for each system LiftDrag; its link's joint moves it."""
     for plugin in plugins:
@@ -114,7 +122,7 @@ def add_foil(
     position: np.ndarray,
     forward: np.ndarray,
     upward: np.ndarray,
-    joint: Joint | None,
+    joint: DescribedJoint | None,
     pose: Placement,
     zero: float,
     numbers_of: Table,
@@ -147,7 +155,7 @@ def add_foil(
     draft.parts.append(Airfoil(word, **taken))
 
 
-def ballast(draft: Draft, plugins: list[Element], links: dict[str, Link], poses: dict[str, Placement]) -> None:
+def ballast(draft: Draft, plugins: list[Element], links: dict[str, DescribedLink], poses: dict[str, Placement]) -> None:
     """A volume beyond the neutral one for each buoyancy engine."""
     for index, plugin in enumerate(plugins):
         link = link_named(links, text_in(plugin, "link_name"), plugin)
@@ -183,7 +191,7 @@ def _water(draft: Draft) -> float:
     return draft.body["fluid_density"]
 
 
-def _joint(plugin: Element, tag: str, joints: list[Joint]) -> Joint:
+def _joint(plugin: Element, tag: str, joints: list[DescribedJoint]) -> DescribedJoint:
     name = text_in(plugin, tag)
     for joint in joints:
         if joint.name == name:

@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import number
 from coadjoint_vehicles.importing.draft import Draft, places
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import number
 from coadjoint_vehicles.parts.damping import Damping
 from coadjoint_vehicles.parts.derivatives import Derivatives
 

@@ -7,10 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coadjoint_vehicles.importing.bodies import Joint, Link
-from coadjoint_vehicles.importing.draft import Draft
-from coadjoint_vehicles.importing.elements import MOST, Element, read_elements
-from coadjoint_vehicles.importing.frames import (
+from coadjoint.models.descriptions.elements import MOST, Element, read_elements
+from coadjoint.models.descriptions.frames import (
     HERE,
     Placement,
     inertia,
@@ -20,6 +18,8 @@ from coadjoint_vehicles.importing.frames import (
     rotation,
     text_in,
 )
+from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink
+from coadjoint_vehicles.importing.draft import Draft
 
 DEEPEST, MOST_FILES = 8, 64
 """The most models that are included within each other, and the most files in all."""
@@ -138,9 +138,9 @@ def own_pose(element: Element, link: str) -> Placement:
     return pose
 
 
-def links_of(model: Element, draft: Draft) -> dict[str, Link]:
+def links_of(model: Element, draft: Draft) -> dict[str, DescribedLink]:
     """The links by name, with their poses in the model."""
-    found: dict[str, Link] = {}
+    found: dict[str, DescribedLink] = {}
     for element in model.all("link"):
         name = element.get("name") or ""
         if not name or name in found:
@@ -167,8 +167,8 @@ def _resolved(element: Element, named: dict[str, Element], depth: int) -> Placem
     return _resolved(named[relative], named, depth + 1).then(pose)
 
 
-def _link(name: str, element: Element, draft: Draft) -> Link:
-    link = Link(name, element)
+def _link(name: str, element: Element, draft: Draft) -> DescribedLink:
+    link = DescribedLink(name, element)
     inertial = element.first("inertial")
     if inertial is None:
         link.mass, link.inertia, link.place = 1.0, np.eye(3), element.place
@@ -190,17 +190,19 @@ def _link(name: str, element: Element, draft: Draft) -> Link:
     return link
 
 
-def joints_of(model: Element, links: dict[str, Link]) -> list[Joint]:
+def joints_of(model: Element, links: dict[str, DescribedLink]) -> list[DescribedJoint]:
     """The joints, with the pose of the child link in the parent link at position 0."""
     return [_joint(element, links) for element in model.all("joint")]
 
 
-def _joint(element: Element, links: dict[str, Link]) -> Joint:
+def _joint(element: Element, links: dict[str, DescribedLink]) -> DescribedJoint:
     parent, child = text_in(element, "parent"), text_in(element, "child")
     for name in (parent, child):
         if name not in links:
             raise element.fail(f"joins the link {name!r}, which is not there: there are {', '.join(list(links)[:6])}.")
-    made = Joint(element.get("name") or "", element, element.get("type") or "", parent, child, np.array([0.0, 0, 1]))
+    made = DescribedJoint(
+        element.get("name") or "", element, element.get("type") or "", parent, child, np.array([0.0, 0, 1])
+    )
     made.pose = links[parent].pose.back().then(links[child].pose)
     own, relative = pose_of(element)
     if relative not in ("", child):

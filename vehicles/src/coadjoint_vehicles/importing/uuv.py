@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint_vehicles.importing.bodies import Link, impossible, link_named, placed, require_mass, together
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import Placement, flag_in, number_in, numbers, text_in
+from coadjoint.models.descriptions.links import DescribedLink, impossible, link_named, placed, require_mass, together
+from coadjoint.models.descriptions.urdf import joints_of, links_of
 from coadjoint_vehicles.importing.draft import Draft
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import Placement, flag_in, number_in, numbers, text_in
-from coadjoint_vehicles.importing.urdf import joints_of, links_of, plugins_named, plugins_of
+from coadjoint_vehicles.importing.plugins import plugins_named, plugins_of
 from coadjoint_vehicles.importing.uuv_actuators import fins, thrusters
 from coadjoint_vehicles.parts.damping import Damping
 
@@ -66,7 +67,12 @@ def _at(element: Element, tag: str) -> Element:
 
 
 def _body(
-    draft: Draft, model: Element, base: Link, links: dict[str, Link], poses: dict[str, Placement], density: float
+    draft: Draft,
+    model: Element,
+    base: DescribedLink,
+    links: dict[str, DescribedLink],
+    poses: dict[str, Placement],
+    density: float,
 ) -> None:
     """Mass, inertia and centres of all that joints connect, volume and sizes."""
     held = [(links[name], pose) for name, pose in poses.items()]
@@ -117,7 +123,7 @@ def _body(
     )
 
 
-def _hydrodynamics(draft: Draft, model: Element, base: Link) -> None:
+def _hydrodynamics(draft: Draft, model: Element, base: DescribedLink) -> None:
     """Added mass and damping of Fossen's model, in forward, starboard, down as the plugin has them."""
     fossen = model.first("hydrodynamic_model")
     if fossen is None:

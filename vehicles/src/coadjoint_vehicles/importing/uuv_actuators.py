@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import Placement, number_in, numbers, text_in
+from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink, link_named
 from coadjoint.texts import Table
-from coadjoint_vehicles.importing.bodies import Joint, Link, link_named
 from coadjoint_vehicles.importing.draft import Draft, places
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import Placement, number_in, numbers, text_in
 from coadjoint_vehicles.importing.gazebo_actuators import add_foil
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
@@ -33,7 +33,11 @@ class Thruster(NamedTuple):
 
 
 def thrusters(
-    draft: Draft, plugins: list[Element], links: dict[str, Link], joints: list[Joint], poses: dict[str, Placement]
+    draft: Draft,
+    plugins: list[Element],
+    links: dict[str, DescribedLink],
+    joints: list[DescribedJoint],
+    poses: dict[str, Placement],
 ) -> None:
     """The thrusters of their plugins, as one part for those that share curve, limits and lag."""
     found = sorted((_thruster(draft, plugin, links, joints, poses) for plugin in plugins), key=lambda one: one.number)
@@ -69,7 +73,11 @@ def add_thrusters(draft: Draft, name: str, group: list[Thruster]) -> None:
 
 
 def _thruster(
-    draft: Draft, plugin: Element, links: dict[str, Link], joints: list[Joint], poses: dict[str, Placement]
+    draft: Draft,
+    plugin: Element,
+    links: dict[str, DescribedLink],
+    joints: list[DescribedJoint],
+    poses: dict[str, Placement],
 ) -> Thruster:
     name = text_in(plugin, "linkName")
     link = link_named(links, name, plugin)
@@ -191,7 +199,11 @@ def _limited(
 
 
 def fins(
-    draft: Draft, plugins: list[Element], links: dict[str, Link], joints: list[Joint], poses: dict[str, Placement]
+    draft: Draft,
+    plugins: list[Element],
+    links: dict[str, DescribedLink],
+    joints: list[DescribedJoint],
+    poses: dict[str, Placement],
 ) -> None:
     """The fins of their plugins: lift and drag in the plane across the z axis of their links."""
     density = draft.body["fluid_density"]

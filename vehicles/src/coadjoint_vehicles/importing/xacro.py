@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint_vehicles.importing.arithmetic import value_of
-from coadjoint_vehicles.importing.elements import Element, read_elements
 
 DEEPEST, MOST, LONGEST = 64, 50_000, 100_000
 """The most elements, macros, includes and properties within each other, steps of making, and characters of a text."""

@@ -1,22 +1,22 @@
-"""Links and joints of URDF, and the plugins of Gazebo in it."""
+"""Links and joints of URDF."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from coadjoint_vehicles.importing.bodies import Joint, Link
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import Placement, inertia, number, numbers, origin
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import Placement, inertia, number, numbers, origin
+from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink
 
 
-def links_of(root: Element) -> dict[str, Link]:
+def links_of(root: Element) -> dict[str, DescribedLink]:
     """The links by name; raises FileError for invalid numbers and duplicate names."""
-    found: dict[str, Link] = {}
+    found: dict[str, DescribedLink] = {}
     for element in root.all("link"):
         name = element.get("name") or ""
         if not name or name in found:
             raise element.fail("needs its own name.")
-        link = found[name] = Link(name, element)
+        link = found[name] = DescribedLink(name, element)
         inertial = element.first("inertial")
         if inertial is None:
             continue
@@ -40,12 +40,12 @@ def _turned(pose: Placement, inertial: Element) -> np.ndarray:
     return pose.R @ inertia(element, read) @ pose.R.T
 
 
-def joints_of(root: Element) -> list[Joint]:
+def joints_of(root: Element) -> list[DescribedJoint]:
     """The joints; raises FileError."""
     return [_joint(element) for element in root.all("joint")]
 
 
-def _joint(element: Element) -> Joint:
+def _joint(element: Element) -> DescribedJoint:
     ends = []
     for tag in ("parent", "child"):
         end = element.first(tag)
@@ -59,34 +59,24 @@ def _joint(element: Element) -> Joint:
     if length == 0:
         raise element.fail("needs an axis that is not zero.")
     parent, child = ends
-    made = Joint(element.get("name") or "", element, element.get("type") or "", parent, child, direction / length)
+    made = DescribedJoint(
+        element.get("name") or "", element, element.get("type") or "", parent, child, direction / length
+    )
     made.pose = origin(element)
-    limit = element.first("limit")
+    limit, dynamics, mimic = (element.first(tag) for tag in ("limit", "dynamics", "mimic"))
     if limit is not None:
-        made.lower, made.upper, _ = (
+        made.lower, made.upper, made.effort, made.velocity = (
             None if limit.get(key) is None else number(limit, limit.get(key), key)
-            for key in ("lower", "upper", "velocity")
+            for key in ("lower", "upper", "effort", "velocity")
+        )
+    if dynamics is not None:
+        made.damping, made.friction = (
+            number(dynamics, dynamics.get(key) or "0", key) for key in ("damping", "friction")
+        )
+    if mimic is not None:
+        made.mimic = (
+            mimic.get("joint") or "",
+            number(mimic, mimic.get("multiplier") or "1", "multiplier"),
+            number(mimic, mimic.get("offset") or "0", "offset"),
         )
     return made
-
-
-def plugins_of(root: Element) -> list[Element]:
-    """The plugins in all <gazebo> of a description."""
-    found = []
-    for gazebo in root.children:
-        if gazebo.tag == "gazebo" and any(child.tag == "plugin" for child in gazebo.children):
-            gazebo.taken = True
-            found += [child for child in gazebo.children if child.tag == "plugin"]
-    return found
-
-
-def plugins_named(plugins: list[Element], *words: str) -> list[Element]:
-    """Those whose file or name has one of these words; they count as read."""
-    found = []
-    for plugin in plugins:
-        said = f"{plugin.attributes.get('filename', '')} {plugin.attributes.get('name', '')}".lower()
-        if any(word in said for word in words):
-            plugin.taken = True
-            plugin.get("filename")
-            found.append(plugin)
-    return found

@@ -94,7 +94,7 @@ def parse(text: str, name: str) -> Element:
         count += 1
         if len(open_elements) >= DEEPEST or count > MOST:
             what = f"{DEEPEST} elements within each other" if count <= MOST else f"{MOST:,} elements"
-            raise FileError(f"The file {name} has more than {what}, which no vehicle needs (line {_line(parser)}).")
+            raise FileError(f"The file {name} has more than {what}, which no description needs (line {_line(parser)}).")
         made = Element(tag, dict(attributes), name, _line(parser))
         (open_elements[-1].children if open_elements else roots).append(made)
         open_elements.append(made)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint_vehicles.importing.elements import Element
+from coadjoint.models.descriptions.elements import Element
 
 LARGEST = 1e15
 """Numbers beyond it are mistakes in any unit."""

@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.errors import FileError
-from coadjoint_vehicles.importing.elements import Element
-from coadjoint_vehicles.importing.frames import HERE, Placement
+from coadjoint.models.descriptions.elements import Element
+from coadjoint.models.descriptions.frames import HERE, Placement
 
 ROUNDED = 1e-3
 """By what part a moment may exceed the sum of the two others: numbers of files are rounded."""
 
 
 @dataclass(eq=False)
-class Link:
+class DescribedLink:
     """A link: its mass, kg, centre of mass and inertia about it, in the link's axes; None for missing values."""
 
     name: str
@@ -32,8 +32,12 @@ class Link:
 
 
 @dataclass(eq=False)
-class Joint:
-    """A joint: axis and origin in the axes of the child; lower, upper: rad or m."""
+class DescribedJoint:
+    """A joint: axis and origin in the axes of the child.
+
+    lower, upper: rad or m. effort, velocity: the largest, N m or N, rad/s or m/s. damping, friction: N m s or N s/m,
+    N m or N. mimic: the joint that it follows, with the multiplier and the offset.
+    """
 
     name: str
     element: Element
@@ -45,9 +49,14 @@ class Joint:
     """Of the child link in the parent link, at position 0."""
     lower: float | None = None
     upper: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: tuple[str, float, float] | None = None
 
 
-class Body(NamedTuple):
+class JoinedLinks(NamedTuple):
     """Links as one body in the axes of the base link: mass, centre from its origin, inertia about the centre."""
 
     mass: float
@@ -55,7 +64,7 @@ class Body(NamedTuple):
     inertia: np.ndarray
 
 
-def placed(links: Mapping[str, Link], joints: list[Joint], base: str) -> dict[str, Placement]:
+def placed(links: Mapping[str, DescribedLink], joints: list[DescribedJoint], base: str) -> dict[str, Placement]:
     """The pose of each link that joints connect with the base, in the base, with all joints at 0; raises FileError."""
     found = {base: HERE}
     waiting = list(joints)
@@ -76,7 +85,7 @@ def placed(links: Mapping[str, Link], joints: list[Joint], base: str) -> dict[st
     return found
 
 
-def together(links: list[tuple[Link, Placement]]) -> Body:
+def together(links: list[tuple[DescribedLink, Placement]]) -> JoinedLinks:
     """The mass, its centre and the inertia of links in their poses: I = Σ R I Rᵀ + m(|d|²1 − d dᵀ)."""
     mass = sum(link.mass for link, _ in links)
     centers = [pose.place(link.center) for link, pose in links]
@@ -85,10 +94,10 @@ def together(links: list[tuple[Link, Placement]]) -> Body:
     for (link, pose), at in zip(links, centers, strict=True):
         d = at - center
         inertia = inertia + pose.R @ link.inertia @ pose.R.T + link.mass * (d @ d * np.eye(3) - np.outer(d, d))
-    return Body(mass, center, 0.5 * (inertia + inertia.T))
+    return JoinedLinks(mass, center, 0.5 * (inertia + inertia.T))
 
 
-def impossible(links: list[tuple[Link, Placement]]) -> list[str]:
+def impossible(links: list[tuple[DescribedLink, Placement]]) -> list[str]:
     """Sentences on links with a principal moment above the sum of the others, ∫y² + z² ≤ ∫x² + z² + ∫x² + y²."""
     found = []
     for link, _ in links:
@@ -101,7 +110,7 @@ def impossible(links: list[tuple[Link, Placement]]) -> list[str]:
     return found
 
 
-def link_named(links: Mapping[str, Link], name: str, element: Element) -> Link:
+def link_named(links: Mapping[str, DescribedLink], name: str, element: Element) -> DescribedLink:
     """The link of this name, or the one that ends in it; raises FileError."""
     for key in (name, *(key for key in links if key.rpartition("/")[2] == name.rpartition("/")[2])):
         if key in links:
@@ -109,12 +118,12 @@ def link_named(links: Mapping[str, Link], name: str, element: Element) -> Link:
     raise element.fail(f"names the link {name!r}, which is not there: {_known(links)}.")
 
 
-def _known(links: Mapping[str, Link]) -> str:
+def _known(links: Mapping[str, DescribedLink]) -> str:
     shown = ", ".join(list(links)[:6])
     return f"there are {shown}" if shown else "there is none"
 
 
-def require_mass(body_links: list[tuple[Link, Placement]], name: str) -> None:
+def require_mass(body_links: list[tuple[DescribedLink, Placement]], name: str) -> None:
     """Raise FileError if no link has a mass."""
     if not sum(link.mass for link, _ in body_links) > 0:
-        raise FileError(f"{name}: no link that belongs to the vehicle has a mass: give its <inertial> a <mass>.")
+        raise FileError(f"{name}: no link that joints connect has a mass: give its <inertial> a <mass>.")
