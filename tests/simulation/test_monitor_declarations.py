@@ -6,30 +6,37 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.simulation.monitors import watched
+from coadjoint.units import unit_of
 
-SIZE = 1024.0
+MASS, LENGTH, TIME = 1024.0, 8.0, 4.0
+OWN_UNITS = {"energy": "J", "discrete_energy": "J", "kelvin_noether": "N m s", "kelvin_noether_budget": "N m s"}
+"""Of variables whose unit is that of a system's own ℓ, on SO(3); in all others no unit means a number."""
 
 
-def monitored(size: float) -> dict[str, np.ndarray]:
-    """The monitors of a braked body; ℓ and forces `size` times as large, as in another unit of mass, move it alike."""
+def monitored(mass: float, length: float, time: float) -> dict[str, np.ndarray]:
+    """The monitors of a braked body that falls, by other units of mass, length and time, so many times smaller."""
+    inertia, weight, drag = mass * length**2, mass * length / time**2, -0.1 * mass * length**2 / time
     system = co.System(
         co.SO3(),
-        lambda xi, a: size * (0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi) - a[2]),
+        lambda xi, n, nu, a: (
+            0.5 * inertia * xi @ (np.array([1.0, 2.0, 3.0]) * xi) + 0.5 * mass * nu @ nu - weight * n @ a
+        ),
+        additional=co.Defining(),
         advected=co.Defining(),
-        forces={"drag": lambda motion: co.Force(-0.1 * size * motion.xi)},
+        forces={"drag": lambda motion: co.Force(drag * motion.xi)},
     )
-    start = system.state(xi=[0.3, 0.2, -0.2], a0=[0, 0, 1])
-    return dict(co.simulate(system, start, dt=0.05, steps=3).monitors)
+    xi, q, qdot = np.array([[0.3, 0.2, -0.2], [1.0, 0.0, 2.0], [0.1, 0.3, 0.2]])
+    start = system.state(xi=xi / time, q=length * q, qdot=length / time * qdot, a0=[0, 0, 1])
+    return dict(co.simulate(system, start, dt=0.05 * time, steps=3).monitors)
 
 
 def test_monitors_return_what_they_declare_in_the_declared_unit():
-    declared, one, large = watched(), monitored(1.0), monitored(SIZE)
+    declared, one, other = {it.name: it for it in watched()}, monitored(1.0, 1.0, 1.0), monitored(MASS, LENGTH, TIME)
     assert {*one} >= {"energy", "discrete_energy", "work_drag", "energy_budget", "group_defect"}
     for name, values in one.items():
-        found = next((it for it in declared if name == it.name), None)
-        found = found or next(it for it in declared if name.startswith(f"{it.name}_"))  # as `work` of `work_drag`
+        found = next(declared[part] for part in (name, name.partition("_")[0]) if part in declared)  # work of work_drag
         assert found.meaning
         assert values.ndim == 1 or name.startswith("kelvin_noether")
-        measures_mass = found.name in ("energy", "kelvin_noether") or found.like or found.line in ("change", "budget")
-        scale = SIZE if measures_mass else 1.0
-        np.testing.assert_allclose(large[name], scale * values, rtol=1e-12, atol=1e-13 * scale, err_msg=name)
+        _, (of_mass, of_length, of_time, *_) = unit_of(found.unit or OWN_UNITS.get(found.like or found.name, "1"))
+        scale = MASS**of_mass * LENGTH**of_length * TIME**of_time
+        np.testing.assert_allclose(other[name], scale * values, rtol=1e-12, atol=1e-13 * scale, err_msg=name)

@@ -91,6 +91,9 @@ FORMATS = {
 }
 """To `run.save`."""
 
+LOG_FORMATS: dict[str, str] = {}
+"""To `read_log`: readers of tables other than CSV, by the suffix of files."""
+
 RUN_FILES = {"vehicle": "coadjoint_vehicles.missions.file:from_table"}
 """To `coadjoint.runs`: the reader of a run file with this section."""
 
