@@ -34,13 +34,6 @@ JOINTS = {
 FREEDOMS = dict(zip(JOINTS, (0, 1, 1, 2, 3, 3, 2, 5, 1), strict=True))
 
 
-def one_of_each() -> Mechanism:
-    """A body on each of JOINTS, hung ARM below the point of the joint; none acts on another."""
-    bodies = {f"on_{kind}": rod(position=(0, 0, -ARM)) for kind in JOINTS}
-    joints = {kind: Joint(kind, "ground", f"on_{kind}", at=(0, 0, 0), **more) for kind, more in JOINTS.items()}
-    return Mechanism(bodies=bodies, joints=joints)
-
-
 def bar(start, end) -> dict:
     """A slender bar between two points, its mass 1 kg, along the first axis of its frame."""
     start, end = np.array(start, float), np.array(end, float)

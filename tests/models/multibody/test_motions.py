@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -24,20 +25,100 @@ from mechanisms import (
     disk,
     gears,
     rod,
+    shafts,
 )
+from minimal_coordinates import G, integrated, turned
 
 pytestmark = pytest.mark.long
-G = 9.81
+X, Y, Z = np.eye(3)
 
 
-def after_a_second(kind: str, **start: Any) -> tuple[dict[str, float], np.ndarray]:
+def after_a_second(kind: str, method: co.methods.Method | None = None, **start: Any):
     """The coordinates of a joint between the ground and a rod ARM below it, and the rod's centre, after 1 s."""
     joint = Joint(kind, "ground", "rod", at=(0, 0, 0), **JOINTS[kind])
     made = Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints={"joint": joint})
-    run = co.simulate(made.system, made.state(**start), dt=0.005, duration=1.0, accuracy=False)
+    run = co.simulate(
+        made.system, made.state(**start), dt=0.005, duration=1.0, accuracy=False, method=method or co.Midpoint()
+    )
     assert run.extrema["constraint_gap"][1] < 1e-13
-    turned = made.joint_data(run.records).isel(time=-1)
+    turned = made.joint_data(run).isel(time=-1)
     return {str(name): float(turned[name]) for name in turned}, run.final.q
+
+
+SUZUKI = co.Suzuki4(co.Midpoint())
+
+
+def hung(attitude):
+    """The pose of the rod whose upper end stays at the origin."""
+    return lambda x: (attitude(x)[None], -ARM * attitude(x)[None, :, 2])
+
+
+def test_a_body_on_a_ball_joint_moves_as_in_three_angles() -> None:
+    def attitude(x):
+        return turned(X, x[0]) @ turned(Y, x[1]) @ turned(Z, x[2])
+
+    x, _ = integrated(hung(attitude), [MASS], [MOMENTS], (0, 0, 0), (3, 1, 4), 1.0)
+    _, q = after_a_second("spherical", SUZUKI, rates={"rod": (3, 1, 4)}, velocities={"rod": (-ARM, 3 * ARM, 0)})
+    assert q == pytest.approx(np.ravel(hung(attitude)(x)[1]), abs=1e-6)
+
+
+def test_a_body_on_a_universal_joint_moves_as_in_two_angles() -> None:
+    def attitude(x):
+        return turned(X, x[0]) @ turned(Y, x[1])
+
+    x, _ = integrated(hung(attitude), [MASS], [MOMENTS], (0, 0), (3, 1), 1.0)
+    _, q = after_a_second("universal", SUZUKI, rates={"rod": (3, 1, 0)}, velocities={"rod": (-ARM, 3 * ARM, 0)})
+    assert q == pytest.approx(np.ravel(hung(attitude)(x)[1]), abs=1e-6)
+
+
+def test_a_body_on_a_string_swings_as_a_point_and_turns_freely() -> None:
+    def places(x):
+        along = turned(X, x[0]) @ turned(Y, x[1]) @ Z
+        return jnp.eye(3)[None], -ARM * along[None]
+
+    x, _ = integrated(places, [MASS], [(0, 0, 0)], (0, 0), (3, 1), 1.0)
+    spin = {"rod": (0.0, 0.0, 2.0)}
+    _, q = after_a_second("distance", SUZUKI, rates=spin, velocities={"rod": (-ARM, 3 * ARM, 0)})
+    assert q == pytest.approx(np.ravel(places(x)[1]), abs=1e-6)
+
+
+def test_two_bodies_on_a_fixed_joint_swing_as_one_and_it_carries_what_the_second_needs() -> None:
+    """At rest the joint carries the weight, and the moment of it about the joint."""
+    joints = {
+        "hinge": Joint("revolute", "ground", "rod", at=(0, 0, 0), axis=Y),
+        "weld": Joint("fixed", "rod", "load", at=(0, 0, -2 * ARM)),
+    }
+    bodies = {"rod": rod(position=(0, 0, -ARM)), "load": rod(position=(0.3, 0, -2 * ARM))}
+    made = Mechanism(bodies=bodies, joints=joints)
+
+    def places(x):
+        R = turned(Y, x[0])
+        return jnp.stack([R, R]), jnp.stack([-ARM * R[:, 2], 0.3 * R[:, 0] - 2 * ARM * R[:, 2]])
+
+    x, v = integrated(places, [MASS, MASS], [MOMENTS, MOMENTS], (1.0,), (2.0,), 1.0)
+    start = made.state(coordinates={"hinge": 1.0}, speeds={"hinge": 2.0})
+    run = co.simulate(made.system, start, dt=0.01, duration=1.0, accuracy=False, method=SUZUKI)
+    end = made.joint_data(run).isel(time=-1)
+    assert (float(end.hinge), float(end.hinge_speed)) == pytest.approx((x[0], v[0]), abs=1e-5)
+    alone = Mechanism(
+        bodies={"load": rod(position=(0.3, 0, 0))}, joints={"weld": Joint("fixed", "ground", "load", at=(0, 0, 0))}
+    )
+    held = co.simulate(alone.system, alone.state(), dt=0.01, steps=2, accuracy=False)
+    assert held.final.q == pytest.approx([0.3, 0, 0], abs=1e-15)
+    reaction = held.dataset.reaction_weld.values[-1]
+    assert reaction[:3] == pytest.approx([0, 0, MASS * G], abs=1e-12)
+    assert sorted(np.abs(reaction[3:])) == pytest.approx([0, 0, 0.3 * MASS * G], abs=1e-12)
+
+
+def test_a_universal_joint_between_two_shafts_turns_them_as_cardan_has_it() -> None:
+    """tan θ₁ = cos β tan θ₂ with the fork of the input across the plane of both, and the ratio of rates."""
+    bend, angle = 0.6, 0.7
+    made = shafts(bend)
+    turned = made.joint_data(made.state(coordinates={"drive": angle}, speeds={"drive": 2.0}))
+    output = np.tan(float(turned.driven))
+    assert np.tan(angle) == pytest.approx(np.cos(bend) * output, abs=1e-12)
+    ratio = (1 + np.tan(angle) ** 2) / (1 + output**2) / np.cos(bend)
+    assert float(turned.driven_speed) == pytest.approx(2 * ratio, abs=1e-12)
 
 
 def test_a_body_on_a_guide_swings_on_its_spring() -> None:
@@ -69,7 +150,7 @@ def test_gears_turn_at_their_ratio_over_many_turns() -> None:
     pair = gears(20, 30, motor=True)
     start = pair.state(speeds={"one": 4.0})
     run = co.simulate(pair.system, start, dt=0.01, duration=4.0, inputs={"one": 0.7}, accuracy=False, monitors=False)
-    turned = pair.joint_data(run.records)
+    turned = pair.joint_data(run)
     moment = MOMENTS[2] * (1 + (20 / 30) ** 2)
     assert turned.one.values[-1] == pytest.approx(4 * 4 + 0.5 * 0.7 / moment * 4**2, rel=1e-2)
     assert turned.one.values[-1] > 10 * 2 * np.pi
