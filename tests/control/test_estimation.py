@@ -26,7 +26,6 @@ def cart(**more):
     )
 
 
-@pytest.mark.long
 def test_a_linear_motion_is_the_least_squares_solution_of_its_normal_equations():
     """x' = v, 2 v' = w − 0.3 v by the midpoint rule, positions at every third node: all by one matrix, written here."""
     generator = np.random.default_rng(SEED)
@@ -159,7 +158,6 @@ def test_a_bound_leaves_nothing_unknown_and_what_is_not_measured_is_told():
         blind.solve().deviations()  # no attitude: every start in g is as likely
 
 
-@pytest.mark.long
 def test_ill_posed_estimations_are_told():
     _, _, attitudes, rates = log(SEED)
     see = lambda motion, p: motion.xi  # noqa: E731

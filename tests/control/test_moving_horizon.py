@@ -168,7 +168,6 @@ def test_the_last_attitude_of_a_moving_horizon_is_nearly_that_of_the_whole_log_a
     assert np.max(np.abs(F - np.eye(3))) < 0.05 * estimate.deviations["eta[0]"]
 
 
-@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("what", ["input", "path"])
 def test_bounds_hold_in_the_horizon_as_in_the_solver(what):

@@ -174,7 +174,6 @@ def test_a_slew_that_changes_its_inertia_is_that_of_a_boundary_value_solver_to_s
     assert errors[1][0] < 0.02 and errors[1][1] < 0.02
 
 
-@pytest.mark.long
 def test_a_shared_parameter_a_total_time_and_other_kinds_of_inputs_go_over_the_joint():
     system = mass(2.0)
     more = {"dt": 0.1, "steps": 10, "parameters": {"mass": (0.5, 4.0)}, "free_duration": (0.2, 5.0)}
@@ -198,7 +197,6 @@ def test_a_shared_parameter_a_total_time_and_other_kinds_of_inputs_go_over_the_j
     assert "parameter mass" in str(optimum)
 
 
-@pytest.mark.long
 def test_velocities_go_on_whatever_mass_is_chosen():
     """Braked by 1 N the cart goes 1 − 1/(2 m) = 0.75 m in 1 s if its speed is 1 m/s at first."""
     one, two = mass(1.0), mass(1.2)

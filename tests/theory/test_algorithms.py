@@ -62,7 +62,6 @@ def test_unreduced_reduced_and_reconstructed_algorithms_give_one_motion(world):
     close(rebuilt, path)
 
 
-@pytest.mark.long
 def test_the_algorithm_of_the_semidirect_product_is_the_reduced_one():
     """(B13) on SO(3) Ⓢ ℝ³ in f, y, u⁺ against (P42), and its residual is minus the total momenta's at any sequence."""
     group, V = co.SO3(), co.Defining()
@@ -145,7 +144,6 @@ def test_euler_poincare_poisson_is_the_reduced_algorithm_with_a_parameter(parame
     close(row, expected, ROUND_OFF)
 
 
-@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 def test_discrete_kelvin_noether_theorem_of_euler_poincare_poisson(parameter):

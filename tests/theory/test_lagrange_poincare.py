@@ -60,7 +60,6 @@ def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connectio
         assert np.max(np.abs(found.time - start.t - H * np.arange(6))) <= 1e-15
 
 
-@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("name", "rule"), CASES)
 def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
@@ -208,7 +207,6 @@ def test_what_does_not_fit_is_refused_in_one_sentence():
             co.theory.lagrange_poincare(system, start, **{**good, **change})
 
 
-@pytest.mark.long
 def test_a_step_that_has_no_solution_says_so():
     """Midpoint steps of ẍ = eˣ from rest at x = 0: v = ½h exp(½hv) has no root at h = 2."""
     system = co.System(co.SO2(), lambda xi, x, v: 0.5 * (xi @ xi + v @ v) + jnp.exp(x[0]), additional=co.Trivial(1))
