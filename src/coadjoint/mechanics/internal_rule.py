@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.mechanics.inputs import Inputs
@@ -33,6 +33,13 @@ class InternalRule(ABC):
 
     def driven(self, inputs: Inputs, begin: float, end: float, p: Parameters | None) -> list[str]:
         """A warning for each concern about the inputs of a run from `begin` to `end` (s), before it."""
+        return []
+
+    def concluded(self, stretches: Sequence[PyTree], p: Parameters | None) -> list[str]:
+        """A warning for each concern about the internal states at the saved nodes of a run, after it.
+
+        stretches: consecutive stretches of the run, states with leading axes (nodes, [members,] …).
+        """
         return []
 
     def failure(self, t: Scalar, h: Scalar) -> str | None:

@@ -13,6 +13,7 @@ from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger
 from coadjoint.mechanics.constrained_start import singular_place
+from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.internal_state import failure
 from coadjoint.methods.rattle import kept
 from coadjoint.simulation.accuracy.resolution import accuracy_warnings, chosen_members, judged_run
@@ -60,6 +61,9 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
             run.warnings += before_it
         else:
             run.warnings += energy_warnings(run) + gap(run) + fixed_steps(run)
+        if run.count and not run.position.failed:
+            stretches = [part.internal for part in run.memory.records]
+            run.warnings += declared(run.system.internal).concluded(stretches, run.system.parameters)
         look()
         if not complete:
             outputs.finish(run.position)

@@ -11,10 +11,10 @@ from rovs import rov
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint_vehicles import Craft
+from coadjoint_vehicles import Craft, Vehicle
 from coadjoint_vehicles.controllers import Hover, Manoeuvre
 from coadjoint_vehicles.controllers.thrusting import accelerations
-from coadjoint_vehicles.parts import Thrusters
+from coadjoint_vehicles.parts import Damping, Thrusters
 from coadjoint_vehicles.trim.under_way import Level
 from coadjoint_vehicles.water import UniformWater
 
@@ -69,6 +69,51 @@ def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot():
     assert speed[-1] == pytest.approx(0.6, abs=5e-3)
     assert np.abs(made.euler_angles.values[:, 1:]).max() < np.radians(8.0)
     assert np.abs(made.internal_thrusters.values).max() <= 1.0
+
+
+def rounded(z, limit=50.0):
+    """A BlueROV2 whose directions are rounded to a part z along the vertical."""
+    S, ahead, beside = 0.5**0.5, (0.14, 0.14, -0.15, -0.15, 0, 0), (0.092, -0.092, 0.092, -0.092, 0.109, -0.109)
+    ways = np.array([(-S, S, z), (-S, -S, z), (S, S, z), (S, -S, z), (0, 0, 1), (0, 0, 1)])
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    places = np.transpose([ahead, beside, (0, 0, 0, 0, -0.077, -0.077)])
+    part = Thrusters("thrusters", {"linear": 1.0}, positions=places, directions=ways, limit=limit, unit="N", lag=0.1)
+    drag = Damping("damping", quadratic=(33.7, 54.2, 73.2, 4, 4, 4))
+    body = {"mass": 10.0, "inertia": (0.1, 0.18, 0.27), "added_mass": (5, 7, 14, 0.1, 0.1, 0.1)}
+    return Vehicle(name="rov", **body, center_of_buoyancy=(0, 0, -0.05), parts=(part, drag))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("z", [0.0, 1e-12, 4.1e-8, 1e-6, 1e-3, 1e-2])
+def test_a_mission_ends_at_its_depth_and_heading_however_directions_are_rounded(z):
+    craft = Craft(rounded(z), controller=Manoeuvre())
+    inputs = {"depth": co.Held([0.0, 5.0], [2.0, 5.0]), "heading": co.Held([0.0, 5.0], [0.0, np.pi / 2]), "speed": 0.3}
+    run = co.simulate(craft.system, craft.start(position=(0, 0, 2.0)), dt=0.05, duration=60, inputs=inputs)
+    assert run.final.q[2] == pytest.approx(5.0, abs=0.005)
+    assert np.degrees(run.dataset.euler_angles.values[-1, 0]) == pytest.approx(90.0, abs=0.05)
+    assert [w for w in run.warnings if "limits" in w] == []
+
+
+def test_next_to_no_authority_is_a_doubt_that_names_the_axis_and_none_at_all_is_a_message(caplog):
+    controller = Manoeuvre()
+    assert "authority in pitch" in " ".join(controller.doubts(rounded(1e-6)))
+    with caplog.at_level("INFO", logger="coadjoint"):
+        assert controller.doubts(rounded(0.0)) == []
+    assert "do not control pitch" in caplog.text
+
+
+@pytest.mark.long
+def test_a_run_whose_thrusters_are_at_their_limits_warns_with_the_share_of_time_and_what_is_lost():
+    from coadjoint_vehicles.missions.summary import mission_summary
+
+    craft = Craft(
+        rounded(0.0, limit=2.0), controller=Hover(position_gains=(2.0, 0.1, 2.0)), water=UniformWater((-0.9, 0, 0))
+    )
+    inputs = {"north": 0.0, "east": 0.0, "depth": 2.0, "heading": 0.0}
+    run = co.simulate(craft.system, craft.start(position=(0, 0, 2.0), speed=0.9), dt=0.05, duration=20, inputs=inputs)
+    found: Any = mission_summary(run.dataset)
+    assert found["saturated"]["thrusters"] > 0.5 and found["lost"]["surge"]["mean"] > 1.0
+    assert any(f"{found['saturated']['thrusters']:.0%} of the time" in w and "N of surge" in w for w in run.warnings)
 
 
 @pytest.mark.long

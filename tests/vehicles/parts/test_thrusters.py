@@ -207,6 +207,50 @@ def test_a_wrench_that_no_thrusters_give_becomes_the_nearest_that_they_do():
     np.testing.assert_allclose(given, [20, 0, 0, 0, 0, 4], atol=1e-12)
 
 
+BLUEROV2_PLACES = [(0.14, 0.092, 0), (0.14, -0.092, 0), (-0.15, 0.092, 0), (-0.15, -0.092, 0), (0, 0.109, -0.077)]
+
+
+def vectored(z: float, **changes: Any) -> Thrusters:
+    """Six thrusters as those of a BlueROV2, the four horizontal ones with a part z of their direction downward."""
+    ways = np.array([(-S, S, z), (-S, -S, z), (S, S, z), (S, -S, z), (0, 0, 1), (0, 0, 1)])
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    given = {"positions": [*BLUEROV2_PLACES, (0, -0.109, -0.077)], "directions": ways, "limit": 50.0, "unit": "N"}
+    return Thrusters("thrusters", {"linear": 1.0}, **{**given, **changes})
+
+
+@pytest.mark.parametrize("z", [0.0, 1e-12, 4.1e-8, 1e-4, 1e-2])
+def test_a_direction_that_thrusters_have_by_rounding_alone_is_no_direction_that_they_control(z):
+    part = vectored(z)
+    assert list(part.allocator.left_out) == [4]
+    np.testing.assert_allclose(part.allocate([10.0, 0, 0, 0, 0, 0])[:4], np.array([-1, -1, 1, 1]) * 2.5 / S, rtol=1e-3)
+
+
+def test_the_least_authority_that_counts_is_given_by_the_user():
+    assert not vectored(1e-2, least_authority=1e-6).allocator.left_out
+    assert list(vectored(1e-2, least_authority=0.9).allocator.left_out) != [4]
+
+
+def test_an_axis_that_comes_with_another_is_left_to_the_vehicle_and_the_other_gets_what_it_asks_for():
+    low = [(x, y, 0.1) for x, y, _ in BLUEROV2_PLACES[:4]]
+    part = vectored(0.0, positions=[*low, BLUEROV2_PLACES[4], (0, -0.109, -0.077)])
+    given = np.asarray(part.nominal_matrix) @ part.allocate([10.0, 0, 0, 0, 0, 2.0])
+    np.testing.assert_allclose(given, [10, 0, 0, 0, 1.0, 2], atol=1e-12)
+
+
+def test_each_thruster_may_have_its_own_curve_and_limits_and_is_written_and_read_so():
+    part = Thrusters(
+        "pair", {"quadratic": ([2.0, 1.0], [1.0, 0.5])}, positions=[[0, 1, 0], [0, -1, 0]],
+        directions=[[1, 0, 0]] * 2, limit=[[-3.0, 0.0], [3.0, 5.0]],
+    )  # fmt: skip
+    np.testing.assert_allclose(evaluate(part.thrusts, np.array([-2.0, 2.0]), own(part)), [-4, 4])
+    np.testing.assert_array_equal(part.extremes, [[-9, 0], [18, 25]])
+    again: Any = vehicle_from_text(vehicle_to_toml(vehicle(part))).part("pair")
+    np.testing.assert_array_equal(again.limit, part.limit)
+    np.testing.assert_array_equal(again.curve.ahead, [2, 1])
+    with pytest.raises(co.errors.ArgumentError, match="one for each of the 3"):
+        Thrusters("three", part.curve, positions=np.eye(3), directions=np.eye(3))
+
+
 def vehicle(*parts: Any, damping: Any = (0.0,) * 6) -> Vehicle:
     body = {"mass": 10.0, "inertia": (0.3, 0.4, 0.5), "added_mass": (2.0, 8.0, 9.0, 0.1, 0.2, 0.2)}
     return Vehicle(name="box", **body, parts=(*parts, Damping("damping", linear=damping)))
@@ -295,7 +339,7 @@ WRONG = {
     "must be one number or have shape .1,.": {"torque": [0.1, 0.2]},
     "must leave something": {"dead_band": 1.0, "limit": 1.0},
     "`lag` .* at least 0": {"lag": -0.1},
-    "largest command or": {"limit": (1.0, 2.0)},
+    "largest command, .lowest": {"limit": (1.0, 2.0)},
 }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
+from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY
 from coadjoint_vehicles.trim.under_way import UnderWay
 
 
@@ -31,7 +32,7 @@ def allocation(motion: UnderWay) -> Allocation:
     screws = propulsion(motion)
     torques = np.where(screws, 0.0, motion.effects[3:])
     largest = np.abs(torques).max(axis=1) if len(screws) else np.zeros(3)
-    if not screws.any() or min(largest[1:]) < 1e-9:
+    if not screws.any() or min(largest[1:]) <= LEAST_AUTHORITY * max(largest):
         raise ArgumentError(
             "This controller needs parts that push ahead and fins that pitch and turn the vehicle, each with a "
             "limit, but "
@@ -49,7 +50,7 @@ def allocation(motion: UnderWay) -> Allocation:
 
 def _shares(torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Angles for each unit torque, and whether they produce that torque only."""
-    shares = np.linalg.pinv(torques, rcond=1e-6)
+    shares = np.linalg.pinv(torques, rcond=LEAST_AUTHORITY)
     return shares, np.linalg.norm(torques @ shares - np.eye(3), axis=0) < 1e-3
 
 

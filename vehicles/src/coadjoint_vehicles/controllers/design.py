@@ -12,6 +12,7 @@ from coadjoint.extending import disk_cache
 from coadjoint_vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint_vehicles.model.controller import Controller
 from coadjoint_vehicles.model.loads import loads
+from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY
 from coadjoint_vehicles.trim.under_way import UnderWay, steady, under_way
 
 DAMPING_RATIO = 0.9
@@ -105,7 +106,7 @@ def turning_model(motion: UnderWay, mixed: Allocation, fin: float) -> TurningMod
     turns = (M @ motion.effects)[3:] * (1 - ahead) * np.any(mixed.matrix[:, :3] != 0, axis=0)[:, None]
     rolls = fin * np.abs(turns[0]).sum() > 1.5 * np.abs(weight[0]).max()
     turns[0] = turns[0] * rolls
-    inverse = np.linalg.pinv(turns, rcond=1e-6)
+    inverse = np.linalg.pinv(turns, rcond=LEAST_AUTHORITY)
     return TurningModel((M @ motion.damping)[3:, 1:], weight, inverse, ahead, np.asarray(float(rolls)))
 
 

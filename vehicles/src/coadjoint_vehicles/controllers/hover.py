@@ -13,9 +13,10 @@ from coadjoint.models.quantities import vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_of, level
 from coadjoint_vehicles.controllers.pid import nearest_turn, pid
-from coadjoint_vehicles.controllers.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles
+from coadjoint_vehicles.controllers.thrusting import LARGEST_TURN, SHARE, Thrusting, poles
 from coadjoint_vehicles.model.controller import Feedback
 from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.allocator import AXES
 from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.trim.under_way import Level
 
@@ -44,7 +45,7 @@ class Hover(Thrusting):
         return {"north": "m", "east": "m", "depth": "m", "heading": "rad"}
 
     def memory(self) -> dict[str, PyTree]:
-        return {"position": np.zeros(3), "attitude": np.zeros(3)}
+        return {**super().memory(), "position": np.zeros(3), "attitude": np.zeros(3)}
 
     def proposed(self, most: np.ndarray, late: float) -> dict[str, PyTree]:
         moving = most[:3][most[:3] > 0]
@@ -62,8 +63,8 @@ class Hover(Thrusting):
         aim = own.position_gains[0] * away * jnp.minimum(1.0, own.reach / distance) + own.position_gains[1] * integral
         acceleration = R.T @ aim - own.position_gains[2] * feedback.ground_velocity
         turn, of_attitude = self.turn_to(self.wanted(feedback), feedback, memory.attitude, own)
-        commands = self.commands(acceleration, turn, feedback, own, vehicle)
-        return commands, {"position": integral, "attitude": of_attitude}
+        commands, lost = self.commands(acceleration, turn, feedback, own, vehicle)
+        return commands, {"lost": lost, "position": integral, "attitude": of_attitude}
 
     def wanted(self, feedback: Feedback) -> Array:
         """R_d, (3, 3)."""
@@ -116,7 +117,7 @@ class Manoeuvre(Thrusting):
         return {"depth": "m", "heading": "rad", "speed": "m/s"}
 
     def memory(self) -> dict[str, PyTree]:
-        return {"depth": 0.0, "speed": 0.0, "attitude": np.zeros(3)}
+        return {**super().memory(), "depth": 0.0, "speed": 0.0, "attitude": np.zeros(3)}
 
     def fitted(self, vehicle: object) -> Any:
         found = super().fitted(vehicle)
@@ -149,8 +150,8 @@ class Manoeuvre(Thrusting):
         of_depth = jnp.where(near == off, of_depth, memory.depth)
         turn, of_attitude = self.turn_to(heading_near(feedback), feedback, memory.attitude, own)
         acceleration = jnp.stack([ahead, -own.depth_gains[2] * v[1], zero]) + down * feedback.down
-        commands = self.commands(acceleration, turn, feedback, own, vehicle)
-        return commands, {"depth": of_depth, "speed": of_speed, "attitude": of_attitude}
+        commands, lost = self.commands(acceleration, turn, feedback, own, vehicle)
+        return commands, {"lost": lost, "depth": of_depth, "speed": of_speed, "attitude": of_attitude}
 
 
 def heading_near(feedback: Feedback) -> Array:

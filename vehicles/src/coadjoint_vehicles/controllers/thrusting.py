@@ -11,23 +11,28 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
+from coadjoint.log import logger
 from coadjoint.models.quantities import positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_error, attitude_of
 from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.loads import loads
 from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.allocator import AXES
 from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.parts.thrusters import Thrusters
 from coadjoint_vehicles.trim.under_way import Level, coadjoint
 
+_log = logger(__name__)
+
 DAMPING_RATIO = 0.9
 LARGEST_ACCELERATION = 5.0
 """m/s², rad/s²: assumed of thrusters without limits."""
+NOTHING = 1e-14
+"""A part of the largest authority that is round-off."""
 SHARE = 0.5
 """The fraction of the thrusters' limit that the largest error may use."""
 MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LARGEST_TURN = 1.0
 """rad: the largest heading change commanded of a level vehicle, so that half a turn is not a special case."""
 
@@ -38,8 +43,8 @@ class Thrusting(Controller):
 
     W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
     turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
-    parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a
-    thruster is at its limit.
+    parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate` along the axes that the thrusters
+    control, and keeps its direction where one of them is at its limit.
     """
 
     thrusters: str | None = None
@@ -99,15 +104,37 @@ class Thrusting(Controller):
         turning = most[3:][most[3:] > 0]
         return {"attitude_gains": poles(SHARE * turning.min(initial=np.inf) / LARGEST_TURN, late)}
 
+    def doubts(self, vehicle: Any) -> list[str]:
+        """A sentence where thrusters push along an axis by so little that it may be the rounding of their directions.
+
+        Axes along which they push nothing at all are a message of the log.
+        """
+        part = self._part(vehicle)
+        shares = part.allocator.left_out
+        named = {axis: f"{AXES[axis]} ({share:.1e})" for axis, share in shares.items()}
+        if none := [AXES[axis] for axis, share in shares.items() if share <= NOTHING]:
+            _log.info("The thrusters `%s` of %s do not control %s.", part.name, vehicle.name, ", ".join(none))
+        little = [text for axis, text in named.items() if shares[axis] > NOTHING]
+        if not little:
+            return []
+        return [
+            f"The thrusters `{part.name}` have next to no authority in {', '.join(little)} of their largest: "
+            f"below `least_authority` = {part.least_authority:g} such a direction is taken as uncontrollable."
+        ]
+
+    def memory(self) -> dict[str, PyTree]:
+        return {"lost": np.zeros(6)}
+
     def commands(
         self, acceleration: Array, turn: Array, feedback: Feedback, own: Named, vehicle: Vehicle
-    ) -> dict[str, PyTree]:
-        """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
+    ) -> tuple[dict[str, PyTree], Array]:
+        """The thrusters' commands for a (m/s²) and α (rad/s²), body axes, and the wrench (6,) that limits take away."""
         weight = jnp.concatenate([own.net_weight * feedback.down, jnp.cross(own.righting, feedback.down)])
         turning = coadjoint(own.mass, jnp.concatenate([feedback.velocity, feedback.omega])) * MOMENTS
         wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
         part = self._part(vehicle)
-        return {part.name: part.allocate(wrench)}
+        thrusts = part.allocator.thrusts(wrench)
+        return {part.name: part.commands_for(thrusts, part.nominal)}, part.allocator.lost(wrench, thrusts)
 
     def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Named) -> tuple[Array, Array]:
         """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""
@@ -124,14 +151,15 @@ def poles(square: float, late: float) -> np.ndarray:
 
 
 def accelerations(part: Thrusters, M: np.ndarray) -> np.ndarray:
-    """The largest acceleration along each axis (surge … yaw) by itself, m/s² and rad/s²; 0 without one."""
-    B = part.nominal_matrix
-    inverse, (low, high) = np.linalg.pinv(B), part.extremes
-    found = np.zeros(6)
-    for axis in range(6):
-        wrench = M[:, axis]
-        thrusts = inverse @ wrench
-        if np.linalg.norm(B @ thrusts - wrench) < 0.3 * np.linalg.norm(wrench):
-            either = [np.where(side * thrusts > 0, high, -low) / np.maximum(np.abs(thrusts), 1e-12) for side in (1, -1)]
-            found[axis] = min(np.min(most) for most in either)
+    """The largest acceleration along each axis (surge … yaw) by itself, m/s² and rad/s²; 0 without one.
+
+    Both ways, but for surge, which drag brakes: along it the one ahead where there is none astern.
+    """
+    allocator, found = part.allocator, np.zeros(6)
+    for axis in allocator.kept:
+        thrusts = allocator.inverse @ M[:, axis]
+        ends = [np.where(side * thrusts > 0, allocator.high, -allocator.low) for side in (1, -1)]
+        pushing = np.abs(thrusts) > 1e-9 * np.max(np.abs(thrusts))
+        ahead, astern = (np.min(most[pushing] / np.abs(thrusts[pushing])) for most in ends)
+        found[axis] = ahead if axis == 0 and astern == 0 else min(ahead, astern)
     return np.minimum(found, LARGEST_ACCELERATION)

@@ -94,7 +94,7 @@ def actuator_actions(craft: Craft) -> Actions:
             )
         shapes[part.name], units[part.name] = command.shape, command.unit
         low, high = (np.broadcast_to(np.asarray(end, dtype=float), command.shape).ravel() for end in ends)
-        inside = (low < command.start) & (command.start < high)
+        inside = (low <= command.start) & (command.start <= high)
         ranges.append((low, np.where(inside, command.start, 0.5 * (low + high)), high))
     if not ranges:
         raise ArgumentError(f"Nothing on {craft.vehicle.name} can be commanded: it has no actuators.")

@@ -66,7 +66,7 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
                 _draw_commands(axes, run, factor * actuator.command.reshape(len(actual), -1), said)
             draw_components(axes, run, actual, first)
             if run is runs[0]:
-                _draw_limits(axes, [b * factor for b in (actuator.low, actuator.high) if b is not None], actual)
+                _draw_limits(axes, [float(b) for end in actuator.ends for b in np.unique(factor * end)], actual)
             first += actual.shape[1]
             said = name.replace("_", " ")
             numbers = [str(i + 1) for i in range(actual.shape[1])]

@@ -10,6 +10,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.extending import evaluate
 from coadjoint.mechanics.members import Each
 from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY
 from coadjoint_vehicles.parts.damping import Damping
 from coadjoint_vehicles.parts.derivatives import Derivatives
 from coadjoint_vehicles.parts.fin import Fin
@@ -159,7 +160,7 @@ def _thrusters_together(vehicle: Vehicle) -> Iterator[str]:
     if not found or any(isinstance(part, Propeller) for part in vehicle.parts):
         return
     B = np.hstack([_matrix(part) for part in found])
-    if np.max(np.abs(B[0])) < 1e-6 * np.max(np.abs(B)):
+    if np.max(np.abs(B[0])) < LEAST_AUTHORITY * np.max(np.abs(B)):
         names = ", ".join(f"`{part.name}`" for part in found)
         yield f"the thrusters {names} span no forward force: row X of their matrix is zero."
 

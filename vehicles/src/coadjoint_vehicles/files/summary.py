@@ -10,6 +10,7 @@ import numpy as np
 from coadjoint.extending import brent
 from coadjoint_vehicles.model.loads import loads
 from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.propeller import Propeller
 from coadjoint_vehicles.parts.thrusters import Thrusters
@@ -77,6 +78,7 @@ def _ahead(part: Part) -> np.ndarray:
         return np.array([part.limit * np.sign(part.axis[0] * part.thrust[0])], dtype=float)
     if isinstance(part, Thrusters) and part.limit is not None:
         row = np.asarray(part.nominal_matrix)[0]
-        low, high = (np.full(command.shape, limit) for limit in part.limit)
-        return np.where(row > 1e-9, high, np.where(row < -1e-9, low, start))
+        low, high = (np.broadcast_to(limit, command.shape) for limit in part.limit)
+        least = LEAST_AUTHORITY * np.max(np.abs(row))
+        return np.where(row > least, high, np.where(row < -least, low, start))
     return np.ravel(start)

@@ -121,7 +121,7 @@ def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:
 
 
 def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
-    told = vehicle.provenance
+    told, defaults = vehicle.provenance, {field.name: field.default for field in fields(part)}
     published = next((name for name, curve in PUBLISHED.items() if curve is part.curve), None)
     if published is not None:
         yield f"curve = {_text(published)}"
@@ -129,8 +129,8 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
     for key, dimension in dimensions_of(part):
         value, given = getattr(part, key), told.get(f"{part.name}.{key}")
         ends = key == "limit" and given is None and np.array_equal(value, part.curve.reach or ())
-        whole = key == "effectiveness" and given is None and bool(np.all(np.asarray(value) == 1))
-        if value is not None and not ends and not whole:
+        usual = given is None and bool(np.all(np.asarray(value) == defaults[key]))
+        if value is not None and not ends and not usual:
             yield _line(key, value, dimension, given)
     if published is None:
         kind = part.curve.kind

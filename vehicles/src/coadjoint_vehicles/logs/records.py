@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,8 +25,13 @@ class Actuator:
     actual: np.ndarray
     unit: str
     command: np.ndarray | None = None
-    low: float | None = None
-    high: float | None = None
+    low: PyTree = None
+    high: PyTree = None
+
+    @property
+    def ends(self) -> list[np.ndarray]:
+        """Its limits, numbers or those of each thruster, (k,)."""
+        return [np.asarray(end, dtype=float) for end in (self.low, self.high) if end is not None]
 
 
 @dataclass(frozen=True, eq=False)

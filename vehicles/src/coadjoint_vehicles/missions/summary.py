@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coadjoint_vehicles.logs.records import VehicleRecords
+from coadjoint_vehicles.model.saturation import at_limits, lost
 
 if TYPE_CHECKING:
     import xarray
+
+LOST = "internal_controller_value_memory_lost"
+"""What of the wanted wrench the limits of thrusters take away, at the nodes of a run."""
 
 
 def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
@@ -18,7 +22,8 @@ def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
 
     `energy_put_in` is ∫ P dt of each part, J, negative where it took energy out; `energy_of_actuators` the sum of those
     that put some in. A tracking error is set point minus value, headings within half a turn: its root mean square, and
-    its last value.
+    its last value. `saturated` is the part of the time that an actuator is at a limit, `lost` the mean and the largest
+    of the force or torque along each axis that thrusters at their limits do not give, N and N m.
     """
     log = VehicleRecords(dataset)
     steps = np.linalg.norm(np.diff(log.position, axis=0), axis=1)
@@ -36,6 +41,7 @@ def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
         "energy_of_actuators": sum(value for name, value in work.items() if value > 0 and name in log.actuators),
         "tracking": {**tracking(log), **across(log)},
         "saturated": saturation(log),
+        "lost": lost(np.asarray(dataset[LOST], dtype=float)) if LOST in dataset else {},
     }
 
 
@@ -80,14 +86,12 @@ def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndar
 
 
 def saturation(log: VehicleRecords) -> dict[str, float]:
-    """The fraction of the saved nodes at which each actuator is at one of its limits."""
-    found = {}
-    for name, actuator in log.actuators.items():
-        bounds = [bound for bound in (actuator.low, actuator.high) if bound is not None]
-        if bounds:
-            at = np.any([np.abs(actuator.actual - b) <= 1e-3 * abs(b) for b in bounds], axis=0)
-            found[name] = float(np.mean(at))
-    return found
+    """The fraction of the saved nodes at which each actuator, or one of its thrusters, is at a limit other than 0."""
+    return {
+        name: float(np.mean(at_limits(actuator.actual, actuator.ends, actuator.actual.ndim > 1)))
+        for name, actuator in log.actuators.items()
+        if actuator.ends
+    }
 
 
 def spread(values: np.ndarray) -> dict[str, float]:

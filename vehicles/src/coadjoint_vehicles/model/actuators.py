@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,7 @@ from coadjoint_vehicles.model.controller_mistakes import called, steer
 from coadjoint_vehicles.model.energies import Surroundings
 from coadjoint_vehicles.model.faults import Fault, latched, remembered
 from coadjoint_vehicles.model.function_controller import FunctionController
+from coadjoint_vehicles.model.saturation import saturated
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.part import Part, Passing
 from coadjoint_vehicles.water.water import UniformWater, Water
@@ -130,23 +131,31 @@ class Rule(InternalRule):
         return self.controller.failure(t, h) if isinstance(self.controller, FunctionController) else None
 
     def warnings(self, h: Scalar, p: PyTree) -> list[str]:
-        """A sentence where a step is longer than the period of the controller."""
+        """A sentence where a step is longer than the period of the controller, and its doubts about the vehicle."""
         if self.controller is None:
             return []
+        found = self.controller.doubts(self.vehicle)
         given = p.controller.period
         period = float(np.min(given.values if isinstance(given, Each) else given))
         step = float(np.abs(h))
         if step <= period * (1 + 1e-9):
-            return []
+            return found
         return [
+            *found,
             f"{called(self.controller)} looks every {period:g} s, but a step takes {step:g} s: it acts once a "
             f"step. Take dt "
-            f"of {period:g} s or less."
+            f"of {period:g} s or less.",
         ]
 
     def driven(self, inputs: PyTree, begin: float, end: float, p: PyTree) -> list[str]:
         """A sentence for each part whose commands are clipped."""
         return [] if traced(p) else list(clipped(self.vehicle, inputs, begin, end, p))
+
+    def concluded(self, stretches: Sequence[PyTree], p: PyTree) -> list[str]:
+        """A sentence for each part that the controller keeps at its limits for more than a tenth of the time."""
+        if self.controller is None or traced(p):
+            return []
+        return list(saturated(self.vehicle.commanded, self.command_limits(p), stretches))
 
     def report(self, motion: NodeMotion, p: PyTree) -> dict[str, PyTree]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
@@ -160,18 +169,14 @@ class Rule(InternalRule):
         around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
         return {"current": self.water.current(around.place(), motion.t, around.memory, p.water)}
 
-    def command_limits(self, p: PyTree) -> dict[str, tuple[float, float]]:
+    def command_limits(self, p: PyTree) -> dict[str, tuple[PyTree, PyTree]]:
         """The range of each part that has one, the same for all members."""
         ranges = {part.name: command_range(part, getattr(p, part.name)) for part in self.vehicle.commanded}
         return {name: ends for name, ends in ranges.items() if ends is not None}
 
-    def limits(self, p: PyTree) -> dict[str, tuple[float | None, float | None]]:
-        """±`limit`, or `low` and `high`, of the actuators for which these are one number."""
-        found: dict[str, tuple[float | None, float | None]] = {}
-        for part in self.vehicle.commanded:
-            limit, low, high = (_one_number(getattr(p, part.name), end) for end in ("limit", "low", "high"))
-            found[part.name] = (low, high) if limit is None else (-limit, limit)
-        return found
+    def limits(self, p: PyTree) -> dict[str, tuple[PyTree, PyTree]]:
+        """The lowest and highest values of the actuators that have them, the same for all members."""
+        return {name: (_plain(low), _plain(high)) for name, (low, high) in self.command_limits(p).items()}
 
     @property
     def _shapes(self) -> dict[str, tuple[int, ...]]:
@@ -280,9 +285,8 @@ def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
     return jnp.arctan2(down[1], down[2]), pitch, jnp.arctan2(east[0], north[0])
 
 
-def _one_number(p: Named, name: str) -> float | None:
-    value = getattr(p, name, None)
-    return float(value) if isinstance(value, (np.ndarray, np.generic, float)) and np.ndim(value) == 0 else None
+def _plain(end: PyTree) -> PyTree:
+    return float(end) if np.ndim(end) == 0 else np.asarray(end, dtype=float)
 
 
 def _shape(shape: tuple[int, ...]) -> str:

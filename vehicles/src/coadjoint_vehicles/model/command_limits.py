@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import Inputs, evaluate, traced
 from coadjoint.mechanics import Held, Linear, Signal
@@ -30,7 +31,7 @@ def require_in_range(part: Part, value: object, own: Named) -> None:
         return
     found = np.asarray(value, dtype=float)
     if np.any(wrong := _outside(found, *ends)):
-        low, high, unit = *ends, _unit(part)
+        low, high, unit = *_first(wrong, ends), _unit(part)
         raise ArgumentError(
             f"`{part.name}` cannot start at {found[wrong].flat[0]:g}{unit}: it goes from {low:g} to {high:g}{unit}."
         )
@@ -53,7 +54,7 @@ def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Named
         if np.any(wrong):
             first = int(np.argmax(wrong.reshape(len(times), -1).any(axis=1)))
             worst = values[first][wrong[first]].flat[0]
-            low, high, unit = *ends, _unit(part)
+            low, high, unit = *_first(wrong[first], ends), _unit(part)
             yield (
                 f"The command of `{part.name}` is clipped to its limits, {low:g} to {high:g}{unit}: it is "
                 f"{worst:g}{unit} at t = {times[first]:g} s, the first time beyond them; at rest it is "
@@ -61,14 +62,20 @@ def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Named
             )
 
 
-def command_range(part: Part, own: Named) -> tuple[float, float] | None:
-    """Lowest and highest command; None without limits, or if they differ between members."""
+def _first(wrong: np.ndarray, ends: tuple[PyTree, PyTree]) -> tuple[float, float]:
+    """The lowest and the highest command where one is wrong first."""
+    low, high = (np.broadcast_to(end, np.shape(wrong))[wrong].flat[0] for end in ends)
+    return float(low), float(high)
+
+
+def command_range(part: Part, own: Named) -> tuple[PyTree, PyTree] | None:
+    """Lowest and highest command, or those of each thruster; None without limits, or if they differ between members."""
     if count_members(own) is not None or traced(own):
         return None
     return part.travel(own)
 
 
-def _outside(values: np.ndarray, low: float, high: float) -> np.ndarray:
+def _outside(values: np.ndarray, low: PyTree, high: PyTree) -> np.ndarray:
     slack = 1e-9 * (high - low)
     return (values < low - slack) | (values > high + slack)
 

@@ -90,6 +90,10 @@ class Controller(Numbers, ABC):
         """The controller for this vehicle, with values derived from its parts and mass; by default unchanged."""
         return self
 
+    def doubts(self, vehicle: object) -> list[str]:
+        """A sentence for each thing about the vehicle that a run with it warns of; by default none."""
+        return []
+
     @abstractmethod
     def steer(
         self, feedback: Feedback, memory: Named, own: Named, vehicle: Any

@@ -74,8 +74,8 @@ class Fault:
         ends = None if part.command is None else part.travel(named(part.parameters()))
         if ends is not None and (np.any(value < ends[0] - 1e-12) or np.any(value > ends[1] + 1e-12)):
             raise ArgumentError(
-                f"`value` of the fault `{self.name}` must be from {float(ends[0]):g} to {float(ends[1]):g}, the range "
-                f"of the {part.title}`, but is {self.value}."
+                f"`value` of the fault `{self.name}` must be from {np.max(ends[0]):g} to {np.min(ends[1]):g}, the "
+                f"range of the {part.title}`, but is {self.value}."
             )
 
     def there(self, motion: NodeMotion, p: Named) -> Array:

@@ -33,6 +33,11 @@ class ForceCurve(Numbers, ABC):
         return cast(Any, cls)(numbers)
 
     @property
+    def counts(self) -> set[int]:
+        """How many thrusters its numbers are of, where they differ between thrusters."""
+        return set()
+
+    @property
     def in_file(self) -> PyTree:
         """Its numbers in a vehicle file, of which `of` makes it again."""
         return getattr(self, fields(self)[0].name)
@@ -60,6 +65,11 @@ class ForceCurve(Numbers, ABC):
         return
 
 
+def _each(value: Any, key: str, kind: str) -> PyTree:
+    """A number, or (n,) numbers, one for each thruster."""
+    return _numbers(value, key, kind, (None,) if isinstance(value, (list, tuple)) or np.ndim(value) == 1 else ())
+
+
 def _numbers(value: object, key: str, kind: str, shape: tuple[object, ...]) -> PyTree:
     found = float64(value, f"`{key}` of a {kind} force curve")
     if np.ndim(found) != len(shape) or (shape and np.shape(found)[0] == 0):
@@ -75,15 +85,19 @@ def _set(curve: ForceCurve, **values: object) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Linear(ForceCurve):
-    """F = s u. slope: s, N per unit of command."""
+    """F = s u. slope: s, N per unit of command, a number or that of each thruster, (n,)."""
 
     kind: ClassVar[str] = "linear"
     slope: Any
 
     def __post_init__(self) -> None:
-        _set(self, slope=_numbers(self.slope, "slope", "linear", ()))
-        if self.slope <= 0:
-            raise ArgumentError(f"The slope of a linear force curve must be positive, but is {self.slope:g}.")
+        _set(self, slope=_each(self.slope, "slope", "linear"))
+        if np.min(self.slope) <= 0:
+            raise ArgumentError(f"The slope of a linear force curve must be positive, but is {np.min(self.slope):g}.")
+
+    @property
+    def counts(self) -> set[int]:
+        return {np.size(self.slope)} if np.ndim(self.slope) else set()
 
     def force(self, command: Array, own: Named) -> Array:
         return own.slope * command
@@ -96,7 +110,8 @@ class Linear(ForceCurve):
 class Quadratic(ForceCurve):
     """F = k₊ u² for u > 0 and −k₋ u² for u < 0, as of a propeller at bollard with u its revolutions.
 
-    ahead, astern: k₊, k₋, N per unit of command squared; one number where astern is left out.
+    ahead, astern: k₊, k₋, N per unit of command squared, numbers or those of each thruster, (n,); astern is that ahead
+    where it is left out.
     """
 
     kind: ClassVar[str] = "quadratic"
@@ -105,7 +120,7 @@ class Quadratic(ForceCurve):
 
     @classmethod
     def of(cls, numbers: PyTree) -> Quadratic:
-        return cls(*numbers) if np.ndim(numbers) == 1 else cls(numbers)
+        return cls(*numbers) if np.ndim(numbers) >= 1 else cls(numbers)
 
     @property
     def in_file(self) -> PyTree:
@@ -115,14 +130,19 @@ class Quadratic(ForceCurve):
         astern = self.ahead if self.astern is None else self.astern
         _set(
             self,
-            ahead=_numbers(self.ahead, "ahead", "quadratic", ()),
-            astern=_numbers(astern, "astern", "quadratic", ()),
+            ahead=_each(self.ahead, "ahead", "quadratic"),
+            astern=_each(astern, "astern", "quadratic"),
         )
-        if min(self.ahead, self.astern) <= 0:
+        least, back = float(np.min(self.ahead)), float(np.min(np.asarray(self.astern)))
+        if min(least, back) <= 0:
             raise ArgumentError(
-                f"The factors of a quadratic force curve must be positive, but are ahead {self.ahead:g} and astern "
-                f"{self.astern:g}; a reversed thruster has a reversed direction."
+                f"The factors of a quadratic force curve must be positive, but are ahead {least:g} and "
+                f"astern {back:g}; a reversed thruster has a reversed direction."
             )
+
+    @property
+    def counts(self) -> set[int]:
+        return {np.size(k) for k in (self.ahead, self.astern) if np.ndim(k)}
 
     def force(self, command: Array, own: Named) -> Array:
         return jnp.where(command > 0, own.ahead, own.astern) * jnp.abs(command) * command

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -18,8 +19,9 @@ from coadjoint.mechanics import Force
 from coadjoint.models.quantities import direction, positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles import axes as border
+from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY, Allocator
 from coadjoint_vehicles.parts.force_curves import Polynomial
-from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured
+from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, share
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
 from coadjoint_vehicles.parts.published_curves import force_curve
 
@@ -44,7 +46,8 @@ class Thrusters(Part):
     the propellers. Or allocation: B, (6, n), rows X, Y, Z, K, M, N. limit: the largest |u|, or (lowest, highest); by
     default the ends of a table. lag: τ, s, none if left out. effectiveness: e_i, the part of its force that a thruster
     has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, also in the model of software on board, unless
-    the parameter is replaced. Raises ArgumentError for impossible values.
+    the parameter is replaced. least_authority: the part of the largest singular value of the scaled B below which
+    `allocate` takes a direction as uncontrollable. Raises ArgumentError for impossible values.
     """
 
     kind: ClassVar[str] = "thrusters"
@@ -59,19 +62,26 @@ class Thrusters(Part):
     dead_band: Measured = measured(COMMANDED, lag_or_none, default=None)
     density: Measured = measured(u.DENSITY, positive, default=None)
     effectiveness: Measured = measured(u.NUMBER, None, default=1.0)
+    least_authority: Measured = measured(u.NUMBER, share, default=LEAST_AUTHORITY)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         of = f"` of the thrusters `{self.name}"
         self.set(curve=force_curve(self.curve, self.name), **self._geometry(of))
+        if self.curve.counts - {self.count}:
+            raise ArgumentError(
+                f"Argument `curve{of}` must have one number for all thrusters or one for each of the {self.count}, but "
+                f"has {', '.join(map(str, sorted(self.curve.counts)))}."
+            )
         self.set(limit=self._limits(of), effectiveness=self._effectiveness(of))
         if self.limit is not None:
-            self.curve.require_growth(tuple(self.limit), self.name)
-            low, high = self.limit - self.curve.neutral
-            if self.dead_band is not None and self.dead_band >= min(-low, high):
+            low, high = np.min(self.limit[0]), np.max(self.limit[1])
+            self.curve.require_growth((low, high), self.name)
+            reach = np.min(np.max(np.abs(self.limit - self.curve.neutral), axis=0))
+            if self.dead_band is not None and self.dead_band >= reach:
                 raise ArgumentError(
-                    f"Argument `dead_band{of}` must leave something of the commands from {self.limit[0]:g} to "
-                    f"{self.limit[1]:g} about the neutral {self.curve.neutral:g}, but is {self.dead_band:g}."
+                    f"Argument `dead_band{of}` must leave something of the commands from {low:g} to "
+                    f"{high:g} about the neutral {self.curve.neutral:g}, but is {self.dead_band:g}."
                 )
 
     def _geometry(self, of: str) -> dict[str, object]:
@@ -105,17 +115,19 @@ class Thrusters(Part):
         return found if traced(found) else np.broadcast_to(found, (self.count,)).copy()
 
     def _limits(self, of: str) -> PyTree:
-        """(lowest, highest) command."""
+        """(lowest, highest) command, (2,), or of each thruster, (2, n)."""
         if self.limit is None:
             if isinstance(self.curve, Polynomial):
                 raise ArgumentError(f"Argument `limit{of}` must be given with a polynomial, which falls somewhere.")
             return None if self.curve.reach is None else np.array(self.curve.reach)
-        found = float64(self.limit, f"Argument `limit{of}`")
+        found, rest = float64(self.limit, f"Argument `limit{of}`"), self.curve.neutral
         found = np.array([-found, found]) if np.shape(found) == () else found
-        if np.shape(found) != (2,) or not found[0] < self.curve.neutral < found[1]:
+        fits = np.shape(found) in ((2,), (2, self.count)) and np.all((found[0] <= rest) & (rest <= found[1]))
+        if not fits or np.any(found[0] == found[1]):
             raise ArgumentError(
-                f"Argument `limit{of}` must be the largest command or (lowest, highest), about the neutral command "
-                f"{self.curve.neutral:g}, but is {np.asarray(self.limit).tolist()}."
+                f"Argument `limit{of}` must be the largest command, (lowest, highest) or the lowest and the highest of "
+                f"each thruster, (2, {self.count}), about the neutral command {rest:g}, but is "
+                f"{np.asarray(self.limit).tolist()}."
             )
         return found
 
@@ -129,7 +141,8 @@ class Thrusters(Part):
         return Command(self.unit, (self.count,), self.curve.neutral)
 
     def parameters(self) -> dict[str, PyTree]:
-        return {**super().parameters(), "curve": self.curve.parameters()}
+        found = {**super().parameters(), "curve": self.curve.parameters()}
+        return {name: value for name, value in found.items() if name != "least_authority"}
 
     def matrix(self, own: Named) -> Array:
         """B, (6, n), from the geometry or as given, of thrusters that have all or a part of their force."""
@@ -169,24 +182,22 @@ class Thrusters(Part):
         return jnp.clip(u, *limit)
 
     def allocate(self, wrench: object) -> Array:
-        """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m: the thrusts of least |f|² that give it.
+        """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m, along the axes that the thrusters control.
 
-        f = B⁺w; if one of them exceeds the limit of its thruster, all are scaled down alike, f ← s f with
-        s = min_i f_i^max/f_i, so that the wrench keeps its direction. A wrench that no thrusts give is replaced by the
-        nearest one that some do. Computed with the numbers of the part as it was made, as software on board is.
-        Raises ArgumentError for another shape.
+        Thrusts of least |f| with B f = w along these axes (`parts.allocator`); if one of them exceeds the limit of its
+        thruster, all are scaled down alike, f ← s f with s = min_i f_i^max/f_i, so that the wrench keeps its
+        direction. Computed with the numbers of the part as it was made, as software on board is. Raises ArgumentError
+        for another shape.
         """
         return evaluate(self._allocated, vector(wrench, "wrench", 6))
 
     def _allocated(self, wrench: Array) -> Array:
-        own = self.nominal
-        thrusts = jnp.asarray(np.linalg.pinv(self.nominal_matrix)) @ wrench
-        if self.limit is not None:
-            low, high = self.extremes
-            most = jnp.where(thrusts > 0, high, low)
-            room = jnp.where(thrusts == 0, 1.0, most / jnp.where(thrusts == 0, 1.0, thrusts))
-            thrusts = jnp.minimum(1.0, jnp.min(room)) * thrusts
-        return self.commands_for(thrusts, own)
+        return self.commands_for(self.allocator.thrusts(wrench), self.nominal)
+
+    @cached_property
+    def allocator(self) -> Allocator:
+        """The allocation of wrenches to its thrusters, with the numbers of the part as it was made."""
+        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority)
 
     @property
     def nominal(self) -> Named:
@@ -199,12 +210,13 @@ class Thrusters(Part):
         return evaluate(self.matrix, self.nominal)
 
     @property
-    def extremes(self) -> tuple[float, float]:
-        """The thrusts at the lowest and at the highest command, N; without limits endless."""
+    def extremes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The thrusts of each thruster at the lowest and at the highest command, (n,) N; without limits infinite."""
         if self.limit is None:
-            return -np.inf, np.inf
-        low, high = evaluate(self.thrusts, self.limit, self.nominal)
-        return float(low), float(high)
+            return np.full(self.count, -np.inf), np.full(self.count, np.inf)
+        ends = (np.broadcast_to(end, (self.count,)) for end in self.limit)
+        low, high = (evaluate(self.thrusts, end, self.nominal) for end in ends)
+        return low, high
 
 
 def _ends(own: Named) -> tuple[PyTree, PyTree]:

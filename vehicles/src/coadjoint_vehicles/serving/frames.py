@@ -118,11 +118,11 @@ def commands(motors: Sequence[Motor], thrusters: Thrusters, pulses: Sequence[int
     found = np.full(thrusters.count, float(thrusters.curve.neutral))
     for motor, pulse in zip(motors, pulses, strict=False):
         share = motor.sign * (pulse - PWM_NEUTRAL) / PWM_SPAN if pulse else 0.0
-        found[motor.thruster] += _span(thrusters, share) * share
+        found[motor.thruster] += _span(thrusters, motor.thruster, share) * share
     return found
 
 
-def _span(thrusters: Thrusters, share: float) -> float:
+def _span(thrusters: Thrusters, number: int, share: float) -> float:
     """How far the command of full thrust is from the neutral one, on the side of the share."""
     if thrusters.unit in ("us", "µs"):
         return PWM_SPAN
@@ -131,5 +131,5 @@ def _span(thrusters: Thrusters, share: float) -> float:
             f"The commands of `{thrusters.name}` are in {thrusters.unit} without limits: give `limit`, which full "
             f"thrust is."
         )
-    low, high = thrusters.limit
+    low, high = (np.broadcast_to(end, (thrusters.count,))[number] for end in thrusters.limit)
     return float(high - thrusters.curve.neutral if share >= 0 else thrusters.curve.neutral - low)

@@ -178,7 +178,8 @@ class SteadyFlight:
         """Unit changes of the free actuators, large compared with angles, so that the attitude changes last."""
         ranges = {path: travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
         return {
-            path: 1.0 if within is None else EAGER * float(within[1] - within[0]) for path, within in ranges.items()
+            path: 1.0 if within is None else EAGER * float(np.max(within[1] - within[0]))
+            for path, within in ranges.items()
         }
 
     def _guess(self, speed: float, part: float) -> State:

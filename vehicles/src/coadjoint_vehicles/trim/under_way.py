@@ -197,5 +197,9 @@ def size(part: Any) -> int:
 
 def _each(parts: Any, key: str, otherwise: float) -> np.ndarray:
     """A number for each command; of two limits the higher."""
-    values = [np.full(size(part), np.max(part.parameters().get(key, otherwise)), dtype=float) for part in parts]
-    return np.concatenate([np.zeros(0), *values])
+    values = [np.asarray(part.parameters().get(key, otherwise), dtype=float) for part in parts]
+    each = [
+        np.broadcast_to(value if value.ndim == 0 else value[-1], (size(part),))
+        for part, value in zip(parts, values, strict=True)
+    ]
+    return np.concatenate([np.zeros(0), *each])

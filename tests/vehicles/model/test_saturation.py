@@ -1,0 +1,50 @@
+"""Actuators at their limits, and what is lost there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coadjoint.spaces.named import Named, named
+from coadjoint_vehicles.model.saturation import at_limits, lost, saturated
+from coadjoint_vehicles.parts import Thrusters
+
+PAIR = Thrusters("pair", {"linear": 1.0}, positions=np.eye(3)[:2], directions=np.eye(3)[:2], limit=[[-2, 0], [2, 3]])
+
+
+def test_a_thruster_that_pushes_one_way_is_not_at_a_limit_at_rest():
+    values = np.array([[0.0, 0.0], [2.0, 1.0], [-2.0, 0.0], [1.0, 3.0], [1.9, 2.9]])
+    np.testing.assert_array_equal(at_limits(values, PAIR.limit, True), [False, True, True, True, False])
+
+
+def test_of_each_axis_the_mean_and_the_largest_loss_is_told():
+    found = lost(np.array([[1.0, 0, 0, 0, 0, -4], [-3.0, 0, 0, 0, 0, 0]]))
+    assert found["surge"] == {"mean": 2.0, "max": 3.0} and found["yaw"] == {"mean": 2.0, "max": 4.0}
+
+
+def internal(values: np.ndarray, steered: bool = True) -> Named:
+    memory = {"lost": np.full((len(values), 6), [1.5, 0, 0, 0, 0, 0])}
+    value = {"pair": values, "memory": memory} if steered else {"memory": memory}
+    return named({"pair": values, "controller": {"value": value}})
+
+
+@pytest.mark.parametrize(("often", "warns"), [(1, False), (2, True), (10, True)])
+def test_more_than_a_tenth_of_the_time_at_a_limit_is_a_warning_with_the_loss(often, warns):
+    values = np.where(np.arange(10)[:, None] < often, [2.0, 1.0], [0.5, 0.5])
+    said = list(saturated((PAIR,), {"pair": PAIR.limit}, [internal(values[:4]), internal(values[4:])]))
+    assert bool(said) == warns
+    if warns:
+        assert f"`pair` is at its limits for {10 * often}% of the time; it lacks 1.5 N of surge" in said[0]
+
+
+def test_a_part_that_no_controller_steers_is_not_judged():
+    assert not list(saturated((PAIR,), {"pair": PAIR.limit}, [internal(np.full((5, 2), 2.0), steered=False)]))
+
+
+def test_of_an_ensemble_the_worst_member_is_named():
+    values = np.zeros((10, 3, 2))
+    values[:, 1:], values[5:, 2] = 2.0, 0.0
+    memory = {"lost": np.zeros((10, 3, 6))}
+    one = named({"pair": values, "controller": {"value": {"pair": values, "memory": memory}}})
+    (said,) = saturated((PAIR,), {"pair": PAIR.limit}, [one])
+    assert said.startswith("Of member 1, and of 1 others, `pair` is at its limits for 100%")

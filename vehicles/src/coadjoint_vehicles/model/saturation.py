@@ -1,0 +1,71 @@
+"""Actuators at their limits: for what part of a run, and what of the wanted wrench is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from coadjoint.arrays import PyTree
+from coadjoint.spaces import Named
+from coadjoint_vehicles.parts.allocator import AXES
+from coadjoint_vehicles.parts.part import Part
+
+NEAR = 1e-3
+"""The part of a limit by which an actuator at it may be short of it."""
+OFTEN = 0.1
+"""The part of a run at limits above which the run warns."""
+UNITS = ("N", "N", "N", "N m", "N m", "N m")
+
+
+def at_limits(values: np.ndarray, ends: Sequence[PyTree], each: bool) -> np.ndarray:
+    """Where an actuator is at a limit, that is not 0, of values (…) or, of several thrusters, (…, n): any of them."""
+    found = np.zeros(np.shape(values), dtype=bool)
+    for end in ends:
+        end = np.asarray(end, dtype=float)
+        found |= (end != 0) & (np.abs(values - end) <= NEAR * np.abs(end))
+    return np.any(found, axis=-1) if each else found
+
+
+def lost(missing: np.ndarray) -> dict[str, dict[str, float]]:
+    """The mean and the largest |W − B f| along each axis, N or N m, of W − B f at nodes, (…, 6)."""
+    sizes = np.abs(missing).reshape(-1, 6)
+    mean, most = sizes.mean(axis=0), sizes.max(axis=0)
+    return {axis: {"mean": float(mean[i]), "max": float(most[i])} for i, axis in enumerate(AXES)}
+
+
+def saturated(
+    commanded: Sequence[Part], ranges: dict[str, tuple[PyTree, PyTree]], stretches: Sequence[Named]
+) -> Iterator[str]:
+    """A sentence for each actuator that its controller keeps at a limit for more than OFTEN of the saved nodes.
+
+    ranges: their lowest and highest values. stretches: the internal states of a run, (nodes, [members,] …) each.
+    """
+    steered = getattr(stretches[0], "controller", None)
+    for part in commanded:
+        if steered is None or part.name not in steered.value or part.name not in ranges or part.units is not None:
+            continue
+        each = part.command is not None and part.command.shape != ()
+        at = [at_limits(np.asarray(getattr(one, part.name)), ranges[part.name], each) for one in stretches]
+        shares = np.atleast_1d(np.mean(np.concatenate(at), axis=0))
+        worst = int(np.argmax(shares))
+        if shares[worst] <= OFTEN:
+            continue
+        said = _short([one.controller.value for one in stretches], worst)
+        whose = "" if np.ndim(at[0]) == 1 else f"Of member {worst}, and of {np.sum(shares > OFTEN) - 1} others, "
+        yield (
+            f"{whose}`{part.name}` is at its limits for {shares[worst]:.0%} of the time"
+            + (f"; it lacks {said} of what the controller asks for, in the mean" if said else "")
+            + ": ask for less speed or slower changes, or give it more thrust."
+        )
+
+
+def _short(samples: Sequence[Named], member: int) -> str:
+    """What thrusters fall short by, in the mean over a run: "12 N of surge"; empty if their controller does not say."""
+    if "memory" not in samples[0] or "lost" not in samples[0].memory:
+        return ""
+    found = [np.asarray(one.memory.lost) for one in samples]
+    sizes = lost(np.concatenate([rows[:, member] if rows.ndim > 2 else rows for rows in found]))
+    least = 1e-9 * max(size["max"] for size in sizes.values())
+    units: dict[str, str] = dict(zip(AXES, UNITS, strict=True))
+    return ", ".join(f"{s['mean']:.3g} {units[axis]} of {axis}" for axis, s in sizes.items() if s["max"] > least)

@@ -1,0 +1,86 @@
+"""The share of each thruster in a wrench: the axes that thrusters control, and the least thrusts along them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.arrays import Array
+
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+LEAST_AUTHORITY = 5e-3
+"""The part of the largest singular value below which a direction is uncontrollable: data have three digits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Allocator:
+    """Thrusts f with B f = W along the controllable axes, of those the least |f|, within l ≤ f ≤ u.
+
+    matrix: B, (6, n). low, high: l ≤ 0 ≤ u, (n,) N, infinite without limits. With S = diag(1, 1, 1, 1/L, 1/L, 1/L), L
+    the root mean square arm of the thrusters, and F = diag(max(−l, u)), a left singular vector of S B F whose singular
+    value is below `least_authority` of the largest is an uncontrollable direction. For each of them the axis of its
+    largest entry is left out. The others get what they ask for, and what comes with it along that axis, such as the
+    pitch of thrusters below the centre of mass, is left to the vehicle.
+    """
+
+    matrix: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    least_authority: float = LEAST_AUTHORITY
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """(1, 1, 1, L, L, L); L is 1 m where no thruster has an arm."""
+        force, torque = (float(np.linalg.norm(rows * self._largest)) for rows in (self.matrix[:3], self.matrix[3:]))
+        return np.repeat([1.0, torque / force if force > 0 and torque > 0 else 1.0], 3)
+
+    @cached_property
+    def _largest(self) -> np.ndarray:
+        found = np.maximum(-self.low, self.high)
+        return np.where(np.isfinite(found), found, 1.0)
+
+    @cached_property
+    def left_out(self) -> dict[int, float]:
+        """The axes (0 surge … 5 yaw) that thrusters do not control, each with its part of the largest authority."""
+        vectors, values, _ = np.linalg.svd(self.matrix * self._largest / self.units[:, None])
+        shares = np.zeros(6)
+        shares[: len(values)] = values / max(values[0], 1e-300)
+        found: dict[int, float] = {}
+        rest = vectors[:, shares < self.least_authority]
+        for share in shares[shares < self.least_authority]:
+            sizes = np.round(np.linalg.norm(rest, axis=1), 6)
+            axis = max((axis for axis in range(6) if axis not in found), key=lambda axis: (sizes[axis], axis))
+            found[axis] = float(share)
+            along = rest[axis] / max(float(np.linalg.norm(rest[axis])), 1e-300)
+            rest = rest - np.outer(rest @ along, along)
+        return found
+
+    @property
+    def kept(self) -> np.ndarray:
+        """The controllable axes, 0 to 5."""
+        return np.array([axis for axis in range(6) if axis not in self.left_out], dtype=int)
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """B⁺ of the controllable axes, (n, 6), with zeros for the others."""
+        found = np.zeros(self.matrix.T.shape)
+        working = np.any(self.matrix != 0, axis=0)
+        found[np.ix_(working, self.kept)] = np.linalg.pinv(self.matrix[np.ix_(self.kept, working)])
+        return found
+
+    def thrusts(self, wrench: Array) -> Array:
+        """f, (n,) N, for a wrench (6,), N and N m, scaled down alike where a thruster is beyond its limits."""
+        f = jnp.asarray(self.inverse) @ wrench
+        if not np.all(np.isfinite(self.low) & np.isfinite(self.high)):
+            return f
+        most = jnp.where(f > 0, self.high, self.low)
+        room = jnp.where(f == 0, 1.0, most / jnp.where(f == 0, 1.0, f))
+        return jnp.minimum(1.0, jnp.min(room)) * f
+
+    def lost(self, wrench: Array, thrusts: Array) -> Array:
+        """W − B f, (6,), along the controllable axes, and 0 along the others."""
+        controlled = np.isin(np.arange(6), self.kept)
+        return jnp.where(controlled, wrench - jnp.asarray(self.matrix) @ thrusts, 0.0)
