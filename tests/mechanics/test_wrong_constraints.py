@@ -152,7 +152,7 @@ USES = {
     ),
     "a steady motion": (
         lambda: co.stability.steady_motion(pinned(), start(pinned())),
-        r"Steady motions would leave out the reactions of the constraints",
+        r"Steady motions would leave out the reactions of the constraints .* minimal coordinates, such as the angles",
     ),
     "a filter": (
         lambda: require_fit(co.Midpoint(), pinned(), start(pinned()), "left"),

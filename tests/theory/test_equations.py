@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import jax
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+import pinned
 from coadjoint import theory
+from coadjoint.methods.rattle import Reactions
 from discrete import moser_veselov, random_group_system
 from systems import MAPS, RULES, flat, random_system
 
@@ -40,6 +43,44 @@ def test_the_equations_of_theorems_6_and_7_hold_on_runs_of_every_rule(world, tau
     found = theory.printed_equations(run)
     assert {row.equation for row in found} == SPATIAL | MOMENTA | {"P47"}
     assert found.worst.largest < ROUND_OFF, str(found)
+
+
+def sleigh_on_a_blade() -> co.System:
+    blade = co.Nonholonomic(lambda: [[0, 0, 1]])
+    return co.System(co.SE2(), lambda xi: 0.5 * xi @ xi + 0.3 * xi[0] * xi[2], constraints={"blade": blade})
+
+
+def test_reactions_act_at_both_ends_of_a_step_as_half_of_its_impulse():
+    sleigh = sleigh_on_a_blade()
+    memory = Reactions(np.array([[3.0], [5.0]]), np.array([[7.0], [11.0]]), None, None)
+    two = jax.tree.map(lambda leaf: np.stack([leaf, leaf]), sleigh.state(xi=[1, 0, 0])).replace(memory=memory)
+    forces = theory.slopes.Impulse(*(np.full((2, size), 1.0) for size in (3, 0, 3, 0)))
+    found = theory.constraints.with_reactions(sleigh, two, forces, h=0.2)
+    assert found.torque == pytest.approx(np.array([[1, 1, 1.3], [1, 1, 1.5]]))
+    assert found.torque_next[0] == pytest.approx([1, 1, 2.1])
+
+
+@pytest.mark.long
+def test_the_equations_of_a_sleigh_have_the_reaction_of_its_blade():
+    sleigh = sleigh_on_a_blade()
+    run = co.simulate(sleigh, sleigh.state(xi=[1.2, -0.5, 0]), dt=H, steps=3, monitors=False, accuracy=False)
+    found = theory.printed_equations(run)
+    assert {row.equation for row in found} == SPATIAL | MOMENTA | {"P47", "A"}
+    assert found.worst.largest < ROUND_OFF, str(found)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("rule", [co.LeftRectangle(), co.Midpoint(), co.Trapezoidal()])
+def test_the_equations_of_a_pinned_body_have_its_reaction_and_see_another(rule):
+    body = pinned.pinned()
+    run = co.simulate(body, pinned.start(body), dt=0.02, steps=STEPS, method=rule)
+    found = theory.printed_equations(run)
+    assert {row.equation for row in found} == SPATIAL | MOMENTA | {"P47", "A", "φ"}
+    assert found.worst.largest < ROUND_OFF, str(found)
+    memory = replace(run.records.memory, step=1.001 * run.records.memory.step)
+    wrong = theory.equations_of(body, rule, run.records.replace(memory=memory, n=run.records.n + 1e-3), 0.02)
+    for row in ("P42 μ", "P42 π", "φ", "A"):
+        assert wrong[row].largest > 1e-6, row
 
 
 @pytest.mark.long

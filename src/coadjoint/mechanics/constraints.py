@@ -190,7 +190,7 @@ def require_free(system: ReducedFunctions, what: str) -> None:
     if system.constraints:
         raise ArgumentError(
             f"{what} would leave out the reactions of the constraints of `{system.name}`: describe the system in "
-            "coordinates that need none."
+            "minimal coordinates, such as the angles of its joints, which need no constraints."
         )
 
 

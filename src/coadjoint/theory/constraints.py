@@ -1,4 +1,4 @@
-"""Theorems of constrained systems: the discrete momentum equation, and the two-form on T*N."""
+"""Equations and theorems of constrained systems: reactions in the printed equations, momenta, the two-form on T*N."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.noether import total_momentum
-from coadjoint.mechanics.reactions import node_rate, site
+from coadjoint.mechanics.reactions import node_rate, rate, reaction, site
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.rattle import constrained
 from coadjoint.methods.step import Step
+from coadjoint.theory.slopes import Impulse
 
 
 class PhaseVariation(NamedTuple):
@@ -60,6 +64,28 @@ def discrete_momentum_equation(
     carried = system.group.Ad(around.relative(system, record, h), there)
     first, last = total_momentum(system, record), total_momentum(system, after)
     return MomentumEquation(last @ there - first @ here, first @ (carried - here), ahead @ carried + behind @ there)
+
+
+def with_reactions(system: System, records: State, forces: Impulse, h: Scalar) -> Impulse:
+    """The share of forces in steps with ½hA_kᵀλ_k at their beginnings, and with ½hA_{k+1}ᵀλ′_{k+1} at their ends.
+
+    records: consecutive nodes, (k,), of which the last has no end. forces: (k,). h: the length of a step, one number.
+    """
+
+    def both(record: State) -> list[tuple[Array, Array]]:
+        strengths = record.memory.step, record.memory.end
+        return [reaction(system, site(record), 0.5 * h * strength) for strength in strengths]
+
+    first, second = evaluate(jax.vmap(both), records)
+    second = [np.concatenate([one[1:], np.full_like(one[:1], np.nan)]) for one in second]
+    return jax.tree.map(np.add, forces, Impulse(*first, *second))
+
+
+def off_nodes(system: System, record: State) -> tuple[Array, Array, Array]:
+    """φ of the holonomic constraints of a node, A·(ξ, ν) − b of all, and (ξ, ν) of its momenta."""
+    at, (xi, nu, _) = site(record), inverse_legendre.velocities(system, record)
+    places = [one.value(system, at) for one in system.constraints if one.holonomic]
+    return jnp.concatenate([jnp.zeros(0), *places]), rate(system, at, xi, nu), jnp.concatenate([xi, nu])
 
 
 def generator(system: System, state: State, direction: Array) -> tuple[Array, Array]:

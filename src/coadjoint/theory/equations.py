@@ -18,13 +18,13 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.invariance import is_right
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Galerkin, GroupVariational, Method, Variational
 from coadjoint.methods.step import Step
+from coadjoint.theory.constraints import off_nodes, with_reactions
 from coadjoint.theory.curves import NODES
 from coadjoint.theory.euler_poincare import advected, impulse
 from coadjoint.theory.instant import Instant, require_one
@@ -131,22 +131,34 @@ def equations_of(
             "co.Variational or co.methods.GroupVariational."
         )
     require_one(system)
-    require_free(system, "The printed equations")
     if np.ndim(records.t) != 1:
         raise ArgumentError(f"The records must have one leading axis, but have shape {np.shape(records.t)}.")
     if len(records.t) < 3:
         raise ArgumentError(f"The equations need at least 3 records, but there are {len(records.t)}.")
     noether = noether or KelvinNoether(np.ones(system.group.dim))
     step = method.stages[0][0]
-    slopes = evaluate(jax.vmap(partial(slopes_of, system, step, h)), records)
-    rows = [*_of_nodes(system, records, slopes), *_of_steps(system, slopes), *_of_momenta(system, records, slopes)]
+    bare = records.replace(memory=records.memory.base) if system.constraints else records
+    slopes = evaluate(jax.vmap(partial(slopes_of, system, step, h)), bare)
+    rows = _of_nodes(system, records, slopes)
+    if system.constraints:
+        slopes = slopes._replace(impulse=with_reactions(system, records, slopes.impulse, h))
+        rows += _of_constraints(system, records)
+    rows += [*_of_steps(system, slopes), *_of_momenta(system, records, slopes)]
     rows += _of_noether(system, records, slopes, noether)
     if isinstance(method, GroupVariational):
         rows += _of_group_form(system, records, slopes, h, unreduced or unreduce(system))
         rows += _of_semidirect(system, slopes, h) + _of_poisson(system, records, slopes, h, noether)
     elif not isinstance(method, Galerkin):
-        rows.append(_of_variations(system, step, records, h))
+        rows.append(_of_variations(system, step, bare, h))
     return Equations(tuple(rows), is_right(system.places))
+
+
+def _of_constraints(system: System, records: State) -> list[Residual]:
+    """φ = 0 and A·(ξ, ν) = b at every node, relative to the largest n and a, ξ and ν."""
+    places, rates, speeds = evaluate(jax.vmap(partial(off_nodes, system)), records)
+    size = _largest((records.n, records.a))
+    rows = [_row("A", "A_k·(ξ, ν) = b_k, for φ: φ̇ = 0", rates, (1 + size) * _largest(speeds))]
+    return [_row("φ", "φ(n_k, a_k) = 0", places, size), *rows] if places.shape[1] else rows
 
 
 def _largest(values: object) -> float:
@@ -198,10 +210,10 @@ def _of_steps(system: System, slopes: Slopes) -> list[Residual]:
 
     mu, pi, inner = evaluate(jax.vmap(both), *_pairs(slopes))
     of_mu, of_pi = _scales(slopes)
-    forced = system.forces is not None
+    held, forced = "½hA_kᵀ(λ′_k + λ_k) + " * bool(system.constraints), system.forces is not None
     rows = [
-        _row("P42 μ", f"{'T⁻_k + ' * forced}D^L_FΛ_{{k−1}} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s = D^R_FΛ_k", mu, of_mu),
-        _row("P42 π", f"∂_nΛ_k{' + φ⁻_k' * forced} = −F*_{{k−1}}∂_sΛ_{{k−1}}", pi, of_pi),
+        _row("P42 μ", f"{held}{'T⁻_k + ' * forced}D^L_FΛ_{{k−1}} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s = D^R_FΛ_k", mu, of_mu),
+        _row("P42 π", f"{held}∂_nΛ_k{' + φ⁻_k' * forced} = −F*_{{k−1}}∂_sΛ_{{k−1}}", pi, of_pi),
     ]
     if inner.shape[1]:
         rows.append(_row("P41", "δΣΛ = 0 between the ends of a step", inner, of_mu + of_pi))
@@ -220,11 +232,13 @@ def _of_momenta(system: System, records: State, slopes: Slopes) -> list[Residual
     before, here = _pairs(slopes)
     values = evaluate(jax.vmap(off), before, here, jax.tree.map(lambda x: x[1:], records))
     of_mu, of_pi = _scales(slopes)
+    ahead, behind = ("½hA_kᵀλ_k", "½hA_{k+1}ᵀλ′_{k+1}") if system.constraints else ("", "")
+    before, after = f" − {ahead}" if ahead else "", f" + {behind}" if behind else ""
     return [
-        _row("F⁻ μ", "μ_k = D^R_FΛ_k − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻_k", values[0], of_mu),
-        _row("F⁻ π", "π_k = −∂_nΛ_k − φ⁻_k", values[1], of_pi),
-        _row("F⁺ μ", "μ_{k+1} = D^L_FΛ_k + T⁺_k", values[2], of_mu),
-        _row("F⁺ π", "π_{k+1} = F*_k∂_sΛ_k + φ⁺_k", values[3], of_pi),
+        _row("F⁻ μ", f"μ_k = D^R_FΛ_k − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻_k{before}", values[0], of_mu),
+        _row("F⁻ π", f"π_k = −∂_nΛ_k − φ⁻_k{before}", values[1], of_pi),
+        _row("F⁺ μ", f"μ_{{k+1}} = D^L_FΛ_k + T⁺_k{after}", values[2], of_mu),
+        _row("F⁺ π", f"π_{{k+1}} = F*_k∂_sΛ_k + φ⁺_k{after}", values[3], of_pi),
     ]
 
 
@@ -235,7 +249,7 @@ def _scales(slopes: Slopes) -> tuple[float, float]:
 
 
 def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinNoether) -> list[Residual]:
-    """(P50), and (P52) with the forces' share ⟨𝒦_k, T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k⟩."""
+    """(P50), and (P52) with the forces' share ⟨𝒦_k, T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k⟩ or that of reactions."""
     group, Q, V = system.places
     first = jax.tree.map(lambda x: x[0], records)
 
@@ -250,7 +264,7 @@ def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinN
     K, off, quantity, source, behind = evaluate(jax.vmap(quantities), records, slopes)
     change = source[1:] + np.sum(K[1:] * behind[:-1], axis=1)
     size = system.group.dim * _largest(K) * _scales(slopes)[0]
-    forced = " + T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k" if system.forces is not None else ""
+    forced = " + T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k" if system.forces is not None or system.constraints else ""
     return [
         _row("P50", "𝒦(c_k, a_k) = Ad_{g_k⁻¹g_0} 𝒦(c_0, a_0)", off, _largest(K)),
         _row("P52", f"(P51)_k − (P51)_{{k−1}} = ⟨𝒦_k, ∂_aΛ⋄a_k{forced}⟩", np.diff(quantity) - change, size),
