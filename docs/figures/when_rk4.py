@@ -54,15 +54,15 @@ def curves(name, h):
         away = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
         E0 = co.simulate(vehicle, start, dt=0.1, steps=1).dataset.energy.values[0]
         return SAVED * np.arange(1, 1 + len(E)), abs(E / E0 - 1), away
-    method = co.Midpoint() if name == "midpoint" else co.Suzuki4(co.Midpoint())
+    method = {"midpoint": co.Midpoint(), "Munthe-Kaas": co.methods.MuntheKaas()}.get(name, co.Suzuki4(co.Midpoint()))
     data = co.simulate(vehicle, start, dt=h, duration=DURATION, method=method, save_every=round(SAVED / h)).dataset
     E = data.energy.values
     return data.time.values[1:], abs(E[1:] / E[0] - 1), data.group_defect.values[1:]
 
 
 figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
-for name, h, colour in (("Runge–Kutta", 0.1, "C3"), ("Runge–Kutta", 0.02, "C1"), ("midpoint", 0.1, "C0"),
-                        ("Suzuki", 0.5, "C2")):  # fmt: skip
+for name, h, colour in (("Runge–Kutta", 0.1, "C3"), ("Runge–Kutta", 0.02, "C1"), ("Munthe-Kaas", 0.1, "C4"),
+                        ("midpoint", 0.1, "C0"), ("Suzuki", 0.5, "C2")):  # fmt: skip
     time, energy, away = curves(name, h)
     print(f"{name:12s}{h:5g} s   energy at 1000 s {energy[:10].max():8.1e}, at 100 000 s {energy.max():8.1e}", end="")
     print(f"   off the group {away.max():8.1e}")

@@ -35,6 +35,8 @@ def _hamiltonian_top():
 CASES = {
     **{one.name: lambda one=one: (one.make(co.Cayley()), one.adapt(BODY.system), BODY.start) for one in SHIPPED},
     "HamiltonianMidpoint": lambda: (co.HamiltonianMidpoint(), *_hamiltonian_top()),
+    "CommutatorFree": lambda: (co.methods.CommutatorFree(), BODY.system, BODY.start),
+    "CrouchGrossman": lambda: (co.methods.CrouchGrossman(), BODY.system, BODY.start),
     "IsospectralMidpoint": lambda: (co.IsospectralMidpoint(carry_g=True), *_hamiltonian_top()),
 }
 

@@ -16,7 +16,9 @@ from coadjoint.groups.group import Element
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
     AdjointVariational,
+    CommutatorFree,
     Composition,
+    CrouchGrossman,
     EnergyMomentum,
     Galerkin,
     GroupVariational,
@@ -28,6 +30,7 @@ from coadjoint.methods import (
     LeftRight,
     Method,
     Midpoint,
+    MuntheKaas,
     RightRectangle,
     Simpson,
     SofroniouSpaletta6,
@@ -144,6 +147,9 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("VariableStep(Simpson)", lambda tau: VariableStep(Simpson(tau))),
     Shipped("EnergyMomentum", EnergyMomentum),
     Shipped("EnergyMomentum(points=4)", lambda tau: EnergyMomentum(tau, points=4)),
+    Shipped("MuntheKaas", MuntheKaas),
+    Shipped("CommutatorFree", CommutatorFree),
+    Shipped("CrouchGrossman", CrouchGrossman),
 )
 """A method that is not here is not audited: a test holds this list complete."""
 

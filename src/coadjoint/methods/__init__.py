@@ -11,6 +11,7 @@ from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.right_rectangle import RightRectangle
+from coadjoint.methods.runge_kutta import CommutatorFree, CrouchGrossman, MuntheKaas
 from coadjoint.methods.schemes import (
     KahanLi6,
     KahanLi8,
@@ -29,7 +30,9 @@ from coadjoint.methods.variational import Variational
 __all__ = [
     "AdjointVariational",
     "Claims",
+    "CommutatorFree",
     "Composition",
+    "CrouchGrossman",
     "EnergyMomentum",
     "Galerkin",
     "GroupVariational",
@@ -41,6 +44,7 @@ __all__ = [
     "LeftRight",
     "Method",
     "Midpoint",
+    "MuntheKaas",
     "RightRectangle",
     "Simpson",
     "SofroniouSpaletta6",
