@@ -131,6 +131,7 @@ def no_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith(("coadjoint_vehicles", "coadjoint.vehicles"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "coadjoint_vehicles", None)
+    monkeypatch.delitem(vars(coadjoint), "vehicles", raising=False)  # set where a test imported it
 
 
 def test_without_the_vehicles_what_is_theirs_says_what_to_install(

@@ -13,6 +13,7 @@ STOREYS = (
     *(
         "arrays",
         "errors",
+        "deprecation",
         "log",
         "interrupts",
         "disk",
