@@ -25,7 +25,6 @@ def test_co_lists_names_of_daily_use_and_packages() -> None:
     assert {*co.MOVED} < set(co.__all__), "A package that has names must itself be found from `co`."
 
 
-@pytest.mark.cases(8)
 @pytest.mark.parametrize(("package", "name"), MOVED)
 def test_a_name_of_a_package_warns_in_co_and_says_where_it_is(package: str, name: str) -> None:
     home = getattr(co, package)

@@ -16,7 +16,6 @@ from coadjoint_vehicles.files.registry import load_vehicle, vehicle_text
 from coadjoint_vehicles.missions.mission import load_mission
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     "change",
     [

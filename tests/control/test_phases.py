@@ -230,7 +230,6 @@ PLANE = co.System(
 )
 
 
-@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [
@@ -242,7 +241,7 @@ PLANE = co.System(
         (lambda: pair(two=Problem(PLANE, PLANE.state(), dt=0.1, steps=2, inputs={"u": Input()})), "another group"),
         (lambda: pair(two={"free_start": {"g": 1.0}}), "the first phase alone"),
         (lambda: pair({"free_duration": (0.1, 1.0)},
-                      {"measured": {"g": Measured(lambda motion, p: motion.g, np.zeros((5, 1)), 1.0)}}), "fix that"),
+                      {"measured": {"g": Measured(lambda motion, p: motion.g, np.zeros((5, 1)), 1.0)}}), "fix it"),
         (lambda: pair(two={"method": co.LeftRectangle(start="velocity")}), 'start="momentum"'),
         (lambda: pair(shared=("mass",)), "fewer than two phases"),
         (lambda: pair(shared="mass"), "must be names"),
@@ -250,7 +249,7 @@ PLANE = co.System(
         (lambda: pair(total_duration=(2.0, 3.0)), "the phases last 0.8 to 0.8 s"),
         (lambda: pair().solve(guess={"three": "simulate"}), "dictionary of phases"),
         (lambda: pair().solve(guess="nearly"), '"interpolate", "simulate"'),
-        (lambda: pair().solve(solver="newton"), "one of ipopt"),
+        (lambda: pair().solve(solver="newton"), 'must be "ipopt" or "fatrop"'),
         (lambda: pair(two={"end": End(g=[9.0])}).solve(), "most violated: `g` at the end of phase `two`, by"),
     ],
 )  # fmt: skip

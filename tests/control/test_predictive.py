@@ -282,7 +282,6 @@ WRONG = {
 }  # fmt: skip
 
 
-@pytest.mark.cases(11)
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_no_controller_is_told_in_one_sentence(name):
     of_problem, of_controller, told = WRONG[name]
@@ -292,14 +291,13 @@ def test_what_is_no_controller_is_told_in_one_sentence(name):
 
 
 STATES = {
-    "no state": (np.zeros(3), "must be a co.State of the problem's system, but is ndarray"),
+    "no state": (np.zeros(3), "must be a co.State of the problem's system, but is array"),
     "a state of another system": (CARRIED.state(q=[0, 0, 0]), "another group or other spaces"),
     "many members": (BODY.state(xi=co.each(np.zeros((2, 3)))), "of one member"),
     "no number": (BODY.state().replace(mu=np.full(3, np.nan), from_velocities=False), "finite numbers"),
 }
 
 
-@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", STATES)
 def test_what_is_no_state_is_told_in_one_sentence(name):
     state, told = STATES[name]

@@ -143,7 +143,6 @@ def test_every_map_here_fits_every_group_here(pair):
     tau.require_fit(group)
 
 
-@pytest.mark.cases(8)
 @pytest.mark.parametrize("pair_of_names", sorted(UNFIT_PAIRS), ids="-".join)
 def test_every_other_map_is_refused(pair_of_names):
     group, tau = pair_of_names

@@ -111,7 +111,7 @@ WRONG = {
     "a bias of two numbers": (lambda: gauge([0.1, 0.2]), r"`gauge` of `known` must be 1 numbers, or \(21, 1\)"),
     "what is known as a list": (
         lambda: found(estimated="gauge").nees(simulated(), known=[0.1]),  # pyright: ignore[reportArgumentType]
-        "`known` must be a dict of names and numbers",
+        "`known` must be a dictionary of names and numbers",
     ),
     "a bias that is NaN": (lambda: gauge(np.nan), "`gauge` of `known` must be finite numbers"),
     "what is known beside rows": (lambda: found().nees(found().rows, known={"gauge": 0.1}), "rows are complete"),

@@ -154,7 +154,6 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_use_raises_one_sentence(case):
     call, kind, sentence = WRONG[case]

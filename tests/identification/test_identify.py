@@ -252,7 +252,6 @@ def test_the_card_and_the_figure(fine):
         found.plot(["speed"])
 
 
-@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -265,20 +264,20 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear"], "noise": {"u": 0.0}}, "noise of `u` must be positive"),
         ({"parameters": ["linear"], "segment": 0.2}, "fewer than four samples"),
         ({"parameters": ["linear"], "noise": {"angle": 1.0}}, "names `angle`"),
-        ({"parameters": ["linear"], "segment": 0.0}, "`segment` must be a positive time"),
-        ({"parameters": ["linear"], "segment": -10.0}, "`segment` must be a positive time"),
+        ({"parameters": ["linear"], "segment": 0.0}, "`segment` must be positive, but is 0.0"),
+        ({"parameters": ["linear"], "segment": -10.0}, "`segment` must be positive, but is -10.0"),
         ({"parameters": ["linear"], "between": "lineer"}, "`between` must be"),
         ({"parameters": ["linear"], "positive": ["quadratic"]}, "names `quadratic`, which is not among"),
         ({"parameters": ["linear"], "settle": -1.0}, "`settle` must be 0 or more"),
         ({"parameters": ["linear"], "dt": -1.0}, "`dt` must be positive"),
         ({"parameters": ["linear"], "level": 95}, "between 0 and 1"),
         ({"parameters": ["linear"], "measured": {"speed": lambda state: state.t}}, "names `speed`"),
-        ({"parameters": ["linear"], "level": None}, "`level` must be a number, but is None"),
-        ({"parameters": ["linear"], "segment": "10"}, "`segment` must be a number, but is '10'"),
-        ({"parameters": ["linear"], "segment": True}, "`segment` must be a number, but is True"),
-        ({"parameters": ["linear"], "dt": "0.05"}, "`dt` must be a number"),
-        ({"parameters": ["linear"], "settle": "2"}, "`settle` must be a number"),
-        ({"parameters": ["linear"], "delays": ["position"], "longest_delay": "1"}, "`longest_delay` must be a number"),
+        ({"parameters": ["linear"], "level": None}, "`level` must be a number between 0 and 1, but is None"),
+        ({"parameters": ["linear"], "segment": "10"}, "`segment` must be positive, but is '10'"),
+        ({"parameters": ["linear"], "segment": True}, "`segment` must be positive, but is True"),
+        ({"parameters": ["linear"], "dt": "0.05"}, "`dt` must be positive"),
+        ({"parameters": ["linear"], "settle": "2"}, "`settle` must be a finite number"),
+        ({"parameters": ["linear"], "delays": ["position"], "longest_delay": "1"}, "`longest_delay` must be a finite"),
         ({"parameters": ["linear"], "noise": 0.1}, "`noise` must be name → value"),
         ({"parameters": ["linear"], "noise": {"u": True}}, "noise of `u` must be positive, but is True"),
         ({"parameters": ["linear"], "measured": [1]}, "`measured` must be name → value"),

@@ -84,7 +84,6 @@ def made(lagrangian):
     return system, system.state(xi=[0.4, 0.3, 0.0], a0=[0.0, 0.0, 1.0])
 
 
-@pytest.mark.cases(8)
 @pytest.mark.parametrize("name", WRONG)
 def test_a_derivative_that_is_not_that_of_the_value_raises(name):
     system, start = made(WRONG[name])

@@ -63,7 +63,6 @@ WRONG = {
 }  # fmt: skip
 
 
-@pytest.mark.cases(11)
 @pytest.mark.parametrize(("forces", "words"), WRONG.values(), ids=WRONG)
 def test_what_is_no_force_is_refused_in_one_sentence(forces, words):
     with pytest.raises(co.errors.LagrangianError) as caught:

@@ -20,7 +20,6 @@ def test_links_that_fit_are_taken(monkeypatch, factor, coupling):
             co.System(co.Power(factor, 3, coupling), verify=False, **given)
 
 
-@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "coupling", ["chain", "ring", "all", [(0, i) for i in range(1, 2000)]], ids=["a", "b", "c", "star"]
 )

@@ -44,7 +44,6 @@ def test_a_quantity_at_its_limit_is_kept_as_it_was_given(check, value):
     assert np.array_equal(check(value, "x"), value)
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize(("check", "value", "sentence"), WRONG)
 def test_a_quantity_beyond_its_limit_raises_what_it_must_be(check, value, sentence):
     with pytest.raises(ArgumentError, match=f"Argument `x` {sentence}|Argument `x`.*{sentence}"):
@@ -100,7 +99,6 @@ def test_poles_and_a_turn_are_places_of_vortices(place):
     assert np.all(np.isfinite(fluids.vortices(**VORTEX | {"radius": np.pi})))
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

@@ -89,7 +89,10 @@ CHAINS = {
         r"The pose of the pair \(0, 1\) in `a0` must be an element of SO3\(\), but is off by",
     ),
     "no pairs": (lambda: co.spaces.RelativePoses([]), r"must be pairs of links such as .*, but is \[\]"),
-    "no number of links": (lambda: co.Power(co.SO3(), other), "`count` of Power must be a whole number of links"),
+    "no number of links": (
+        lambda: co.Power(co.SO3(), other),
+        "`count` of Power must be a whole number from 1, but is 2.5",
+    ),
     "no group": (lambda: co.Power(co.SO3, 2), "`factor` of Power must be a Lie group such as SO3()"),
     "a power of a power": (lambda: co.Power(power(), 2), "must not be a power itself"),
     "no coupling": (lambda: power(3, "star"), '"chain", "ring", "all" or pairs of links, but is \'star\''),
@@ -150,7 +153,7 @@ GROUPS = {
     "a lattice of too many particles": (lambda: toda.lattice(particles=40), "a whole number from 2 to 12, but is 40"),
 }
 FLUIDS = {
-    "no size": (lambda: fluids.euler(1), "`size` must be a whole number N from 2, but is 1"),
+    "no size": (lambda: fluids.euler(1), "`size` must be a whole number from 2, but is 1"),
     "too large": (lambda: fluids.euler(200_000), "at N = 200000 would take .* GB of memory, and this machine has"),
     "too large with a field": (lambda: fluids.magnetohydrodynamics(200_000), "would take .* GB of memory"),
     "too fine a grid": (
@@ -227,7 +230,7 @@ FLUIDS = {
     ),
     "vortices larger than the sphere": (
         lambda: fluids.vortices(20, [(0, 0)], [1.0], 1e200),
-        r"`radius` must be up to π, rad, but is 1e\+200",
+        r"`radius` must be a finite number up to 3.14159, but is 1e\+200",
     ),
     "a system instead of a run": (lambda: fluids.fields(fluid(), chain()), "`run` must be one run of co.simulate"),
 }
@@ -252,7 +255,6 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(18)
 @pytest.mark.parametrize(("call", "says"), WRONG.values(), ids=WRONG)
 def test_a_wrong_use_is_told_in_a_sentence(call, says):
     with pytest.raises(CoadjointError, match=says) as caught:

@@ -116,7 +116,6 @@ def test_a_damaged_file_is_a_sentence(name, tmp_path):
             assert np.all(np.isfinite(found["vertices"]))
 
 
-@pytest.mark.cases(4)
 @pytest.mark.parametrize(
     ("name", "text", "options", "words"),
     [

@@ -35,7 +35,6 @@ def test_a_whole_number_of_at_least_1_is_kept(value):
     assert checks.whole(value, "steps") == value and type(checks.whole(value, "steps")) is int
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize("value", [0, -1, 1.0, True, "1", None, np.timedelta64(3)])
 def test_another_number_of_steps_is_refused(value):
     refused("`steps` must be a whole number from 1", checks.whole, value, "steps")
@@ -88,7 +87,6 @@ def test_what_is_no_system_no_start_or_no_method_is_named():
 # Sections.
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
@@ -113,7 +111,6 @@ def test_a_grid_at_its_limits_is_kept():
     assert RunSection(dt=0.1, duration=0.3).duration == 0.3 and RunSection(dt=1e-300, steps=1, save_every=1).steps == 1
 
 
-@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("kind", "given", "sentence"),
     [

@@ -185,7 +185,6 @@ def _run(rule, internal):
     co.simulate(system, system.state(internal=internal), dt=H, steps=3)
 
 
-@pytest.mark.cases(13)
 @pytest.mark.parametrize(
     ("make", "words"),
     [

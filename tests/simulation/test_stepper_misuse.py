@@ -58,7 +58,6 @@ MADE = [
 ]
 
 
-@pytest.mark.cases(14)
 @pytest.mark.parametrize(("options", "sentence"), MADE, ids=[sentence for _, sentence in MADE])
 def test_what_cannot_be_stepped_is_refused_with_a_sentence(options, sentence):
     with pytest.raises((ArgumentError, LagrangianError), match=sentence):

@@ -157,7 +157,6 @@ def hung(**joints) -> Mechanism:
     return Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints=joints)
 
 
-@pytest.mark.cases(36)
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_wrong_mechanism_raises_an_error_that_says_why(wrong: str):
     make, sentence = WRONG[wrong]

@@ -148,7 +148,6 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(17)
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_file_that_is_no_mechanism_raises_an_error_with_its_line(wrong, tmp_path):
     text, sentence = WRONG[wrong]
