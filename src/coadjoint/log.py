@@ -23,8 +23,18 @@ def logger(module: str) -> logging.Logger:
     return found
 
 
+def phase(text: str, *values: object) -> None:
+    """Report the phase that a long call begins: reading, tracing, compiling, running, drawing. The command line shows
+    it; scripts see it at level DEBUG."""
+    PHASES.debug(text, *values)
+
+
 def _shown(record: logging.LogRecord) -> bool:
     said = record.getMessage()
     if (shown := printable(said)) != said:
         record.msg, record.args = shown, ()
     return True
+
+
+PHASES = logger("coadjoint.phases")
+"""The logger of phases."""

@@ -41,7 +41,8 @@ def ended(code: str):
 @pytest.mark.parametrize("module", ["coadjoint.cli.main", "tyro", "jax", "numpy.linalg"])
 def test_a_module_of_python(module, number, status, word):
     done = ended(AT_A_MODULE.format(module=module, number=number))
-    assert (done.returncode, done.stderr, done.stdout) == (status, f"{word}.\n", "")
+    assert (done.returncode, done.stdout) == (status, "")
+    assert done.stderr.removeprefix("Reading remus_100.\n") == f"{word}.\n"
 
 
 @pytest.mark.cases(1)
@@ -49,4 +50,4 @@ def test_a_module_of_python(module, number, status, word):
 def test_an_extension_in_c_is_loaded_to_its_end(module):
     """Where Python raises in it, the process may crash."""
     done = ended(IN_EXTENSIONS.format(module=module, number="SIGINT"))
-    assert (done.returncode, done.stderr) == (130, "Interrupted.\n") and done.stdout.startswith("goes on\n")
+    assert done.returncode == 130 and done.stderr.endswith("Interrupted.\n") and done.stdout.startswith("goes on\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -20,6 +20,8 @@ OK, FAILED = 0, 1
 @dataclass(frozen=True)
 class Reproduce:
     """Run section 5 of Ono, Fiori and Peng (2025) again: figures 1-3, trajectories, a report."""
+
+    BEGINS: ClassVar[str] = "Reproducing section 5 of Ono, Fiori and Peng (2025)."
 
     out: Path = Path("reproduction")
     """Output folder; one that holds another run is an error."""
@@ -49,6 +51,8 @@ class Reproduce:
 @dataclass(frozen=True)
 class Run:
     """Run a TOML file, of a system or of a vehicle's mission: `coadjoint run dive.toml --out dive`."""
+
+    BEGINS: ClassVar[str] = "Reading {file}."
 
     file: tyro.conf.Positional[Path]
     """The run file, with sections system, parameters, initial, method, run and output, or the mission file."""
@@ -94,6 +98,8 @@ class Run:
 class Resume:
     """Continue an interrupted run, in the folder that `run` made: `coadjoint resume dive`."""
 
+    BEGINS: ClassVar[str] = "Reading {folder}."
+
     folder: tyro.conf.Positional[Path]
     """The output folder of the run."""
     json: bool = False
@@ -110,6 +116,8 @@ class Resume:
 @dataclass(frozen=True)
 class Plot:
     """Draw the figures of a folder of results, or of a netCDF file, again."""
+
+    BEGINS: ClassVar[str] = "Reading {source}."
 
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
@@ -141,6 +149,8 @@ class Plot:
 @dataclass(frozen=True)
 class Info:
     """Show the contents of a folder of results, or of a netCDF file of a run."""
+
+    BEGINS: ClassVar[str] = "Reading {source}."
 
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run."""
@@ -186,6 +196,8 @@ class Models:
 class Audit:
     """Measure the claims of every method: order, symmetry, symplecticity, momentum, energy; status 0 if all is
     shown."""
+
+    BEGINS: ClassVar[str] = "Loading the methods and the systems."
 
     out: Path | None = None
     """A folder for audit.md, audit.json and figures."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 class Compare:
     """Compare two runs: their settings, their conserved quantities, the distance between them; figures of both with
     --out."""
+
+    BEGINS: ClassVar[str] = "Reading {first} and {second}."
 
     first: tyro.conf.Positional[Path]
     """A folder that `run` wrote, or a file of a run."""

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import metadata
+from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
@@ -21,8 +22,9 @@ from coadjoint.cli.termination import status, stoppable, word
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.viewing import View
 from coadjoint.errors import ArgumentError, CoadjointError, StepError, printable
-from coadjoint.extensions import Registry, absent, import_string
+from coadjoint.extensions import Registry, absent, extensions, import_string
 from coadjoint.interrupts import deferred_interrupts
+from coadjoint.log import phase
 
 USAGE = 2
 
@@ -47,6 +49,19 @@ COMMANDS: Registry[str] = Registry("COMMANDS")
 """Those of packages above: the dataclass of each, as "module:name", by the word for it."""
 
 
+VEHICLES, RUN_FILE = "coadjoint_vehicles", "run.toml"
+WITHOUT_DASK = (
+    commands.Reproduce,
+    commands.Run,
+    commands.Resume,
+    commands.Plot,
+    commands.Info,
+    Compare,
+    Report,
+    View,
+)
+"""The commands that do not use dask by themselves."""
+
 OF_VEHICLES = ("identify", "import", "serve", "stability", "vehicles")
 """Commands of coadjoint-vehicles, which may not be installed."""
 
@@ -59,8 +74,8 @@ def every_command() -> Any:
     return found
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return the exit status.
+def main(arguments: Sequence[str] | None = None, alone: bool = False) -> int:
+    """Run a command and return the exit status. alone: whether the process is this command, which shows its phases.
 
     0: done. 1: a step failed; what was computed is kept. 2: the request cannot be carried out; one sentence on stderr
     says why. 130: interrupted by Ctrl-C; 143: by SIGTERM. With COADJOINT_TRACEBACK set, unexpected errors show where
@@ -69,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with stoppable() as came:
         try:
             with deferred_interrupts(), terminal.warned():
-                return _run(sys.argv[1:] if arguments is None else list(arguments))
+                return _run(sys.argv[1:] if arguments is None else list(arguments), alone)
         except KeyboardInterrupt as stop:
             folder = [f"; `coadjoint resume {part}` continues the run" for part in stop.args if _is_folder(part)]
             terminal.complain(f"{word(came)}{''.join(folder)}.")
@@ -95,16 +110,35 @@ def _is_folder(part: object) -> bool:
     return isinstance(part, os.PathLike)
 
 
-def _run(given: list[str]) -> int:
+def _run(given: list[str], alone: bool) -> int:
     if given == ["--version"]:
         terminal.line(versions())
         return commands.OK
     if given and given[0] in OF_VEHICLES and given[0] not in COMMANDS:
         raise ArgumentError(absent(f"The command `{given[0]}`"))
     command = _parsed(given or ["--help"])
-    status = command()
+    with terminal.phases(alone and not getattr(command, "json", False)):
+        if begins := getattr(command, "BEGINS", ""):
+            phase(begins.format(**vars(command)))
+        if alone and not _may_use_dask(command):
+            sys.modules.setdefault("dask", None)  # pyright: ignore[reportArgumentType]
+        status = command()
     sys.stdout.flush()
     return status
+
+
+def _may_use_dask(command: object) -> bool:
+    """Whether a command runs sweeps, files of Python or packages of others, which may use dask.
+
+    xarray imports dask, if it is installed, for half a second to see that no array is one of its arrays.
+    """
+    if not isinstance(command, WITHOUT_DASK) or any(name.partition(".")[0] != VEHICLES for name in extensions()):
+        return True
+    named = getattr(command, "file", None) or Path(getattr(command, "folder", "")) / RUN_FILE
+    try:
+        return isinstance(command, (commands.Run, commands.Resume)) and ".py" in named.read_text(errors="replace")
+    except OSError:
+        return True
 
 
 def _parsed(given: Sequence[str]) -> Callable[[], int]:

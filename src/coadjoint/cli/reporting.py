@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import tyro
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Report:
     """Write a run as one HTML page: certificate, figures, numbers with their sources, and how to repeat it."""
+
+    BEGINS: ClassVar[str] = "Reading {folder}."
 
     folder: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote."""

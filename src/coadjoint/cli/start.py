@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from contextlib import suppress
 
 from coadjoint.cli.termination import status, stoppable, word
 
+SELDOM = 100_000
+"""How many more objects are made than freed between two collections: imports and traces make millions that stay."""
+
 
 def run() -> int:
     """Run the command and return the exit status; see `coadjoint.cli.main.main`."""
+    gc.set_threshold(SELDOM)
     found = _run()
     exec("")  # Python ends by SIGINT, whatever the status, if the last text that it executed was interrupted.
     with suppress(ValueError):  # not in the main thread
@@ -23,7 +28,7 @@ def _run() -> int:
         try:
             from coadjoint.cli.main import main
 
-            return main()
+            return main(alone=True)
         except KeyboardInterrupt:
             pass
         except Exception:  # imports may turn an interrupt into this

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Sweep:
     """Run a sweep file, or its missing members: `coadjoint sweep masses.toml --out masses`."""
+
+    BEGINS: ClassVar[str] = "Reading {file}."
 
     file: tyro.conf.Positional[Path]
     """The sweep file, with sections sweep, vary and results."""

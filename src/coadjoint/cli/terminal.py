@@ -6,6 +6,7 @@ All output passes through here, and no control character of a name, a file or a 
 from __future__ import annotations
 
 import json as json_text
+import logging
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from coadjoint.errors import printable
+from coadjoint.log import PHASES
 
 NAME = 16
 """The least width of names next to numbers."""
@@ -80,6 +82,29 @@ def json(found: object, indent: int | None = 2) -> None:
 def complain(sentence: str) -> None:
     """One sentence on stderr."""
     print(printable(sentence), file=sys.stderr)
+
+
+class _Lines(logging.Handler):
+    """Writes log messages as lines on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(record.getMessage(), file=sys.stderr, flush=True)
+
+
+@contextmanager
+def phases(wanted: bool = True) -> Iterator[None]:
+    """Inside this context, if `wanted`, show the phases of a command on stderr, a line each."""
+    if not wanted:
+        yield
+        return
+    lines, level = _Lines(), PHASES.level
+    PHASES.addHandler(lines)
+    PHASES.setLevel(logging.DEBUG)
+    try:
+        yield
+    finally:
+        PHASES.removeHandler(lines)
+        PHASES.setLevel(level)
 
 
 @contextmanager

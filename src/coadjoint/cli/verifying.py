@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import tyro
 
@@ -15,6 +16,8 @@ OK, DAMAGED = 0, 1
 @dataclass(frozen=True)
 class Verify:
     """Compare every file of a folder of results with its manifest: `coadjoint verify dive`; status 0 if all agree."""
+
+    BEGINS: ClassVar[str] = "Reading {folder}."
 
     folder: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, finished or not, or one that co.simulate(store=…) wrote."""

@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import tyro
 
@@ -16,6 +16,8 @@ from coadjoint.cli import terminal
 @dataclass(frozen=True)
 class View:
     """Show runs move in space: one self-contained page for the browser, which needs no network."""
+
+    BEGINS: ClassVar[str] = "Reading the runs."
 
     sources: tyro.conf.Positional[tuple[Path, ...]]
     """Folders that `run` wrote, or files of runs; several come into one scene."""

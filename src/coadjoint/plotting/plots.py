@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from coadjoint.errors import ArgumentError
 from coadjoint.extensions import import_string
+from coadjoint.log import phase
 from coadjoint.plotting.registries import ADDED
 
 if TYPE_CHECKING:
@@ -212,6 +213,8 @@ def save_figures(
             raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names())}.")
     plots = Plots(datasets[0])
     files = [f"{name}.{_ending(name, ending)}" for name in chosen]
+    if files:
+        phase("Drawing %s.", ", ".join(files))
     for name, file in zip(chosen, files, strict=True):
         getattr(plots, name)(*datasets[1:], labels=labels, path=os.path.join(folder, file))
     return files

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from coadjoint.disk import write_text
+from coadjoint.log import phase
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.style import save
@@ -47,6 +48,7 @@ def _write(found: Reproduction, folder: Path) -> None:
 
 def draw(found: Reproduction, folder: Path) -> None:
     """The paper's figures 1–3, and one that explains the growth of the energy."""
+    phase("Drawing %s.", ", ".join(FIGURES.values()))
     first, second = (found.runs[name] for name in LABELS)
     labels = list(LABELS.values())
     plots = Plots(first.dataset)

@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.ensemble import cores, lanes
+from coadjoint.log import phase
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.plan import AnyPosition, Plan
 from coadjoint.simulation.progress import Progress, compiling
@@ -47,6 +48,7 @@ class Driver:
         """Move `position` to the end of the plan; its `failed` shows whether a step failed."""
         alone = self.plan.backend == "native" and self.plan.members is None
         if not alone:
+            phase("Compiling a step.")
             # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
             with compiling(self.title, self.plan.solution, self.progress):
                 self.run(position.state, 1, 1)

@@ -11,7 +11,7 @@ from coadjoint.errors import Interrupted, StepError
 from coadjoint.interrupts import forget, look
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
-from coadjoint.log import logger
+from coadjoint.log import logger, phase
 from coadjoint.mechanics.constrained_start import singular_place
 from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.internal_state import failure
@@ -47,6 +47,7 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
     try:
         before = run.seconds
         if not ended:
+            phase("Running %s, %d steps.", run.title, run.plan.steps)
             _log.info("%s begins, %d steps %s.", run.title, run.plan.steps, run.plan.solution or "by native code")
             loop.drive(run.position)
         if sampler is not None:

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.log import phase
 from coadjoint.mechanics import quantities
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
@@ -102,6 +103,7 @@ class SimulationProblem:
         reading = self._read(system, start)
         begun = setup_cache.found(reading)
         if begun is None:
+            phase("Tracing the functions of %s.", system.name)
             with functions_known(reading is not None and reading.own):
                 begun = self._checked(system, start, reading)
             setup_cache.remember(reading, begun)

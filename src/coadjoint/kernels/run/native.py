@@ -19,6 +19,7 @@ from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run import disk_cache, plans
 from coadjoint.kernels.run.interruptible import Clock, Cut, PieceLength
 from coadjoint.kernels.run.machine import Machine, kept_machine, machine
+from coadjoint.log import phase
 
 KEPT = 128
 """How many kernels stay in memory."""
@@ -115,6 +116,7 @@ def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant)
     if found is not None and code is not None:
         monitored = {one: tuple(shape) for one, shape in found["monitors"]}
         return _kernel(code, shape, monitored, tuple(found["certificates"]), found["course"])
+    phase("Compiling a step.")
     planned = plan(program, parameters, state, variant.pattern, variant.monitors)
     made = load(planned.with_course() if variant.course else planned, variant.width)
     if made.record == shape:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Identify:
     """Find parameters of a vehicle from a log: `coadjoint identify remus_100 log.csv --parameters hull added_mass`."""
+
+    BEGINS: ClassVar[str] = "Reading {log}."
 
     vehicle: tyro.conf.Positional[str]
     """A vehicle that is shipped, or a TOML file of your own."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import tyro
 
@@ -18,6 +18,8 @@ class Import:
 
     `coadjoint import rexrov_default.xacro --folder uuv_descriptions --out rexrov.toml`.
     """
+
+    BEGINS: ClassVar[str] = "Reading {file}."
 
     file: tyro.conf.Positional[Path]
     """SDF of Gazebo, URDF or xacro of uuv_simulator."""

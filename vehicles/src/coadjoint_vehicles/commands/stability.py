@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import degrees, floor, isfinite, isinf, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -27,6 +27,8 @@ MOST = 200
 @dataclass(frozen=True)
 class Stability:
     """Find steady flight of a vehicle, its modes, and whether it is stable: `coadjoint stability remus_100`."""
+
+    BEGINS: ClassVar[str] = "Reading {vehicle}."
 
     vehicle: tyro.conf.Positional[str]
     """A vehicle that is shipped, or a TOML file of your own."""

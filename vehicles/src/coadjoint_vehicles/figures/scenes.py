@@ -12,11 +12,9 @@ from coadjoint.extending import thin
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.scene import POINTS, DrawnBody, Member, Moving, Readout, Scene, Shape, quaternions
 from coadjoint.plotting.style import COLOURS
-from coadjoint_vehicles.figures.shapes import SLENDER
+from coadjoint_vehicles.figures.shapes import BOTTOM, GEOMETRY, SLENDER
 from coadjoint_vehicles.logs.records import VehicleRecords
 
-GEOMETRY, BOTTOM = "vehicle_geometry", "bottom_depth"
-"""Attributes of a dataset: the shapes of its vehicle as JSON, and the depth of the bottom, m."""
 SLOWED = 0.1
 """Propellers turn at a tenth of their speed, so that eyes can follow."""
 

@@ -16,6 +16,9 @@ from coadjoint_vehicles.parts.part import AHEAD
 from coadjoint_vehicles.parts.propeller import Propeller
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
+GEOMETRY, BOTTOM = "vehicle_geometry", "bottom_depth"
+"""Attributes of a dataset: the shapes of its vehicle as JSON, and the depth of the bottom, m."""
+
 SLENDER = 0.12
 """Diameter by length where neither is given."""
 

@@ -17,8 +17,7 @@ from coadjoint.mechanics.members import Each, count_members
 from coadjoint.sections import in_si
 from coadjoint.texts import Table
 from coadjoint.units import split_name
-from coadjoint_vehicles.figures.scenes import BOTTOM, GEOMETRY
-from coadjoint_vehicles.figures.shapes import geometry
+from coadjoint_vehicles.figures.shapes import BOTTOM, GEOMETRY, geometry
 from coadjoint_vehicles.logs.headers import inside
 from coadjoint_vehicles.missions.mission_section import arrival, require_unit
 from coadjoint_vehicles.missions.perturb import perturbed, seeds
