@@ -53,6 +53,12 @@ def test_forces_are_in_proportion_to_a_mass_and_the_cost_to_its_square():
         cart, cart.state(g=[0.0]), dt=0.25, steps=4, inputs={"push": Input((1,))},
         cost=lambda m, p: 0.5 * m.inputs.push @ m.inputs.push, end=End(g=[1.0], xi=[0.0]),
     ).solve(tolerance=1e-11)  # fmt: skip
+    assert "dJ/dθ" in str(optimum.sensitivity(start=("g", "mu")))
+    along = optimum.sensitivity(start="g")
+    assert along.cost["start g"] == pytest.approx([-2 * optimum.cost], rel=1e-7)  # J ∝ the square of the distance
+    np.testing.assert_allclose(along.inputs["push"]["start g"][..., 0], -optimum.inputs["push"], rtol=1e-6)
+    with pytest.raises(co.errors.ArgumentError, match="the start's q, which has no numbers"):
+        optimum.sensitivity(start="q")
     found = optimum.sensitivity("mass")
     assert found.cost["mass"] == pytest.approx(2 * optimum.cost / 2.0, rel=1e-7) and optimum.cost > 1
     np.testing.assert_allclose(found.inputs["push"]["mass"], optimum.inputs["push"] / 2.0, rtol=1e-6)

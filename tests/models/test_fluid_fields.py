@@ -100,7 +100,6 @@ def test_fields_hold_what_the_flow_carries(model, units):
     sphere.vorticity_map(data, variable="carried")
 
 
-@pytest.mark.long
 def test_maps_have_the_values_of_the_field_at_their_places(ran, tmp_path: Path):
     data = gridded(ran)
     for projection in ("mollweide", "hammer"):

@@ -84,7 +84,6 @@ class TestThomsonsRing:
                 assert grown == pytest.approx(np.sqrt(square), rel=(0.01 * (count - 1)) ** 2)  # (hΩ)²
 
 
-@pytest.mark.long
 def test_two_vortices_on_a_sphere_turn_about_their_moment():
     R, gamma = 2.0, np.array([1.0, 2.5])
     x = R * np.array([[0, 0.6, 0.8], [0.8, 0, -0.6]])

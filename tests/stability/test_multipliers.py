@@ -29,15 +29,22 @@ def remus():
     return SteadyFlight(vehicles.load("remus_100")).at(1.5)
 
 
+def test_the_frequency_of_a_free_body_under_steps_is_right_to_second_order():
+    """The left rectangle keeps |m| = 1 as the midpoint does."""
+    body = rigid_body.make(inertia=(1.0, 2.0, 3.0))
+    motion = steady_motion(body, rigid_body.start(body, angular_velocity=(0, 0, 1.0)))
+    found = [step_modes(motion, h, co.LeftRectangle()) for h in (0.2, 0.1)]
+    coarse, fine = (np.abs(one.effective.imag[0]) - 1.0 for one in found)
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
+    for one in found:
+        assert np.abs(one.multipliers) == pytest.approx([1.0, 1.0], abs=1e-12) and abs(one.damping) < 1e-11
+        assert one.excitation == pytest.approx(-one.damping, abs=1e-12)
+
+
 @pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("method", "order"), [(co.Midpoint(), 2), (co.LeftRectangle(), 1)])
 def test_frequencies_under_steps_are_right_to_the_order_of_the_method(method, order, remus):
-    """On a free body the left rectangle keeps |m| = 1 too; both change the frequency by O(h²)."""
-    body = rigid_body.make(inertia=(1.0, 2.0, 3.0))
-    motion = steady_motion(body, rigid_body.start(body, angular_velocity=(0, 0, 1.0)))
-    coarse, fine = (np.abs(step_modes(motion, h, method).effective.imag[0]) - 1.0 for h in (0.2, 0.1))
-    assert coarse / fine == pytest.approx(4.0, rel=0.1)
     off = [step_modes(remus, h, method) for h in (0.04, 0.02)]
     first, last = (np.max(np.abs(one.effective - one.eigenvalues)) for one in off)
     assert np.log2(first / last) == pytest.approx(order, abs=0.2)

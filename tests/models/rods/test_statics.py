@@ -98,15 +98,20 @@ def test_a_cantilever_sags_along_gravity_and_a_load_by_the_beam_of_bernoulli():
     np.testing.assert_allclose(tip[1:], [force / 3, weight], rtol=2e-2)  # towards the third axis about the second
 
 
-@pytest.mark.long
+CURVED = {**SLENDER, "elements": 3, "rest_curvature": 1.2}
+
+
 def test_a_rod_that_is_curved_at_rest_comes_back_to_its_circle():
-    """From straight, and with a couple EIκ against it from its circle to straight."""
-    curved = {**SLENDER, "elements": 3, "rest_curvature": 1.2}
-    rod = rods.planar(**curved)
+    rod = rods.planar(**CURVED)
     found = rods.centerline(rods.equilibrium(rod, rods.planar_start(rod, curvature=0.0)))
     arcs = 1.2 * np.arange(1, 4) / 3
     assert np.max(np.abs(found - np.stack([np.sin(arcs), 1 - np.cos(arcs)], axis=1) / 1.2)) < 1e-9
-    against = rods.planar(**curved, moment=-1.2)
+
+
+@pytest.mark.long
+def test_a_couple_straightens_a_rod_that_is_curved_at_rest():
+    """By EIκ."""
+    against = rods.planar(**CURVED, moment=-1.2)
     found = rods.centerline(rods.equilibrium(against, rods.planar_start(against)))
     assert np.max(np.abs(found - np.stack([np.arange(1, 4) / 3, np.zeros(3)], axis=1))) < 1e-9
 
