@@ -33,7 +33,7 @@ from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
 from coadjoint.methods.rattle import redundancy
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation import setup_cache
-from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_forward, require_kinds, with_inputs
+from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_forward, with_inputs
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
 from coadjoint.simulation.members import begin_members, count_of, first_member, require_one_time, with_own_directions
 from coadjoint.simulation.plan import MembersPosition, Plan, Position
@@ -241,21 +241,6 @@ def require_events(method: Method, state: State, watched: Watched) -> None:
             raise ArgumentError(
                 f"An event, `{name}`, is located by parts of a step, but {method.title} chooses its own: leave it out."
             )
-
-
-def require_fit(
-    system: System, start: State, method: Method, h: float, inputs: PyTree = None, until: Any = None
-) -> None:
-    """Raise the errors of `simulate` for a method that does not fit the system or its start; compiles nothing."""
-    require_kinds(system, start, method)
-    together = count_of(system, start) is not None
-    system, start = with_inputs(system, start, inputs, method.start == "velocity")
-    system, start = first_member(system, start) if together else (system, start)
-    require_internal(system, start, h)
-    require_forward(system, method, start, h)
-    state = method.begin(system, start, h)
-    require_chart(system, method, state, h)
-    require_events(method, state, watched_events(until, None))
 
 
 def _directions(system: System, state: State) -> np.ndarray:
