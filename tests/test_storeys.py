@@ -61,7 +61,7 @@ STOREYS = (
 """From the ground up."""
 ROOMS_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "sensors", "model", "trim", "controllers", "files", "remus"),
-    *("importing", "logs", "figures", "readings"),
+    *("importing", "logs", "trials", "figures", "readings"),
     *("serving", "missions", "environments", "commands", "extension"),
 )
 """From the ground up, too."""

@@ -6,9 +6,9 @@
     run = co.vehicles.load_mission("square.toml").run()
 
 The packages: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`,
-`files`, `importing` (from other simulators), `logs`, `figures`, `missions`, `serving` (for other programs, over UDP),
-`environments` (for learning, by Gymnasium). Axes are north, east, down and forward,
-starboard, down; see `axes`.
+`files`, `importing` (from other simulators), `logs`, `figures`, `missions`, `trials`, `serving` (for other programs,
+over UDP), `environments` (for learning, by Gymnasium). Axes are north, east, down and forward, starboard, down; see
+`axes`.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from coadjoint_vehicles import remus as remus
     from coadjoint_vehicles import sensors as sensors
     from coadjoint_vehicles import serving as serving
+    from coadjoint_vehicles import trials as trials
     from coadjoint_vehicles import trim as trim
     from coadjoint_vehicles import water as water
     from coadjoint_vehicles.environments.make import environment as environment

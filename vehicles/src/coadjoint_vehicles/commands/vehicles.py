@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 class Vehicles:
     """List the vehicles that are shipped, show one, or print a mission of it to start from.
 
-    `coadjoint vehicles show remus_100`, `coadjoint vehicles mission remus_100 > dive.toml`.
+    `coadjoint vehicles show remus_100`, `coadjoint vehicles mission remus_100 > dive.toml`, `coadjoint vehicles mission
+    remus_100 --manoeuvre zigzag_20 > zigzag.toml`.
     """
 
     action: tyro.conf.Positional[Literal["list", "show", "mission"]] = "list"
@@ -30,10 +31,14 @@ class Vehicles:
     """A vehicle: the name of a shipped one, or the path of a TOML file."""
     toml: bool = False
     """Print its file, as a start for your own, and nothing else."""
+    manoeuvre: Literal["turning_circle", "zigzag_10", "zigzag_20", "spiral", "stop", "pull_out"] | None = None
+    """A mission of this standard manoeuvre, with `mission`."""
     json: bool = False
     """Print JSON, and nothing else."""
 
     def __call__(self) -> int:
+        if self.manoeuvre is not None and self.action != "mission":
+            raise ArgumentError(f"--manoeuvre belongs to `mission`: coadjoint vehicles mission {self.name or 'NAME'}.")
         if self.action == "list":
             if self.name or self.toml:
                 raise ArgumentError(f"To show one vehicle write: coadjoint vehicles show {self.name or 'NAME'}.")
@@ -49,9 +54,10 @@ class Vehicles:
         elif self.action == "mission":
             if self.json:
                 raise ArgumentError("A mission is TOML, not JSON: leave --json out.")
-            from coadjoint_vehicles.missions.example import example
+            from coadjoint_vehicles.missions.example import example, standard_manoeuvre
 
-            terminal.text(example(self.name))
+            one = self.manoeuvre
+            terminal.text(example(self.name) if one is None else standard_manoeuvre(self.name, one))
         elif self.toml:
             terminal.text(text_of(self.name))
         elif self.json:

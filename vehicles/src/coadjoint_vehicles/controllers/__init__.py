@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from coadjoint_vehicles.controllers.line_of_sight import LineOfSight as LineOfSight
     from coadjoint_vehicles.controllers.proposed import proposed_controller as proposed_controller
     from coadjoint_vehicles.controllers.sawtooth import Sawtooth as Sawtooth
+    from coadjoint_vehicles.controllers.trial import Trial as Trial
     from coadjoint_vehicles.model.controller import Controller as Controller
     from coadjoint_vehicles.model.controller import Feedback as Feedback
     from coadjoint_vehicles.model.function_controller import FunctionController as FunctionController

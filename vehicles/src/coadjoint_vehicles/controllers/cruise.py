@@ -83,7 +83,11 @@ class Cruise(Controller):
     def steer(
         self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
     ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
-        assert self.allocation is not None
+        mixed, integrals = self.turns_and_thrust(feedback, memory, own)
+        return self.shared(mixed, own, vehicle), integrals
+
+    def turns_and_thrust(self, feedback: Feedback, memory: Named, own: Named) -> tuple[Array, dict[str, PyTree]]:
+        """(δ_roll, δ_pitch, δ_heading, n), (4,), and the integrals of the five controllers."""
         T, omega = own.period, feedback.omega
         faster = own.speed / jnp.maximum(feedback.velocity[0], own.speed / 3)
         climb, of_depth = self._climb(feedback, memory, own)
@@ -95,16 +99,20 @@ class Cruise(Controller):
         round_, of_heading = self._turn("heading", turned, turn, memory.heading, faster, own)
         over, of_roll = pid(_at(faster, own.roll_gains), -feedback.roll, omega[0], memory.roll, T, own.fin_limit)
         ahead, of_speed = pull(feedback, memory.speed, own)
-        fins = own.allocation[:, :3] @ jnp.stack([over, up, round_])
-        fins = fins * jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
-        commands = commands_of(self.allocation, fins + own.allocation[:, 3] * ahead, vehicle)
-        return commands, {
+        return jnp.stack([over, up, round_, ahead]), {
             "depth": of_depth,
             "pitch": of_pitch,
             "heading": of_heading,
             "roll": of_roll,
             "speed": of_speed,
         }
+
+    def shared(self, mixed: Array, own: Named, vehicle: Vehicle) -> dict[str, PyTree]:
+        """The commands of fins and propulsion for (δ_roll, δ_pitch, δ_heading, n)."""
+        assert self.allocation is not None
+        fins = own.allocation[:, :3] @ mixed[:3]
+        fins = fins * jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
+        return commands_of(self.allocation, fins + own.allocation[:, 3] * mixed[3], vehicle)
 
     def _turn(self, axis: str, error: Array, rate: Array, integral: Array, faster: Array, own: Named) -> Any:
         """The mixed angle about an axis, and the integral of its error where that is within reach."""

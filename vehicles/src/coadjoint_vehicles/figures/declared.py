@@ -41,6 +41,12 @@ FIGURES = {
         f"{_FIGURES}.fitting:of_current",
         "The velocity of the water where the vehicle is: north, east, down.",
     ),
+    "trial": AddedFigure(
+        "coadjoint_vehicles.trials.analysis:trial",
+        "coadjoint_vehicles.trials.track:of_trial",
+        "A standard manoeuvre: track, course over time and its figures of merit.",
+        rank=1,
+    ),
     "animation": AddedFigure(
         f"{_FIGURES}.animation:animation",
         f"{_FIGURES}.fitting:of_vehicle",

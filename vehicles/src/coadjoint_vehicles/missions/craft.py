@@ -75,6 +75,7 @@ def set_up(file: MissionSections) -> Setup:
     told |= {"way_points": legs.points.ravel().tolist()} if len(legs.points) else {}
     told |= {GEOMETRY: json.dumps(geometry(vehicle))}
     told |= {} if legs.bottom is None else {BOTTOM: legs.bottom}
+    told |= {} if craft.controller is None else craft.controller.attributes()
     return Setup(system, start, inputs or None, legs.until(grid, arrived), told, doubts)
 
 

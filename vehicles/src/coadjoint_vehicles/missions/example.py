@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from coadjoint.arrays import PyTree
@@ -17,6 +18,58 @@ _SET_POINTS: dict[str, object] = {
     "shallow": 2.0,
     "deep": 10.0,
 }
+
+
+TRIALS: dict[str, tuple[str, float | None, float]] = {
+    "turning_circle": ("turning_circle", None, 60),
+    "zigzag_10": ("zigzag", 10, 100),
+    "zigzag_20": ("zigzag", 20, 100),
+    "spiral": ("spiral", None, 350),
+    "stop": ("stop", None, 60),
+    "pull_out": ("pull_out", None, 50),
+}
+"""Standard manoeuvres: the word of the controller, the rudder order (°) and the duration after the execute (L/U)."""
+
+
+def standard_manoeuvre(name: str, manoeuvre: str) -> str:
+    """The mission of a standard manoeuvre, of `TRIALS`, for a vehicle; raises as `load_vehicle`, and ArgumentError."""
+    from coadjoint.checks import choice
+    from coadjoint_vehicles.files.registry import load_vehicle
+
+    kind, order, duration = TRIALS[choice(manoeuvre, "manoeuvre", tuple(TRIALS))]
+    vehicle = load_vehicle(name)
+    speed = float(getattr(vehicle.controller, "speed", None) or 1.5)
+    length = float(vehicle.length or 10 * vehicle.volume ** (1 / 3))
+    begin, end = (float(f"{lengths * length / speed:.2g}") for lengths in (10, 10 + duration))
+    angles = [part for part in vehicle.commanded if part.command is not None and part.command.unit == "rad"]
+    limits = [float(limit) for part in angles if (limit := getattr(part, "limit", None)) is not None]
+    limit = math.degrees(min(limits, default=math.inf))
+    rudder = (
+        "" if order is None else f"rudder_deg = {min(order, math.floor(limit + 1e-9)):g}\ndeviation_deg = {order:g}\n"
+    )
+    key = "file" if name.endswith(".toml") else "name"
+    return f"""# {" ".join(vehicle.name.split())}: {kind.replace("_", " ")}, a standard manoeuvre for `coadjoint run`.
+{to_toml({"vehicle": {key: name}}).strip()}
+
+[controller]
+kind = "trial"
+manoeuvre = "{kind}"
+speed_m_s = {speed}
+begin_s = {begin:g}  # first execute
+{rudder}
+[mission]
+depth_m = 20
+heading_deg = 0
+speed_m_s = {speed}  # until the execute
+
+[initial]
+position_m = [0, 0, 20]
+speed_m_s = {speed}
+
+[run]
+dt = 0.05
+duration = {end:g}
+"""
 
 
 def example(name: str) -> str:

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths
 from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.texts import Table
+from coadjoint_vehicles.controllers.manoeuvres import TRIAL
 from coadjoint_vehicles.figures.declared import FIGURES
 from coadjoint_vehicles.missions.sensors import counts, logs
 from coadjoint_vehicles.missions.summary import mission_summary, spread
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from coadjoint.simulation import Run
     from coadjoint_vehicles.missions.sections import MissionOutputSection, MissionRunSection
+    from coadjoint_vehicles.trials.analysis import TrialResult
 
 LOG, BAG, MEMBERS = "trajectory.csv", "trajectory.mcap", "members.csv"
 DRAWN = (*(name for name, added in FIGURES.items() if not added.film), "attitude", "budget")
@@ -44,7 +46,9 @@ def figures(output: MissionOutputSection, folder: Path, dataset: xarray.Dataset)
     if count > MOST_DRAWN:
         dataset = dataset.isel(member=np.linspace(0, count - 1, MOST_DRAWN).astype(int))
     chosen = output.figures
-    names = [name for name in DRAWN if name in available(dataset)] if chosen is True else chosen
+    there = available(dataset)
+    names = [name for name in DRAWN if name in there] if chosen is True else list(chosen)
+    names += ["trial"] * ("trial" in there and "trial" not in names)
     return save_figures([dataset], folder, names, output.format)
 
 
@@ -80,9 +84,20 @@ def results(output: MissionOutputSection, folder: Path, run: Run, reached: Calla
     if output.csv:
         logs(run.dataset, folder)
     ended = {} if run.event is None else {"ended_by": reached(run.final.q)}
-    return {
-        "mission": {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended, **counts(run.dataset)}
-    }
+    trial = _trial(run.dataset)
+    found = {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended, **counts(run.dataset)}
+    if trial is None:
+        return {"mission": found}
+    return {"mission": {**found, "trial": {"manoeuvre": trial.track.manoeuvre, **trial.values}}, "notes": [trial.line]}
+
+
+def _trial(dataset: xarray.Dataset) -> TrialResult | None:
+    """The figures of merit of a standard manoeuvre; None of another mission."""
+    if TRIAL not in dataset.attrs:
+        return None
+    from coadjoint_vehicles.trials.analysis import analyse
+
+    return analyse(dataset)
 
 
 def members(output: MissionOutputSection, folder: Path, fleet: Any) -> Table:

@@ -86,6 +86,10 @@ class Controller(Numbers, ABC):
         """Its internal state, such as integrals, at the start."""
         return {}
 
+    def attributes(self) -> dict[str, str]:
+        """Attributes of the datasets of its missions, by name; by default none."""
+        return {}
+
     def fitted(self, vehicle: object) -> Controller:
         """The controller for this vehicle, with values derived from its parts and mass; by default unchanged."""
         return self
