@@ -90,6 +90,8 @@ def all_parts(checks: Checks) -> None:
     checks.run("lint", programs / "ruff", "check", ".")
     checks.run("format", programs / "ruff", "format", "--check", ".")
     checks.run("types", programs / "pyright", "--pythonpath", python)
+    since = changes.base().commit or "HEAD"
+    checks.run("interface", python, ".ci/interface.py", "--check", since)
     if (more := environments.make("more", "test,docs", *COMPANIONS)) is not None:
         words = f"ulimit -t {SITE}; exec '{more}/python' -m sphinx -q -W --keep-going -c docs . '{checks.folder}/site'"
         checks.run("site", "bash", "-c", words)

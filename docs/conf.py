@@ -17,7 +17,8 @@ version = release = coadjoint.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "pages", "docstrings", "formulas", "names"]
 root_doc = "docs/index"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "docs/*.md", "docs/**/*.md"]
+include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "SUPPORT.md"]
+include_patterns += ["CODE_OF_CONDUCT.md", "docs/*.md", "docs/**/*.md"]
 nitpicky = True
 
 myst_heading_anchors = 4

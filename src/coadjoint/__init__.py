@@ -84,7 +84,7 @@ if TYPE_CHECKING:
     from coadjoint.spaces import Trivial as Trivial
     from coadjoint.sweeps.call import sweep as sweep
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 EXTENSIONS: list[str] = []
 """Modules that add to the packages below them, see `coadjoint.extensions`."""
 MOVED = {

@@ -96,6 +96,7 @@ def test_every_part_is_there_in_its_order(two_pythons, tmp_path):
             "lint",
             "format",
             "types",
+            "interface",
         ),
         *("more: install", "site", "extras", "other libraries", "core: install", "core: reproduce", "tests"),
         *(f"3.12: {end}" for end in ended),
@@ -226,6 +227,12 @@ def test_the_audit_runs_every_file_of_tests_and_refuses_parts_that_there_are_not
 
 
 def test_the_programs_need_the_standard_library_alone():
-    command = [sys.executable, "-I", "-S", "-c", "import sys; sys.path.insert(0, '.'); import audit, checks"]
+    command = [
+        sys.executable,
+        "-I",
+        "-S",
+        "-c",
+        "import sys; sys.path.insert(0, '.'); import audit, checks, constraints, prereleases, release",
+    ]
     done = subprocess.run(command, cwd=ROOT / ".ci", capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -176,7 +176,7 @@ NAMED = {"jax": "JAX", "llvmlite": "llvmlite", "numpy": "NumPy"}
 
 
 def versions() -> str:
-    """`coadjoint 0.1.0 with Python 3.11.7, JAX 0.10.2, llvmlite 0.50.0, NumPy 2.4.6`."""
+    """`coadjoint 0.2.0 with Python 3.11.7, JAX 0.10.2, llvmlite 0.50.0, NumPy 2.4.6`."""
     packages = ", ".join(f"{name} {metadata.version(package)}" for package, name in NAMED.items())
     return f"coadjoint {coadjoint.__version__} with Python {platform.python_version()}, {packages}"
 

@@ -1,0 +1,69 @@
+"""api.json is the public interface, and what goes or changes in it is named in CHANGELOG.md."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / ".ci"))
+import interface
+
+HOW = "Run `python .ci/interface.py`, and name in CHANGELOG.md what is gone or changed."
+PACKAGES = {name: import_module(name) for name in interface.packages()}
+WRITTEN = json.loads(interface.FILE.read_text("utf-8"))
+
+
+def test_the_public_names_are_those_of_the_file() -> None:
+    """Without loading them; `.ci/run` compares signatures, keys, commands and all else."""
+    found = {name: sorted(package.__all__) for name, package in PACKAGES.items()}
+    assert found == {package: sorted(names) for package, names in WRITTEN["names"].items()}, HOW
+
+
+@pytest.mark.long
+def test_the_file_is_the_public_interface() -> None:
+    assert interface.interface() == WRITTEN, HOW
+
+
+def test_what_is_gone_or_changed_must_be_named() -> None:
+    before = {"names": {"co": {"f": "(a)", "g": "(b)", "A": {"()": "(x)", "m": "(self)"}}}, "dataset": ["q", "mu"]}
+    now = {"names": {"co": {"f": "(a, b=1)", "A": {"()": "(y)", "m": "(self)"}, "new": "()"}}, "dataset": ["q"]}
+    assert interface.unmentioned(before, now, "- `f` takes `b`; `A` takes y.") == ["/names/co/g", "/dataset/mu"]
+    assert interface.unmentioned(before, now, "- `f`, `A`, `g` and mu.") == []
+    assert interface.unmentioned(before, before, "") == []
+
+
+@dataclass
+class Shape:
+    """A class with each kind of member."""
+
+    size: float = 1.0
+    parts: list[int] = field(default_factory=list)
+
+    @property
+    def area(self) -> float:
+        """Its area."""
+        return self.size**2
+
+    @classmethod
+    def of(cls, size: float, how: object = sorted) -> Shape:
+        """One of a size."""
+        return cls(size)
+
+    def _own(self) -> None: ...
+
+
+def test_a_class_is_its_members_and_a_default_is_text_without_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interface, "OWN", (Shape.__module__.partition(".")[0],))
+    assert interface.described(Shape) == {
+        "()": "(size=1.0, parts=a default())",
+        "area": "property",
+        "of": "classmethod(cls, size, how=<built-in function sorted>)",
+        "parts": "field",
+        "size": "field",
+    }
+    assert interface.shown(object()) == "<object>" and interface.shown(interface.text) == "text"
