@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
-from coadjoint.log import logger
+from coadjoint.extending import logger
 from coadjoint.models.quantities import positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_error, attitude_of
