@@ -87,7 +87,7 @@ def test_a_page_shows_track_rudder_and_table(made):
     assert labels > (
         {"advance", "transfer", "tactical diameter", "rate of turn"} if made is None else {"heading", "order"}
     )
-    assert ("tactical diameter" if made is None else "second overshoot") in panels[2].texts[0].get_text()
+    assert ("tactical diameter" if made is None else "first overshoot") in panels[2].texts[0].get_text()
 
 
 def test_a_turn_that_ends_early_has_no_tactical_diameter():
