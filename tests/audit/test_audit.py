@@ -11,6 +11,7 @@ import wrong
 
 import coadjoint as co
 import coadjoint.methods
+from coadjoint.audit import long_run
 from coadjoint.audit.audit import audit, audit_cell
 from coadjoint.audit.long_run import drift
 from coadjoint.audit.order import fit
@@ -250,3 +251,23 @@ def test_every_claim_of_every_method_is_shown():
     found = audit(progress=False)
     assert found.passed, "\n".join(found.failures)
     assert {cell.map for cell in found.cells} == set(MAPS)
+
+
+def test_the_gap_of_a_constrained_system_is_that_of_places_and_velocities():
+    problem = PROBLEMS["pinned body"]
+    start = problem.start
+    off = start.replace(n=start.n + np.array([0, 0, 1e-3]))
+    states = jax.tree.map(lambda *leaves: np.stack(leaves), start, off)
+    assert long_run._gap(problem.system, jax.tree.map(lambda leaf: leaf[:1], states)) < 1e-15
+    assert long_run._gap(problem.system, states) == pytest.approx(1e-3)
+    assert long_run._gap(TOP.system, TOP.start) == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["Midpoint", "Suzuki4(Midpoint)"])
+def test_constrained_systems_keep_their_constraints_order_and_reversibility(name):
+    pinned = findings(BY_NAME[name], co.Cayley(), PROBLEMS["pinned body"])
+    assert set(pinned) == {"order", "symmetric", "constraints", "momentum", "energy"}
+    suslov = findings(BY_NAME[name], co.Cayley(), PROBLEMS["Suslov's body"])
+    assert set(suslov) == {"order", "symmetric", "constraints", *(["energy"] if name == "Midpoint" else [])}
+    assert not not_shown(pinned) | not_shown(suslov)

@@ -29,6 +29,8 @@ DRIFT_WITHIN = 0.5
 """Of the mean error; an error that grows as the square root of time is above 1, one in proportion to time at 2."""
 ROUND_OFF = float(np.finfo(float).eps)
 """What rounding adds to a momentum at each stage at worst, when all errors have one sign."""
+ON_CONSTRAINTS = 1e-13
+"""The largest |φ|, |φ̇| and |A·(ξ, ν) − b| at nodes, of systems whose sizes are of order one."""
 WANDERING = 10 * ROUND_OFF
 """Times the square root of the number of stages: what rounding adds to an energy that is kept."""
 
@@ -87,9 +89,12 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
         stages = steps * len(method.stages)
         round_off = WANDERING * np.sqrt(stages)
         findings = []
-        if claims.momentum and np.isfinite(found.momentum_error):
+        if problem.constrained:
+            findings.append(Finding("constraints", "exact", found.gap, ON_CONSTRAINTS))
+        if claims.momentum and problem.holonomic and np.isfinite(found.momentum_error):
             findings.append(Finding("momentum", "exact", found.momentum_error, ROUND_OFF * stages))
-        if claims.energy == "bounded":
+        reversible = claims.symmetric and len(method.stages) == 1
+        if claims.energy == "bounded" and (problem.holonomic or reversible):
             drift = found.drift if found.band > ROUND_OFF * stages else 0.0
             findings.append(Finding("energy", "bounded", max(drift, 0.0), DRIFT_WITHIN))
         elif claims.energy in ("exact", "discrete") or (claims.energy == "quadratic" and problem.quadratic):
@@ -100,7 +105,7 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
     measurements: list[tuple[Claim, bool, object]] = [
         ("order", problem.internal or claims.order <= highest, order),
         ("symmetric", claims.symmetric and not problem.internal, symmetric),
-        ("symplectic", claims.symplectic and problem.conservative, symplectic),
+        ("symplectic", claims.symplectic and problem.conservative and not problem.constrained, symplectic),
         ("energy", problem.conservative, kept),
     ]
     findings: list[Finding] = []

@@ -8,7 +8,7 @@ from typing import Literal
 from coadjoint.audit.long_run import LongRun
 from coadjoint.audit.order import Convergence
 
-Claim = Literal["order", "symmetric", "symplectic", "momentum", "energy"]
+Claim = Literal["order", "symmetric", "symplectic", "momentum", "energy", "constraints"]
 
 
 @dataclass(frozen=True)

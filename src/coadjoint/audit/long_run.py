@@ -20,6 +20,7 @@ from coadjoint.audit.stepper import AuditStepper
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.noether import isotropy_algebra, momentum_scale, spatial_momentum
+from coadjoint.mechanics.reactions import node_rate, site
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
@@ -31,7 +32,8 @@ EVERY = 20
 class LongRun(NamedTuple):
     """Times (s), relative energy error at them, its band and drift, and the largest relative error of a momentum.
 
-    `momentum_error` is NaN where no direction leaves all advected parameters alone.
+    `momentum_error` is NaN where no direction leaves all advected parameters alone. gap: the largest |φ|, |φ̇| and
+    |A·(ξ, ν) − b|; 0 without constraints.
 
     times, energy_error: (nodes,).
     """
@@ -41,6 +43,7 @@ class LongRun(NamedTuple):
     band: float
     drift: float
     momentum_error: float
+    gap: float = 0.0
 
 
 def long_run(stepper: AuditStepper, h: float, steps: int, discrete: bool) -> LongRun:
@@ -51,7 +54,19 @@ def long_run(stepper: AuditStepper, h: float, steps: int, discrete: bool) -> Lon
     size = abs(values[0]) + np.max(terms)
     error = np.where(stepper.method.holds(records), np.abs(values - values[0]), 0.0) / size
     kept = _momentum_error(stepper.system, stepper.start, records)
-    return LongRun(np.asarray(records.t), error, float(error.max()), drift(error), kept)
+    return LongRun(np.asarray(records.t), error, float(error.max()), drift(error), kept, _gap(stepper.system, records))
+
+
+def _gap(system: System, records: State) -> float:
+    """The largest distance from a constraint, of places and of velocities, at records."""
+    if not system.constraints:
+        return 0.0
+
+    def off(record: State):
+        places = [one.value(system, site(record)) for one in system.constraints if one.holonomic]
+        return [*places, node_rate(system, record)]
+
+    return float(max(np.max(np.abs(part)) for part in evaluate(jax.vmap(off), records)))
 
 
 def _energy(stepper: AuditStepper, h: float, discrete: bool) -> Callable[[State], PyTree]:

@@ -9,6 +9,7 @@ from PIL import Image
 
 from coadjoint.audit.audit import (
     DRIFT_WITHIN,
+    ON_CONSTRAINTS,
     ORDER_WITHIN,
     REVERSIBLE_WITHIN,
     ROUND_OFF,
@@ -69,7 +70,8 @@ def text(audit: Audit, command: str, figures: list[str]) -> str:
         refused=refused, quick=", ".join(QUICK),
         command=command, verdict=verdict, table=markdown(COLUMNS, rows(audit)), systems=described,
         orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
-        reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, wandering=WANDERING, figures=shown,
+        reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, wandering=WANDERING,
+        on_constraints=ON_CONSTRAINTS, figures=shown,
     )  # fmt: skip
 
 
@@ -103,6 +105,12 @@ that is claimed, and the least and greatest that were measured; then the worst o
   {drift:g} where the band is above round-off. An error in proportion to time is at 2, one that grows as its square root
   above 1. Where a method claims its energy exact, the band itself is within {wandering:.1e} times the square root of
   the number of stages. `EnergyMomentum` with one point claims that where ℋ is quadratic, and nothing on other systems.
+- *gap*: the largest |φ|, |φ̇| and |A·(ξ, ν) − b| at the nodes of the long runs of the constrained systems; within
+  {on_constraints:.0e}.
+
+Constrained systems are run over the Cayley map. Their two-form lives on T*N and is a row of [theorems](theorems.md). On
+Suslov's body momentum is not conserved, and a band of the energy is asked of reversible methods of one stage alone: its
+motion ends in a family of equilibria, along which compositions drift by the error of a step.
 
 Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, for order 6
 divided by √2 and from 7 on by its root. Errors that round-off reaches are left out; of the others the finest four are

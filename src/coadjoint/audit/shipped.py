@@ -13,6 +13,7 @@ from coadjoint.audit.systems import QUICK, AuditSystem
 from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Pade, SecondKind, Squared
 from coadjoint.groups import SE3
 from coadjoint.groups.group import Element
+from coadjoint.mechanics.constraints import Constraint
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
     AdjointVariational,
@@ -49,6 +50,10 @@ def as_it_is(system: System) -> System:
     return system
 
 
+def _constraints(system: System) -> dict[str, Constraint] | None:
+    return {one.name: one.constraint for one in system.constraints} or None
+
+
 def with_left_rectangle(system: System) -> System:
     """The system with Λ = hℓ(ξ, n, (s − n)/h, a) in addition to ℓ; in group form with ξ = (F − F⁻¹)ᵛ/2h."""
     group, dynamic = system.group, system.additional.ambient(system.group) > 0
@@ -66,7 +71,7 @@ def with_left_rectangle(system: System) -> System:
 
     return System(
         group, system.lagrangian, additional=system.additional, advected=system.advected,
-        parameters=system.parameters, forces=system.forces, internal=system.internal,
+        parameters=system.parameters, forces=system.forces, internal=system.internal, constraints=_constraints(system),
         discrete_lagrangian=in_algebra, group_lagrangian=on_group,
     )  # fmt: skip
 
@@ -89,7 +94,7 @@ def with_hamiltonian(system: System) -> System:
 
     return System(
         system.group, hamiltonian=hamiltonian, additional=system.additional, advected=system.advected,
-        parameters=system.parameters, forces=system.forces, internal=system.internal,
+        parameters=system.parameters, forces=system.forces, internal=system.internal, constraints=_constraints(system),
     )  # fmt: skip
 
 
@@ -159,9 +164,9 @@ def audited(shipped: Shipped, tau: str, problem: AuditSystem) -> bool:
 
     Left out are maps that are not `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`, and
     on SE(3) Galerkin's of order 8 and all of Galerkin's over the exponential: such a step is too large for native code,
-    and XLA takes minutes for it. Orders with an internal state are audited over the Cayley map.
+    and XLA takes minutes for it. Orders with an internal state and constrained systems are audited over the Cayley map.
     """
-    if problem.internal and tau in MAPS and tau != "Cayley":
+    if (problem.internal or problem.constrained) and tau in MAPS and tau != "Cayley":
         return False
     method = shipped.make(MAPS.get(tau, Cayley()))
     if tau in MAPS and tau not in FOR_EVERY_METHOD and (problem.name not in QUICK or method.claims.order > 2):

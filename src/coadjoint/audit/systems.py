@@ -1,4 +1,4 @@
-"""Nonlinear systems on which claims are measured: three groups, flat and curved Q, forces.
+"""Nonlinear systems on which claims are measured: three groups, flat and curved Q, forces, constraints.
 
 In units in which turning takes a few seconds. None of them is linear, and none is a harmonic oscillator.
 """
@@ -12,6 +12,7 @@ from functools import lru_cache
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.audit.constrained import pinned_body, pinned_exactly, suslov, suslov_exactly
 from coadjoint.audit.steered_top import steered_exactly, steered_top
 from coadjoint.groups import SE2, SE3, SO3, attitude
 from coadjoint.mechanics.state import Force, State
@@ -43,6 +44,15 @@ class AuditSystem:
     @property
     def internal(self) -> bool:
         return self.system.internal is not None
+
+    @property
+    def constrained(self) -> bool:
+        return bool(self.system.constraints)
+
+    @property
+    def holonomic(self) -> bool:
+        """Whether no constraint is one on velocities alone: steps are then variational, with reactions in ℓ."""
+        return all(one.holonomic for one in self.system.constraints)
 
     @property
     def system(self) -> System:
@@ -163,6 +173,8 @@ PROBLEMS: dict[str, AuditSystem] = {
         AuditSystem("pendulum on body", pendulum_on_body, 2.0, highest=4),
         AuditSystem("driven top", driven_top, 2.0, conservative=False),
         AuditSystem("steered top", steered_top, 2.0, conservative=False, exact=steered_exactly),
+        AuditSystem("pinned body", pinned_body, 2.0, exact=pinned_exactly),
+        AuditSystem("Suslov's body", suslov, 3.0, of_velocity=True, exact=suslov_exactly),
     )
 }
 

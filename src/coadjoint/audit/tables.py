@@ -19,6 +19,7 @@ COLUMNS = (
     "momentum",
     "energy band",
     "drift",
+    "gap",
     "shown",
 )
 
@@ -48,6 +49,7 @@ def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
         *(_worst([found.measured for found in of(claim)]) for claim in ("symplectic", "symmetric", "momentum")),
         _worst([run.band for run in long_runs]),
         "exact" if exact else _worst([found.measured for found in of("energy")], "{:.2f}"),
+        _worst([found.measured for found in of("constraints")]),
         "yes" if all(cell.shown for cell in cells) else "NO",
     )
 
