@@ -123,7 +123,6 @@ def test_a_member_off_a_constraint_raises():
         run(system, start=off, steps=1)
 
 
-@pytest.mark.long
 def test_members_are_projected_as_single_states_and_need_independent_rows():
     system = pinned()
     off = start(system, xi=co.each([RATES, 2 * RATES]))
@@ -181,7 +180,7 @@ def test_gradients_go_through_reactions(derivative):
 
 @pytest.mark.parametrize(
     "method",
-    [co.Midpoint(), pytest.param(co.HamiltonianMidpoint(), marks=pytest.mark.long)],
+    [pytest.param(co.Midpoint(), marks=pytest.mark.long), co.HamiltonianMidpoint()],
     ids=lambda method: method.title,
 )
 def test_a_hamiltonian_has_the_steps_of_its_lagrangian(method, plain):

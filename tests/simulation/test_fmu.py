@@ -82,7 +82,6 @@ def slave(saved, tmp_path):
     made.close()
 
 
-@pytest.mark.long
 def test_a_unit_is_valid_and_names_its_inputs_outputs_starts_and_step(saved):
     from fmpy.validation import validate_fmu
 
