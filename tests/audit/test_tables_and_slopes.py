@@ -117,13 +117,14 @@ def test_a_row_has_the_worst_of_all_systems():
     energy, momentum = Finding("energy", "bounded", 0.01, 0.1), Finding("momentum", "kept", 1e-13, 1e-9)
     run = LongRun(np.arange(3.0), np.zeros(3), 2e-4, 0.0, 0.0)
     first = cell(findings=(order(2.01), energy, momentum), long_run=run)
-    others = (order(1.97), order(3.0, claimed=3), Finding("momentum", "kept", 1e-12, 1e-13))
+    gap = Finding("constraints", "exact", 3e-16, 1e-13)
+    others = (order(1.97), order(3.0, claimed=3), Finding("momentum", "kept", 1e-12, 1e-13), gap)
     second = cell(system="body", findings=others)
     refused = cell(system="curved", findings=(), refusal="no")
     (row,) = rows(Audit((first, second, refused), 1.0))
-    assert row == ("Midpoint", "Cayley", "2", "1.97–2.01", "–", "–", "1e-12", "2e-04", "0.01", "NO")
+    assert row == ("Midpoint", "Cayley", "2", "1.97–2.01", "–", "–", "1e-12", "2e-04", "0.01", "3e-16", "NO")
     (row,) = rows(Audit((cell(findings=(Finding("energy", "exact", 1e-15, 1e-9),)),), 1.0))
-    assert row[-2:] == ("exact", "yes") and row[3] == "–"
+    assert row[-3:] == ("exact", "–", "yes") and row[3] == "–"
     (row,) = rows(Audit((cell(),), 1.0))
     assert row[-3:] == ("–", "–", "yes")
 
