@@ -24,6 +24,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.program import as_read
 from coadjoint.simulation.accuracy.resolution import require_full, with_trajectory_error
 from coadjoint.simulation.arguments import grid, require_kinds
 from coadjoint.simulation.events import Event
@@ -147,7 +148,8 @@ def simulate(
         run = streamed(run, store, kelvin_noether, judging, traces)
     else:
         require_room(run)
-    done: Any = execute(run, progress, began, judging)
+    with as_read(run.plan.program.version):
+        done: Any = execute(run, progress, began, judging)
     if full:
         finer = replace(problem, h=h / 2, steps=2 * steps, save_every=2 * save_every, monitors=False)
         _judge_by(done, finer.set_up(), progress, began)

@@ -1,39 +1,133 @@
-"""Functions of a program that XLA compiles, with options for the structure of its steps."""
+"""Functions of a program that XLA compiles, with options for the structure of its steps, kept on disk.
+
+An executable of XLA is found, without a trace, under the identity of its program, as plans of machine code are
+(`kernels.run.plans`), and is executed like machine code: files are sealed (`kernels.run.store`).
+"""
 
 from __future__ import annotations
 
+import os
+import pickle
+import re
+import threading
+from collections import OrderedDict
 from collections.abc import Callable
-from functools import cache, wraps
-from typing import Any
+from contextlib import suppress
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import jax
+import numpy as np
+from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.program import Program
+from coadjoint.kernels.run import plans, store
+from coadjoint.kernels.trace.library import edited
 
 MANY_SMALL = (("xla_cpu_use_fusion_emitters", False),)
 """Options for steps of links: XLA writes each of their some 400 small loops itself, in place of going through MLIR,
 which takes two thirds of the time to compile and as long to run. JAX 0.12 has no such option."""
 
+LAPACK = "lapack_"
+"""The only functions outside of an executable that another process has at its disposal, when JAX has loaded LAPACK."""
+_CALLED = re.compile(r"custom_call @(\w+)")
 
-def compiled(*static: str) -> Callable[[Callable], Callable]:
+Key = tuple[Program, PyTree, tuple[tuple[str, tuple[int, ...]], ...], tuple[tuple[str, Any], ...]]
+
+KEPT = 32
+"""The most executables that stay in memory."""
+
+
+class _Kept(NamedTuple):
+    """An executable as it is stored: the leaves of its result are numbered in `result`."""
+
+    executable: bytes
+    result: PyTree
+
+
+class Compiled:
     """`jax.jit` of a function whose first argument is a program, with the options for its steps.
 
+    Called with all `static` arguments by keyword, it finds and keeps executables of programs whose identity is known.
     static: the names of further arguments that are not arrays.
     """
 
-    def made(function: Callable) -> Callable:
-        @cache
-        def version(options: tuple[tuple[str, PyTree], ...]) -> Callable:
-            return jax.jit(function, static_argnames=("program", *static), compiler_options=dict(options))
+    def __init__(self, function: Callable[..., PyTree], static: tuple[str, ...]):
+        self.function, self.static = function, static
+        self._version = cache(self._jitted)
+        self._ready: OrderedDict[Key, Callable[..., PyTree] | None] = OrderedDict()
+        """Executables; None for those that JAX keeps in memory alone."""
+        self._lock = threading.Lock()
 
-        @wraps(function)
-        def call(program: Program, *args: object, **keywords: object) -> Any:
-            return version(_options(program))(program, *args, **keywords)
+    def __call__(self, program: Program, *args: object, **keywords: object) -> Any:
+        ready = self._found(program, args, keywords) if keywords.keys() == set(self.static) else None
+        if ready is not None:
+            return ready(*args)
+        return self._version(_options(program))(program, *args, **keywords)
 
-        return call
+    def _jitted(self, options: tuple[tuple[str, PyTree], ...]) -> Callable[..., PyTree]:
+        return jax.jit(self.function, static_argnames=("program", *self.static), compiler_options=dict(options))
 
-    return made
+    def _found(self, program: Program, args: tuple, keywords: dict[str, Any]) -> Callable[..., PyTree] | None:
+        """The executable for arguments of these types; None if the identity of the program is unknown."""
+        chosen = tuple(sorted(keywords.items()))
+        key = program, jax.tree.structure(args), _types(args), chosen
+        with self._lock:
+            if key in self._ready:
+                self._ready.move_to_end(key)
+                return self._ready[key]
+        how = self.function.__qualname__, chosen, _options(program), os.environ.get("XLA_FLAGS", "")
+        name = plans.name(program, args, (), "xla", *how, _types(args)) if jax.default_backend() == "cpu" else None
+        made = None if name is None else _loaded(name, args) or self._made(name, program, args, keywords)
+        with self._lock:
+            self._ready[key] = made
+            while len(self._ready) > KEPT:
+                self._ready.popitem(last=False)
+        return made
+
+    def _made(self, name: str, program: Program, args: tuple, keywords: dict[str, Any]) -> Callable[..., PyTree]:
+        """The executable, compiled now, and stored if another process can run it."""
+        alone = jax.jit(partial(self.function, program, **keywords), compiler_options=dict(_options(program)))
+        lowered = alone.lower(*args)
+        made = lowered.compile()
+        if edited() or not all(called.startswith(LAPACK) for called in _CALLED.findall(lowered.as_text())):
+            return made
+        with suppress(Exception):  # constants that it holds, or an object without a form in a file
+            executable, _, structure = serialize(made)
+            numbered = jax.tree.unflatten(structure, range(structure.num_leaves))
+            store.keep(name, pickle.dumps(_Kept(executable, numbered)))
+        return made
+
+
+def compiled(*static: str) -> Callable[[Callable[..., PyTree]], Compiled]:
+    """Make a function `Compiled`."""
+    return lambda function: Compiled(function, static)
+
+
+def _types(args: tuple) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    """Types and shapes of all numbers."""
+    leaves = jax.tree.leaves(args)
+    return tuple((np.dtype(getattr(leaf, "dtype", type(leaf))).str, np.shape(leaf)) for leaf in leaves)
+
+
+def _loaded(name: str, args: tuple) -> Callable[..., PyTree] | None:
+    """The executable that this user has stored under a name; None if there is none that this process can load."""
+    content = store.fetch(name)
+    if content is None:
+        return None
+    try:
+        _load_lapack()
+        kept = pickle.loads(content)
+        return deserialize_and_load(kept.executable, jax.tree.structure((args, {})), jax.tree.structure(kept.result))
+    except Exception:
+        return None
+
+
+@cache
+def _load_lapack() -> None:
+    """Have JAX load LAPACK, as it does when it first lowers a function of it."""
+    jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), np.float64))
 
 
 def _options(program: Program) -> tuple[tuple[str, PyTree], ...]:
