@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.run import native, xla
+from coadjoint.kernels.run import ensemble, native, xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step_model import StepModel
@@ -80,6 +80,32 @@ def test_steps_by_xla_take_the_loop_that_a_run_has_compiled(monkeypatch):
     for found, other in zip(by_xla(rows, np.full(2, H)), plain(rows, np.full(2, H)), strict=True):
         np.testing.assert_array_equal(found, other)
     assert len(seen) == 2 and all(one is by_xla.constants for one in seen)
+
+
+def test_rows_by_xla_are_taken_in_groups_of_one_step_size_with_the_constants_of_their_members(monkeypatch):
+    system = co.System(co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0})
+    constants = Constants(co.Parameters(mass=np.array([1.0, 2.0, 4.0])), None)
+    begun = co.Midpoint().begin(system, system.state(mu=[2.0]), H)
+    groups = []
+
+    def run(program, constants, states, h, *rest, axes):
+        groups.append((h, constants.system.mass.tolist()))
+        return ensemble.run_ensemble(program, constants, states, h, *rest, axes=axes)
+
+    monkeypatch.setattr(xla, "run_ensemble", run)
+    program = StepProgram(replace_parameters(system, None), co.Midpoint())
+    axes = jax.tree.map(lambda _: True, constants)
+    found = StepModel(program, constants, begun, backend="xla", axes=axes, count=2)
+    rows = np.repeat(found.pack(jax.tree.map(lambda leaf: np.asarray(leaf)[None], begun)), 5, axis=0)
+    h, members = np.array([0.1, 0.2, 0.1, 0.1, 0.2]), [0, 1, 2, 0, 2]
+    taken = found.step(rows, h, 3, members)
+    assert groups == [(0.1, [1.0, 4.0]), (0.1, [1.0, 1.0]), (0.2, [2.0, 4.0])]
+    expected = 3 * h * 2.0 / np.array([1.0, 2.0, 4.0])[members]
+    np.testing.assert_allclose(found.unpack(taken.after).g[:, 0], expected, rtol=1e-14)
+    np.testing.assert_array_equal(found.unpack(taken.record).g[:, 0], np.zeros(5))
+    assert taken.code.tolist() == [0] * 5 and taken.course.shape == (5, 0)
+    with pytest.raises(ValueError, match="have the constants of their members"):
+        found.step(rows, h, 1, members, np.ones((5, 1)))
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import numpy as np
 import pytest
 
@@ -168,3 +169,27 @@ def test_what_carries_nothing_is_refused():
     ):
         with pytest.raises(ArgumentError, match=sentence):
             call()
+
+
+def test_energies_and_helicity_of_a_magnetic_fluid_are_sums_over_harmonics():
+    """½ Σ l(l + 1)|θ_l|², −Σ ω_l·θ_l and ½ Σ |θ_l|², where c_lm of m > 0 stand for two, and θ and ω come back."""
+    random = np.random.default_rng(6)
+    L, m = 4, np.arange(4)
+    omega, theta = random.normal(size=(2, L, L)) + 1j * random.normal(size=(2, L, L)) * (m > 0)
+    for c in (omega, theta):
+        c[m[None] > m[:, None]] = 0
+        c[0] = 0
+    fluid = fluids.magnetohydrodynamics(6)
+    state = fluids.carrying_start(fluid, omega, theta)
+    twice, degree = np.where(m > 0, 2.0, 1.0), (m * (m + 1))[:, None]
+    expected = {
+        "magnetic_energy": 0.5 * np.sum(degree * twice * np.abs(theta) ** 2),
+        "cross_helicity": -np.sum(twice * (omega * theta.conj()).real),
+        "mean_square_potential": 0.5 * np.sum(twice * np.abs(theta) ** 2),
+    }
+    found = evaluate(lambda s: {name: f(s) for name, f in fluid.quantities if name in expected}, state)
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, rel=1e-12), name
+    np.testing.assert_allclose(fluids.carried(fluid, state)[:L, :L], theta, atol=1e-13)
+    slope = evaluate(jax.grad(lambda a: dict(fluid.quantities)["magnetic_energy"](state.replace(a=a))), state.a)
+    assert slope @ state.a == pytest.approx(2 * expected["magnetic_energy"], rel=1e-12)

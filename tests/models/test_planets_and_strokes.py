@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.models import fluids, swimmer
+from coadjoint.models import falling_cat, fluids, integrable_tops, swimmer
 from coadjoint.models.fluids.euler import axial
 from coadjoint.models.fluids.harmonics import from_coefficients
 
@@ -69,3 +70,27 @@ def test_a_swimmer_starts_where_and_as_bent_as_it_is_said():
         np.testing.assert_array_equal(found, given)
     with pytest.raises(ArgumentError, match=r"`position` must have shape \(2,\)"):
         swimmer.start(made, position=(1.0, 2.0, 3.0))
+
+
+def test_a_cat_starts_in_an_attitude_with_its_spine_bent():
+    cat = falling_cat.make(mass=(1.0, 2.0), axial=(0.1, 0.2), transverse=(0.3, 0.4), reach=(0.2, 0.3), stiffness=5.0)
+    state = falling_cat.start(
+        cat, euler_zyx=(0.3, 0.0, 0.0), angular_velocity=(0.1, 0.2, 0.3), bend=(0.4, 0.5), bend_rate=(0.6, 0.7)
+    )
+    np.testing.assert_allclose(state.g, attitude.zyx(0.3, 0, 0), atol=1e-15)
+    for found, given in ((state.xi, (0.1, 0.2, 0.3)), (state.n, (0.4, 0.5)), (state.nu, (0.6, 0.7))):
+        np.testing.assert_array_equal(found, given)
+
+
+def test_the_integrals_of_tops_are_their_published_formulas():
+    """With ω = (1, 2, −1), a = (0.6, 0, 0.8) and k = mgl/C = 3."""
+    omega, a, given = np.array([1.0, 2.0, -1.0]), [0.6, 0.0, 0.8], {"mass": 2.0, "lever": 1.5, "gravity": 2.0}
+    for make, name, expected in (
+        (integrable_tops.kovalevskaya, "kovalevskaya_integral", (-3 - 1.8) ** 2 + 4**2),
+        (integrable_tops.goryachev_chaplygin, "chaplygin_integral", -5 - 3 * 0.8),
+    ):
+        top = make(axial=2.0, **given)
+        momentum = np.diag(top.parameters.inertia) * omega
+        state = top.state(xi=omega, a0=a).replace(mu=momentum)
+        found = evaluate(lambda s, p, top=top, name=name: dict(top.quantities)[name](s, p), state, top.parameters)
+        assert found == pytest.approx(expected, rel=1e-14)
