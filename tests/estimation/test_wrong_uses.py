@@ -11,6 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import estimation
+from coadjoint.estimation.measurements import positive, semidefinite
 
 Filter: Any = estimation.Filter
 GaussMarkov: Any = estimation.GaussMarkov
@@ -215,3 +216,12 @@ def test_a_compass_in_degrees_is_told_and_one_in_radians_that_is_wrapped_or_coun
         for values in (heading % (2 * np.pi), (heading + np.pi) % (2 * np.pi) - np.pi, heading):
             run_of_one = Filter(process(), start(), **more)
             run_of_one.run({"yaw": (t, values), "place": (t, both[:, 0])}, dt=0.5)
+
+
+def test_a_covariance_is_symmetric_and_has_no_negative_variance():
+    assert semidefinite(np.array([[4.0, 2.0], [2.0, 1.0]])) and semidefinite(np.diag([1e-20, 0.0, 1e20]))
+    for P in (np.diag([1.0, -1e-12]), np.diag([1.0, np.nan]), [[1.0, 1.1], [1.1, 1.0]], [[1.0, 0.5], [0.4, 1.0]]):
+        assert not semidefinite(np.asarray(P))
+    assert positive(np.array(2.0)) and positive(np.array([1.0, 2.0])) and positive(np.eye(2))
+    for R in (np.array([1.0, 0.0]), np.array([1.0, np.inf]), np.zeros((1, 1, 1)), np.ones((2, 2)), np.ones((2, 3))):
+        assert not positive(R)

@@ -12,7 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.groups import LieGroup
 from coadjoint.groups.axioms import require_group
-from coadjoint.groups.overrides import members, stamp
+from coadjoint.groups.overrides import _ships, members, stamp
 from own_members import (
     NEARLY,
     broken,
@@ -236,3 +236,11 @@ def test_a_basis_in_small_units_hides_nothing():
 
     system(Small())
     assert "`ad`" in sentence_of(lambda: system(Small(NEARLY)))
+
+
+def test_a_plain_value_ships_where_its_class_does():
+    value, other = (1, 2), (3, 4)
+    shipped = type("Shipped", (), {"size": value, "other": 0, "__module__": "coadjoint.groups"})
+    own = type("Own", (shipped,), {"more": other, "__module__": "mine"})
+    assert _ships(value, shipped) and _ships(value, own) and not _ships(other, own)
+    assert _ships(LieGroup.exp, own) and not _ships(lambda self: None, shipped)
