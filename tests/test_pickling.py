@@ -144,6 +144,7 @@ def test_a_function_within_another_one_is_named():
         pickle.dumps(system)
 
 
+@pytest.mark.long
 def test_a_craft_gives_the_same_system_on_the_other_side():
     remus = vehicles.load("remus_100")
     craft = vehicles.Craft(remus, controller=remus.controller)

@@ -137,6 +137,7 @@ def test_the_least_acceleration_between_two_velocities_is_the_cubic_to_second_or
     assert costs[-1] < 1e-3 * least and velocities[-1] < 1e-3
 
 
+@pytest.mark.long
 def test_between_the_velocities_of_a_geodesic_the_cubic_is_the_geodesic():
     sphere = ball()
     xi = np.array([0.4, -0.9, 0.6])

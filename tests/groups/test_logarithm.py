@@ -149,6 +149,7 @@ def test_it_runs_under_jit_and_vmap_and_has_gradients():
     np.testing.assert_allclose(slope, 2 * xi[0], rtol=0, atol=1e-13)
 
 
+@pytest.mark.long
 def test_a_lagrangian_with_a_logarithm_runs_as_native_code():
     """A spring on SO(3) about the attitude of two advected directions: ℓ = ½|ξ|² − ½|log R(a)|²."""
 

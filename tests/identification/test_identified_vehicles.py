@@ -58,6 +58,7 @@ def test_each_interval_of_a_vehicle_covers_the_truth_in_at_least_90_of_100_logs(
         assert sum(one[name].covers(page.truth(made[0], name)) for one in found) >= 90, name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [pytest.param(None, marks=pytest.mark.long), 0.05])
 def test_commands_move_actuators_to_second_order(remus, step):
     """What the sensors would say, with the true parameters, on dt = 0.05, 0.025 and 0.0125 s."""

@@ -137,6 +137,7 @@ def test_the_bob_stays_on_the_sphere_over_40000_steps(rule):
     assert np.max(np.abs(vertical - vertical[0])) <= 2e-13 * (np.linalg.norm(start.mu) + np.linalg.norm(start.pi))
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_result_does_not_depend_on_frame_and_retraction(rule):

@@ -158,6 +158,7 @@ def test_the_chart_does_not_change_the_motion():
     np.testing.assert_allclose(runs[0].records.g, runs[1].records.g, rtol=0, atol=1e-11)
 
 
+@pytest.mark.long
 def test_momenta_may_start_a_run_and_the_velocity_is_newtons_first_guess():
     system = moser_veselov(J)
     method = co.methods.GroupVariational(co.Exponential(), "velocity")

@@ -59,6 +59,7 @@ def test_rotation_does_not_depend_on_the_speed_of_a_slider_it_does_not_feel(meth
     assert many == few
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @BACKENDS
 @pytest.mark.parametrize("speed", [1e2, 1e4])

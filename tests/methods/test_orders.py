@@ -121,6 +121,7 @@ def test_a_rule_that_is_not_truly_symmetric_is_exposed_by_composition():
     assert problem.order(co.Suzuki4(Claimed(co.Cayley())), 12, 1.5) == pytest.approx(3, abs=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 def test_the_energy_momentum_method_has_order_2(problem):
     tau = co.Exponential() if problem.tau == co.Exponential() else co.Cayley()

@@ -29,6 +29,7 @@ def error(method, dt, exact):
     return max(np.abs(run.final.g - exact.g).max(), np.abs(run.final.xi - exact.xi).max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "order"),
     [

@@ -63,6 +63,7 @@ def test_a_quantity_that_starts_at_zero_is_shown_absolutely():
     assert "I_k - I_0" in figure.axes[0].get_ylabel()
 
 
+@pytest.mark.long
 def test_a_long_run_is_thinned_without_losing_its_worst_moment():
     nodes = 1_000_000
     energy = np.full(nodes, 5.0) + 1e-9 * np.sin(np.arange(nodes))

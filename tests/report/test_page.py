@@ -51,6 +51,7 @@ def test_a_report_holds_certificate_figures_and_every_number(folder: Path):
         assert told[key] == shown(summary[key])
 
 
+@pytest.mark.long
 def test_every_number_given_has_its_source(folder: Path):
     rows = cells((folder / "report.html").read_text())
     assert ["parameters.inertia", "[1, 2, 3]", "run.toml"] in rows

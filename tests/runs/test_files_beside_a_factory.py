@@ -64,6 +64,7 @@ def forget():
         del sys.modules[name]
 
 
+@pytest.mark.long
 def test_what_it_imports_is_copied_and_the_copies_run_alone(folder, tmp_path):
     (folder / "spring.toml").write_text(RUN.format(factory="spring.py"))
     execute(read(folder / "spring.toml"), tmp_path / "out", progress=False)

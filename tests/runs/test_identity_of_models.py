@@ -79,6 +79,7 @@ def test_the_identity_of_a_factory_is_what_is_traced_of_it(folder, monkeypatch):
     assert difference(before, identity(file)) == "its parameters differ"
 
 
+@pytest.mark.long
 def test_a_finished_run_of_a_model_is_another_with_other_files_of_the_library(folder, capsys, monkeypatch):
     assert main(["run", "top.toml"]) == 0
     monkeypatch.setattr("coadjoint.runs.identity.digest_of_files", lambda part="": "other")

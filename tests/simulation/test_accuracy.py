@@ -70,6 +70,7 @@ def test_a_run_that_is_resolved_is_no_alarm(case):
     assert run.summary()["resolved"] == 1 and "local error" in str(run)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("members", [None, 3])
 def test_a_collision_between_two_saved_records_is_seen(members):

@@ -236,6 +236,7 @@ def test_a_reflection_is_no_group_element(group, g):
     assert "determinant is −1" in sentence_of(lambda: body.state(g=g))
 
 
+@pytest.mark.long
 def test_the_factor_of_a_product_that_knows_its_equations_is_held_to_them():
     group = co.DirectProduct(co.SO3(), SHEAR)
     body = co.System(group, lambda xi: 0.5 * xi @ xi)

@@ -30,6 +30,7 @@ def test_each_member_is_the_single_run_with_its_own_mass(backend, tolerance):
         np.testing.assert_array_equal(fleet.steps_saved, alone.steps_saved)
 
 
+@pytest.mark.long
 def test_each_member_is_the_single_run_from_its_own_start():
     count = 2
     attitudes = co.attitude.zyx(RANDOM.normal(size=count), 0.2, 0.1)

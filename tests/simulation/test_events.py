@@ -56,6 +56,7 @@ def test_a_dive_ends_at_its_depth(vehicle, method, backend):
     assert float(run.dataset.time[-1]) == run.event
 
 
+@pytest.mark.long
 def test_the_event_is_located_to_the_order_of_the_method(vehicle):
     system, start = vehicle
     fine = co.simulate(

@@ -164,6 +164,7 @@ def test_both_backends_and_an_interrupted_run_agree(tmp_path):
     np.testing.assert_array_equal(co.resume(tmp_path / "run", system).final.mu, native.final.mu)
 
 
+@pytest.mark.long
 def test_the_budget_of_a_mass_that_is_moved_closes_to_the_methods_order():
     """With a potential n·n ℋ is not kept within a step: the gap is that of the method."""
 

@@ -104,6 +104,7 @@ def stepped():
     return stepper.state, stepper.observed, pair.state
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("run", [spun, *(pytest.param(run, marks=pytest.mark.long) for run in (swum, many, stepped))])
 def test_what_is_found_gives_the_same_to_the_bit(run, cache, monkeypatch):
     plain = anew(run, monkeypatch)
@@ -213,6 +214,7 @@ def test_another_function_is_never_taken_for_what_was_kept(change, cache, monkey
     assert same(again(lambda: driven(forces), cache), expected(CLOSURE))
 
 
+@pytest.mark.long
 def test_a_fingerprint_that_is_found_is_that_which_is_traced(cache, monkeypatch):
     def marks():
         top = catalogue["heavy_top"].make()

@@ -42,6 +42,7 @@ DISSIPATIVE = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("forces", HARMLESS.values(), ids=HARMLESS)
 def test_substeps_that_go_backwards_are_taken_where_nothing_dissipates(forces):

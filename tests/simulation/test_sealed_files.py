@@ -45,6 +45,7 @@ def test_no_single_bit_changes_a_number_that_is_read(written, tmp_path):
             np.testing.assert_array_equal(found[name], before[name])
 
 
+@pytest.mark.long
 def test_a_file_of_others_that_is_whole_is_read(written, tmp_path):
     file = tmp_path / "other.nc"
     file.write_bytes(written.read_bytes()[: -sealed.SIZE])

@@ -80,6 +80,7 @@ def test_momenta_stay_where_that_is_asked_for(under_way):
     assert np.array_equal(under_way.state.pi, state.pi)
 
 
+@pytest.mark.long
 def test_what_does_not_enter_the_lagrangian_changes_no_bit_of_the_state(under_way):
     state = under_way.state
     under_way.change(rudder={"lift_slope": 1.0}, propeller={"thrust": [0.2, -0.2]})

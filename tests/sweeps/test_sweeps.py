@@ -54,6 +54,7 @@ def swept(tmp_path_factory):
     return execute(read_sweep(written(folder)), folder / "out", workers=1, progress=False)
 
 
+@pytest.mark.long
 def test_a_member_of_a_grid_is_the_run_with_its_numbers(swept):
     found = swept.dataset
     assert found.sizes["member"] == 8 and swept.failures == {} and swept.summary["tasks"] == 3

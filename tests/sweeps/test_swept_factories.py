@@ -80,6 +80,7 @@ def begun(tmp_path) -> Path:
     return tmp_path / "out"
 
 
+@pytest.mark.long
 def test_a_sweep_does_not_go_on_with_another_model(sweep, begun, tmp_path):
     kept = {path.name for path in (begun / "inputs" / "1").iterdir()}
     assert kept == {"f.py", "spring_of_sweep_test.py", "c.txt"}

@@ -86,6 +86,7 @@ def test_members_set_up_alone_are_those_set_up_together(tmp_path):
     np.testing.assert_allclose(alone.q[0], whole.q[2], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_member_whose_steps_fail_has_nan_and_a_code_and_the_others_go_on(tmp_path):
     sweep = swept(tmp_path, {"initial": {"speed_m_s": {"values": [1.0, 1e160, 2.0]}}}, sampling="list", members=None)
     task = Task("", "", 0, 0, sweep.rows(slice(0, 3)), 3, 10, ("q", "euler_angles"), True, {}, 3, {})

@@ -224,6 +224,7 @@ def test_the_equations_of_lagrange_and_d_alembert_hold_on_forced_runs(world, rul
     assert min(free[row].largest for row in ("P42 μ", "P52", "F⁺ μ" if rule in ("right", "adjoint") else "F⁻ μ")) > 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("part", ["mu", "pi"])
 @pytest.mark.parametrize("form", ["algebra", "group"])

@@ -48,6 +48,7 @@ def test_methods_of_order_two_approach_the_reference_at_order_two(method: co.met
     assert fine[-1] <= at_most
 
 
+@pytest.mark.long
 def test_order_four_meets_the_reference_in_all_its_digits():
     found = errors(co.Suzuki4(co.methods.LeftRight(EXPONENTIAL)), 5e-5)
     assert np.max(found) <= 3e-12

@@ -71,6 +71,7 @@ def test_the_energy_error_of_the_left_rule_grows_and_halves_with_the_step(tau):
     assert half.largest("newton_residual") <= 1e-14
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tau", MAPS, ids=repr)
 def test_the_midpoint_rule_keeps_the_energy_a_thousand_times_better_at_the_same_step(tau):
     made = run(co.Midpoint(tau))

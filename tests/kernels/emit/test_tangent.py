@@ -36,6 +36,7 @@ def prepared(method) -> tuple[Any, ...]:
     return Observed(plain, Channels(VEHICLE)), plain, constants, state, active, places.astype(int)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "method",

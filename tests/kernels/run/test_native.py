@@ -73,6 +73,7 @@ class Raw(LeftRectangle):
         return (mix @ r)[::-1]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("p", [PAPER, SKEW], ids=["diagonal", "full"])
 @pytest.mark.parametrize("stage", [LeftRectangle(), Raw()], ids=["blocks", "mixed"])

@@ -86,6 +86,7 @@ def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_pr
     assert heel[int(99 / DT)] > 5e-3 if tail == "cross" else heel[int(99 / DT)] < 5e-4
 
 
+@pytest.mark.long
 def test_the_allocation_of_an_x_tail_turns_about_one_axis_and_about_no_other():
     motion, mixed = under_way(VEHICLES["x"], 1.5), proposed("x").allocation
     assert mixed is not None
@@ -138,6 +139,7 @@ def test_an_altitude_is_kept_over_a_flat_bottom():
     assert made.q.values[-1, 2] == pytest.approx(6.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_controller_that_only_damps_a_turn_has_finite_numbers():
     controller: Any = Cruise(heading_gains=(0.0, 0.0, 0.5)).fitted(VEHICLES["cross"])
     assert controller.heading_reach == np.pi and controller.pitch_reach < 1.0

@@ -48,6 +48,7 @@ def test_a_start_is_to_round_off_that_of_the_craft(env):
         assert np.allclose(getattr(here, name), getattr(there, name), rtol=0, atol=1e-14)
 
 
+@pytest.mark.long
 def test_observations_are_to_the_bit_those_of_a_stepper(env):
     env.reset(options={"start": START})
     craft = Craft(vehicles.load(NAME))

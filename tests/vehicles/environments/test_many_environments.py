@@ -114,6 +114,7 @@ def test_without_autoreset_a_mask_says_who_begins_anew():
     many.step(action)
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_bits_and_later_episodes_are_others(envs):
     many, given = envs["same_step"], actions(30)
 

@@ -131,6 +131,7 @@ def test_a_wrong_model_has_a_sentence(case: str, tmp_path: Path) -> None:
     refused(tmp_path / "wrong.sdf", expected)
 
 
+@pytest.mark.long
 def test_the_command_writes_a_vehicle_file_and_never_over_one(tmp_path: Path, capsys) -> None:
     out = tmp_path / "torpedo.toml"
     command = ["import", str(HERE / "torpedo.sdf"), "--forward", "-x", "--out", str(out)]

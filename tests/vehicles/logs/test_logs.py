@@ -72,6 +72,7 @@ def test_velocities_of_a_log_are_those_at_the_node_over_ground_and_through_the_w
     assert not any("water" in name for name in read_log(path).inputs)
 
 
+@pytest.mark.long
 def test_a_log_of_east_north_up_is_the_same_motion(run, tmp_path):
     ned, enu = columns(run.save(tmp_path / "ned.csv")), columns(run.save(tmp_path / "enu.csv", axes="ENU/FLU"))
     assert np.array_equal(enu["up_m"], -ned["depth_m"])

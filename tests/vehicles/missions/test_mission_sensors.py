@@ -187,6 +187,7 @@ def test_a_sensor_is_lost_only_where_sensors_are_read():
         _ = mission(plain + LOST).setup
 
 
+@pytest.mark.long
 def test_a_sensor_whose_readings_never_arrive_is_a_warning_of_the_mission():
     vehicle = co.vehicles.load("float.toml")
     sensors = tuple(replace(one, latency=1e9) if one.name == "dvl" else one for one in vehicle.sensors)

@@ -130,6 +130,7 @@ def test_between_nodes_readings_are_of_the_motion_that_steps_of_the_method_lead_
         np.testing.assert_allclose(ahrs.residual(ours, theirs), 0.0, atol=1e-4)
 
 
+@pytest.mark.long
 def test_the_bottom_is_locked_and_read_where_it_is_near():
     read = readings(run(), seed=1, bottom=30.0, sensors=["dvl", Altimeter(name="altimeter", rate=2)])
     depth = run().dataset.q[:, 2].values

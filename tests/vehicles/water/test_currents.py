@@ -77,6 +77,7 @@ def swinging(t, numpy=jnp):
     return 0.3 * numpy.sin(0.7 * t) + 0.1 * t
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("heaviness", [0.05, 1.2, 3.0])
 def test_a_sphere_in_accelerated_flow_is_pushed_by_froude_krylov_and_added_mass(heaviness):
@@ -240,6 +241,7 @@ def test_a_current_that_happens_to_be_the_same_everywhere_moves_a_craft_as_a_uni
         assert np.log2(gap(0.1) / gap(0.05)) == pytest.approx(2, abs=0.2)
 
 
+@pytest.mark.long
 def test_a_random_current_carries_a_body_of_the_waters_own_density_exactly():
     water = GaussMarkovCurrent((0.2, 0.1, 0.0), 5.0, mean=(0.3, 0.0, 0.0), seed=3)
     craft = Craft(sphere(1.0), water=water)

@@ -53,6 +53,7 @@ def columns(path, topic, names):
     return log, np.stack([log.columns[name] for name in names], axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("axes", ["ENU", "NED"])
 def test_readings_are_read_back_as_they_were(run, bags, axes):
