@@ -15,7 +15,7 @@ SYMBOLS = {
     "s": 1, "ms": 0.001, "µs": 1e-6, "us": 1e-6, "ns": 1e-9, "min": 60, "h": 3600, "days": 86400, "Hz": 1,
     "kn": 0.514444444444444444, "knots": 0.514444444444444444,
     "N": 1, "kN": 1000, "kgf": 9.80665, "lbf": 0.45359237 * 9.80665,
-    "J": 1, "W": 1, "V": 1, "A": 1,
+    "J": 1, "W": 1, "V": 1, "A": 1, "Ω": 1, "mΩ": 1e-3, "ohm": 1,
     "rad": 1, "deg": 0.017453292519943295, "°": 0.017453292519943295, "rev": 1, "rpm": 1 / 60,
 }  # fmt: skip
 """Sources: The International System of Units (BIPM, 9th edition); NIST SP 811, appendix B."""

@@ -51,10 +51,12 @@ PER_ANGLE = Dimension((0, 0, 0, -1, 0, 0), "1/rad", "number per angle")
 REVOLUTIONS = Dimension((0, 0, -1, 0, 1, 0), "1/s", "revolutions in a second")
 VOLTAGE = Dimension((1, 2, -3, 0, 0, -1), "V", "voltage")
 ELECTRIC_CURRENT = Dimension((0, 0, 0, 0, 0, 1), "A", "electric current")
+RESISTANCE = Dimension((1, 2, -3, 0, 0, -2), "Ω", "electric resistance")
 
 _DIMENSIONS = (
     NUMBER, MASS, LENGTH, AREA, VOLUME, VOLUME_RATE, TIME, FREQUENCY, SPEED, SLOWNESS, ACCELERATION, DENSITY, FORCE,
     TORQUE, INERTIA, POWER, ANGLE, ANGULAR_VELOCITY, PER_ANGLE, REVOLUTIONS, VOLTAGE, ELECTRIC_CURRENT,
+    RESISTANCE,
 )  # fmt: skip
 
 _SYMBOLS: dict[str, tuple[float, Dimension]] = {
@@ -68,6 +70,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "kn": (1852.0 / 3600.0, SPEED), "knots": (1852.0 / 3600.0, SPEED),
     "N": (1.0, FORCE), "kN": (1e3, FORCE), "kgf": (9.80665, FORCE), "lbf": (4.4482216152605, FORCE),
     "J": (1.0, TORQUE), "W": (1.0, POWER), "V": (1.0, VOLTAGE), "A": (1.0, ELECTRIC_CURRENT),
+    "Ω": (1.0, RESISTANCE), "mΩ": (1e-3, RESISTANCE), "ohm": (1.0, RESISTANCE),
     "rad": (1.0, ANGLE), "deg": (pi / 180, ANGLE), "°": (pi / 180, ANGLE),
     "rev": (1.0, Dimension((0, 0, 0, 0, 1, 0), "rev", "revolutions")), "rpm": (1 / 60, REVOLUTIONS),
 }  # fmt: skip
@@ -83,8 +86,8 @@ ENDINGS: dict[str, str] = {
 
 _LONGEST_FIRST = sorted(ENDINGS, key=len, reverse=True)
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ", "0123456789-µ")  # and the Greek letter as the sign of micro
-_FACTOR = re.compile(r"^(√?)([A-Za-zµ°%]+|1)(?:\^?(-?\d))?$")
-_ROOT = re.compile(r"sqrt\(([A-Za-zµ]+)\)")
+_FACTOR = re.compile(r"^(√?)([A-Za-zµΩ°%]+|1)(?:\^?(-?\d))?$")
+_ROOT = re.compile(r"sqrt\(([A-Za-zµΩ]+)\)")
 
 
 def per_root(dimension: Dimension, unit: str) -> Dimension:

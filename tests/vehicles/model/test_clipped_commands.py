@@ -26,7 +26,10 @@ def eight(value: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("source", "sentence"),
     [
-        (eight(0.0), "is clipped to its limits, 1100 to 1900 us: it is 0 us at t = 0 s, the first time beyond them"),
+        (
+            eight(800.0),
+            "is clipped to its limits, 1100 to 1900 us: it is 800 us at t = 0 s, the first time beyond them",
+        ),
         (co.Held([0, 5, 9], [eight(1500), eight(2500), eight(800)]), "it is 2500 us at t = 5 s"),
         (co.mechanics.Signal(lambda t: jnp.full(8, 1500.0) + 50 * t), "it is 1901 us at t = 8.02 s"),
         (co.Linear([0, 10], [eight(1500), eight(1000)]), "it is 1000 us at t = 10 s"),
@@ -37,6 +40,18 @@ def test_a_command_beyond_the_limits_is_named_with_its_first_time_value_and_limi
     assert sentence in found and "`thrusters`" in found and found.endswith("at rest it is 1500 us.")
 
 
+def test_no_pulse_is_named_and_not_clipped():
+    (found,) = told(co.Held([0, 5], [eight(1500), eight(0)]))
+    assert found == "The command of `thrusters` is 0 us at t = 5 s, no pulse: the motor stops, as at 1500 us."
+
+
+def test_no_pulse_stops_a_motor():
+    thrusters, own = ROV.part("thrusters"), CRAFT.parameters.thrusters
+    after = thrusters.advance(eight(1700.0), np.array([0.0, 1500.0, 1100, 1, 0, 1900, 2500, 0]), 0.1, own)
+    long = thrusters.advance(eight(1700.0), np.array([1500.0, 1500.0, 1100, 1100, 1500, 1900, 1900, 1500]), 0.1, own)
+    assert np.array_equal(after, long)
+
+
 @pytest.mark.parametrize("source", [eight(1500.0), eight(1900.0), co.Held([0, 30], [eight(1500), eight(0)])])
 def test_commands_within_the_limits_while_a_run_lasts_say_nothing(source):
     assert told(source) == []
@@ -45,7 +60,7 @@ def test_commands_within_the_limits_while_a_run_lasts_say_nothing(source):
 @pytest.mark.long
 def test_a_run_warns_of_clipped_commands():
     start = CRAFT.start(position=(0, 0, 9.0))
-    for value, warns in ((0.0, True), (1500.0, False)):
+    for value, warns in ((800.0, True), (1500.0, False)):
         run = co.simulate(
             CRAFT.system, start, dt=0.05, duration=0.5, inputs={"thrusters": eight(value)}, progress=False
         )
@@ -55,6 +70,8 @@ def test_a_run_warns_of_clipped_commands():
 def test_a_stepper_of_a_vehicle_warns_of_a_clipped_command():
     start = CRAFT.start(position=(0, 0, 9.0))
     made = co.Stepper(CRAFT.system, start, dt=0.05, inputs={"thrusters": eight(1500.0)}, accuracy=False)
-    with pytest.warns(UserWarning, match="`thrusters` is clipped to its limits, 1100 to 1900: it is 0 at t = 0.1 s"):
+    with pytest.warns(
+        UserWarning, match="`thrusters` is beyond its limits, 1100 to 1900: it is 0 at t = 0.1 s.* none stops it"
+    ):
         made.step({"thrusters": eight(1900.0)}, n=2)
         made.step({"thrusters": eight(0.0)})

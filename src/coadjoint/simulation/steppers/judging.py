@@ -139,9 +139,12 @@ class StepperWarnings:
             at = place.start + number
             begun = times[member] - (n * face.dt if codes[member] == Code.CONVERGED else 0.0)
             whose = "" if face.members is None else f" of member {member}"
+            silent = commands[member, at] == 0 < low[at]
+            fate = "is beyond" if silent else "is clipped to"
             found.append(
-                f"Command `{name}`{whose} is clipped to its limits, {low[at]:g} to {high[at]:g}: it is "
-                f"{commands[member, at]:g} at t = {round(float(begun), 9):g} s, the first time beyond them."
+                f"Command `{name}`{whose} {fate} its limits, {low[at]:g} to {high[at]:g}: it is "
+                f"{commands[member, at]:g} at t = {round(float(begun), 9):g} s, the first time beyond them"
+                f"{'; where pulses command it, none stops it' if silent else ''}."
             )
             buffers.limits[0, place], buffers.limits[1, place] = -np.inf, np.inf
         return found

@@ -18,6 +18,7 @@ from coadjoint_vehicles.files.kinds import kinds
 from coadjoint_vehicles.files.read_derivatives import read_derivatives
 from coadjoint_vehicles.files.table import Section, axes_of
 from coadjoint_vehicles.model.vehicle import Quantity
+from coadjoint_vehicles.parts.data_sheets import sheet_names
 from coadjoint_vehicles.parts.force_curves import CURVES
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.thrusters import COMMANDED, Thrusters
@@ -135,6 +136,8 @@ def _curve(section: Section) -> Any:
     if "curve" not in section:
         raise section.fail('needs a curve: curve = "T200", or curve.quadratic = { value = …, unit = "SI" }.')
     inner = section.inner("curve")
+    if "published" in inner:
+        return _supplied(section, inner)
     given = [kind for kind in CURVES if kind in inner]
     if len(given) != 1:
         inner.done()
@@ -142,6 +145,17 @@ def _curve(section: Section) -> Any:
     value, _ = inner.quantity(given[0], None)
     inner.done()
     return {given[0]: value}
+
+
+def _supplied(section: Section, inner: Section) -> Table:
+    """A data sheet at a voltage, with the resistance of battery and cables."""
+    found: Table = {"published": inner.text("published", None, sheet_names())}
+    found["voltage"], _ = inner.quantity("voltage", u.VOLTAGE)
+    if "resistance" in inner:
+        found["resistance"], _ = inner.quantity("resistance", u.RESISTANCE)
+    inner.done()
+    _published(section, str(found["published"]))
+    return found
 
 
 def _published(section: Section, name: str) -> str:

@@ -19,6 +19,7 @@ from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint_vehicles.parts.derivatives import Derivatives
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.published_curves import PUBLISHED
+from coadjoint_vehicles.parts.supplied_curve import Supplied
 from coadjoint_vehicles.parts.thrusters import Thrusters
 from coadjoint_vehicles.sensors.errors import dimensions
 from coadjoint_vehicles.sensors.sensor import Sensor
@@ -132,7 +133,12 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
         usual = given is None and bool(np.all(np.asarray(value) == defaults[key]))
         if value is not None and not ends and not usual:
             yield _line(key, value, dimension, given)
-    if published is None:
+    if isinstance(part.curve, Supplied):
+        yield f"\n[part.curve]\npublished = {_text(part.curve.published)}"
+        for key, dimension in dimensions_of(part.curve):
+            if (value := getattr(part.curve, key)) is not None:
+                yield _line(key, value, dimension, told.get(f"{part.name}.curve.{key}"))
+    elif published is None:
         kind = part.curve.kind
         yield "\n[part.curve]"
         yield _line(kind, part.curve.in_file, None, told.get(f"{part.name}.curve.{kind}"))

@@ -19,6 +19,7 @@ from coadjoint.texts import Table
 from coadjoint.units import split_name
 from coadjoint_vehicles.figures.shapes import BOTTOM, GEOMETRY, geometry
 from coadjoint_vehicles.logs.headers import inside
+from coadjoint_vehicles.missions.electric import supply
 from coadjoint_vehicles.missions.mission_section import arrival, require_unit
 from coadjoint_vehicles.missions.perturb import perturbed, seeds
 from coadjoint_vehicles.missions.results import require_room
@@ -76,6 +77,7 @@ def set_up(file: MissionSections) -> Setup:
     told |= {GEOMETRY: json.dumps(geometry(vehicle))}
     told |= {} if legs.bottom is None else {BOTTOM: legs.bottom}
     told |= {} if craft.controller is None else craft.controller.attributes()
+    told |= supply(craft.vehicle, craft.parameters)
     return Setup(system, start, inputs or None, legs.until(grid, arrived), told, doubts)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coadjoint_vehicles.logs.records import VehicleRecords
+from coadjoint_vehicles.missions.electric import electric_summary
 from coadjoint_vehicles.model.saturation import at_limits, lost
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
     `energy_put_in` is ∫ P dt of each part, J, negative where it took energy out; `energy_of_actuators` the sum of those
     that put some in. A tracking error is set point minus value, headings within half a turn: its root mean square, and
     its last value. `saturated` is the part of the time that an actuator is at a limit, `lost` the mean and the largest
-    of the force or torque along each axis that thrusters at their limits do not give, N and N m.
+    of the force or torque along each axis that thrusters at their limits do not give, N and N m; `electric` is what
+    thrusters with a data sheet draw.
     """
     log = VehicleRecords(dataset)
     steps = np.linalg.norm(np.diff(log.position, axis=0), axis=1)
@@ -40,6 +42,7 @@ def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
         "energy_put_in": work,
         "energy_of_actuators": sum(value for name, value in work.items() if value > 0 and name in log.actuators),
         "tracking": {**tracking(log), **across(log)},
+        "electric": electric_summary(dataset),
         "saturated": saturation(log),
         "lost": lost(np.asarray(dataset[LOST], dtype=float)) if LOST in dataset else {},
     }

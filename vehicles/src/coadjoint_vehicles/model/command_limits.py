@@ -50,7 +50,14 @@ def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Named
             continue
         times = _times(source, begin, end)
         values = np.asarray(evaluate(jax.vmap(source), times))
-        wrong = _outside(values, *ends)
+        silent = values == part.no_signal
+        if np.any(silent):
+            when, unit = times[int(np.argmax(silent.reshape(len(times), -1).any(axis=1)))], _unit(part)
+            yield (
+                f"The command of `{part.name}` is 0{unit} at t = {when:g} s, no pulse: the motor stops, as at "
+                f"{part.command.start:g}{unit}."
+            )
+        wrong = _outside(values, *ends) & ~silent
         if np.any(wrong):
             first = int(np.argmax(wrong.reshape(len(times), -1).any(axis=1)))
             worst = values[first][wrong[first]].flat[0]

@@ -75,6 +75,11 @@ class Part(Numbers, ABC):
     passive: ClassVar[bool] = False
     """Whether it can only extract energy from a vehicle in still water; certificates of runs report violations."""
 
+    @property
+    def no_signal(self) -> float | None:
+        """The command that means no signal, which stops the actuator; None where every command is one."""
+        return None
+
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ArgumentError(f"The name of a part must be a word such as 'rudder', but is {self.name!r}.")

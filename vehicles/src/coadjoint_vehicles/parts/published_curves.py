@@ -7,6 +7,7 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.parts.force_curves import CURVES, ForceCurve, Table
+from coadjoint_vehicles.parts.supplied_curve import Supplied
 
 KGF = 9.80665
 """N in a kilogram-force."""
@@ -44,17 +45,20 @@ PUBLISHED = {"T200": T200}
 def force_curve(given: Any, name: str) -> ForceCurve:
     """The curve of the part `name`: itself, the name of a published one, or a dictionary of one kind and its numbers.
 
-    {"linear": s}, {"quadratic": k}, {"quadratic": (k₊, k₋)}, {"polynomial": (c_1, …)}, {"table": [(u, F), …]}, "T200".
-    Raises ArgumentError.
+    {"linear": s}, {"quadratic": k}, {"quadratic": (k₊, k₋)}, {"polynomial": (c_1, …)}, {"table": [(u, F), …]}, "T200",
+    or {"published": "T200", "voltage": V₀, "resistance": R}, as `Supplied`. Raises ArgumentError.
     """
     if isinstance(given, ForceCurve):
         return given
     if isinstance(given, str) and given in PUBLISHED:
         return PUBLISHED[given]
+    if isinstance(given, Mapping) and "published" in given:
+        return _supplied(given, name)
     if not isinstance(given, Mapping) or len(given) != 1 or next(iter(given)) not in CURVES:
         raise ArgumentError(
             f"The force curve of `{name}` must be one of {', '.join(CURVES)}, as in {{'linear': 40.0}}, or of the "
-            f"published {', '.join(PUBLISHED)}, but is {given!r}."
+            f"published {', '.join(PUBLISHED)}, or at a voltage, {{'published': 'T200', 'voltage': 14.8}}, but is "
+            f"{given!r}."
         )
     ((kind, numbers),) = given.items()
     try:
@@ -63,3 +67,16 @@ def force_curve(given: Any, name: str) -> ForceCurve:
         raise ArgumentError(f"The force curve of `{name}`: {error}") from None
     except (TypeError, ValueError):
         raise ArgumentError(f"The {kind} force curve of `{name}` cannot be made of {numbers!r}.") from None
+
+
+def _supplied(given: Mapping[str, Any], name: str) -> Supplied:
+    """The curve of a data sheet at a voltage; raises ArgumentError."""
+    try:
+        return Supplied(**given)
+    except TypeError:
+        raise ArgumentError(
+            f"The force curve of `{name}` by a data sheet must have `published`, `voltage` (V) and, if it sags, "
+            f"`resistance` (Ω), but has {', '.join(map(str, given))}."
+        ) from None
+    except ArgumentError as error:
+        raise ArgumentError(f"The force curve of `{name}`: {error}") from None

@@ -167,7 +167,15 @@ class Thrusters(Part):
         both = self.matrix(own) @ self.thrusts(actual, own, flow.density)
         return Force(torque=both[3:], force=both[:3])
 
+    @property
+    def no_signal(self) -> float | None:
+        """0 µs, the absence of pulses, of thrusters whose pulses are longer: the motor stops."""
+        ends = self.curve.reach if self.limit is None else self.limit
+        return 0.0 if self.unit in ("µs", "us") and ends is not None and ends[0] > 0 else None
+
     def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> PyTree:
+        if self.no_signal is not None:
+            command = jnp.where(command == self.no_signal, self.curve.neutral, command)
         return towards(actual, jnp.clip(command, *_ends(own)) if "limit" in own else command, h, own)
 
     def commands_for(self, thrusts: Array, own: Named) -> Array:
