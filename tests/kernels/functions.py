@@ -29,6 +29,7 @@ LANGUAGE = {
     "gradient of a norm": lambda a, b: jax.grad(jnp.linalg.norm)(b),
     "reductions": lambda a, b: jnp.prod(b) + a.min() + a.max() + jnp.argmax(b) + jnp.trace(a),
     "cumulative": lambda a, b: (jnp.cumsum(a, 1), jnp.cumprod(b)),
+    "cumulative from the end": lambda a, b: (jax.lax.cumsum(a, reverse=True), jax.lax.cummax(b, reverse=True)),
     "padding": lambda a, b: jnp.pad(a, ((1, 2), (0, 1)), constant_values=3.0),
     "hessian": lambda a, b: jax.hessian(lambda x: jnp.sin(x @ a @ x))(b),
     "einsum": lambda a, b: jnp.einsum("ij,jk,k->i", a, a, b),

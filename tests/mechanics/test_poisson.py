@@ -246,3 +246,21 @@ def test_casimirs_that_were_not_looked_for_are_announced():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(co.mechanics.casimirs(co.System(co.SOn(5), lambda *_: 0.0))) == 2
+
+
+def test_traces_of_powers_are_those_of_numpy_and_do_not_change_where_the_group_moves_their_matrices():
+    random, group = np.random.default_rng(5), co.groups.SOn(4)
+    system = co.System(group, hamiltonian=lambda mu, a: mu @ mu + mu @ a, advected=co.Coadjoint())
+    mu, a = random.normal(size=(2, group.dim))
+    state = system.state(mu=mu, a0=a)
+    found = co.mechanics.trace_casimirs(system, 4)
+    assert list(found) == ["trace_a_2", "trace_a_4", "trace_mu_a_2", "trace_mu_a_4"]
+    g = evaluate(group.exp, random.normal(size=group.dim))
+    moved = state.replace(mu=evaluate(group.Ad_dual, g, mu), a=evaluate(group.Ad_dual, g, a))
+    values, after = evaluate(lambda *states: [[f(s) for f in found.values()] for s in states], state, moved)
+    W, A = (np.asarray(evaluate(group.hat, x)) for x in (mu, state.a))
+    sign = np.sign(values[0] * np.trace(A @ A))
+    expected = [np.trace(A @ A), np.trace(A @ A @ A @ A), np.trace(W @ A), np.trace(W @ A @ A @ A)]
+    np.testing.assert_allclose(values, [-expected[0], expected[1], -expected[2], expected[3]], rtol=1e-12)
+    np.testing.assert_allclose(after, values, rtol=1e-11)
+    assert sign == -1 and str(found["trace_mu_a_4"]) == "tr(W Θ^3)" and str(found["trace_a_2"]) == "tr(Θ Θ^1)"

@@ -170,3 +170,12 @@ def test_a_wrong_use_raises_one_clear_error(use):
     with pytest.raises((co.errors.ArgumentError, co.errors.LagrangianError), match=sentence) as raised:
         wrong()
     assert "\n" not in str(raised.value)
+
+
+def test_a_state_off_a_curved_constraint_is_projected_onto_it():
+    """|n|² = ℓ², which one correction of n does not meet."""
+    system = holonomic(lambda n, a, p: jnp.stack([n @ n - p.pin @ p.pin]))
+    far = start(system).replace(n=1.3 * PIN + np.array([0.1, -0.2, 0.05]))
+    near = system.project(far)
+    assert near.n @ near.n == pytest.approx(PIN @ PIN, rel=1e-14) and np.linalg.norm(near.n - far.n) > 0.05
+    assert abs(near.n @ near.nu) < 1e-12

@@ -8,7 +8,7 @@ import pytest
 from coadjoint.kernels.newton.coupled import RENEWED, Coupled
 from coadjoint.kernels.newton.layout import layout
 from coadjoint.kernels.program import Code
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 
 CHAIN = tuple((i, i + 1) for i in range(6))
 COUPLINGS = {
@@ -47,12 +47,14 @@ def test_a_chain_has_three_colours_and_a_ring_is_folded_in_two():
 
 
 def test_the_iteration_goes_on_until_every_link_is_solved():
-    """Of links that are alone one begins at its root, and the others do not."""
+    """Of parts one begins at its root, and the others near or so far away that increments hardly shrink."""
     how = Coupled(3, (1,), ())
     right = np.array([0.0, 2.0, 10.0])
-    found = evaluate(lambda z: how.root(lambda z: z + z**3 - right, z, jnp.asarray(0.1), (3,)), np.zeros(3))
-    np.testing.assert_allclose(found.unknowns, [0, 1, 2], atol=1e-14)
-    assert found.code == Code.CONVERGED and found.iterations > 3
+    solve = tabulate(lambda z: how.root(lambda z: z + z**3 - right, z, jnp.asarray(0.1), (1, 1, 1)), np.zeros(3))
+    for guess in ([0.0, 0.0, 0.0], [0.0, 1.0, 50.0]):
+        found = solve(np.array(guess))
+        np.testing.assert_allclose(found.unknowns, [0, 1, 2], atol=1e-14)
+        assert found.code == Code.CONVERGED and found.iterations > 3
 
 
 @pytest.mark.long
