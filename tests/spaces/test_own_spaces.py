@@ -208,3 +208,32 @@ def test_random_points_of_the_comparison_lie_in_the_space():
 def test_errors_are_those_of_the_group_and_its_space():
     with pytest.raises(GroupError):
         on(changed(co.Defining, "push", scaled))
+
+
+class Careful(type(co.Defining())):
+    """A flat space whose own members are right, and look at what they are given."""
+
+    def dim(self, group):
+        return group.matrix_size
+
+    def tangent(self, group, x, y):
+        return y + 0 * x[: group.matrix_size]
+
+    def coordinates(self, group, x, b):
+        return b + 0 * x[: group.matrix_size]
+
+    def difference(self, group, x, u):
+        return u + 0 * x[: group.matrix_size]
+
+    def project(self, group, x, b):
+        return b + 0 * x[: group.matrix_size]
+
+    def momentum(self, group, x, transported, legendre):
+        return transported + 0 * x[: group.matrix_size]
+
+    def defect(self, group, x):
+        return 0.0 * x[group.matrix_size - 1]
+
+
+def test_right_members_of_a_flat_space_are_taken():
+    require_space(Careful(), co.SO3())
