@@ -55,7 +55,7 @@ def test_actuators_stand_beside_what_they_were_told_and_near_limits():
     assert heights[0] == pytest.approx(np.degrees(-0.25))
     assert heights[-1] == pytest.approx(np.degrees(0.25))
     assert [text.get_text() for text in thrusters.get_legend().get_texts()] == ["thrusters 1", "2"]
-    assert rudder.get_ylabel() == "(°)"
+    assert rudder.get_ylabel() == "rudder (°)"
 
 
 def test_an_actuator_that_goes_to_both_sides_shows_both_limits():
@@ -82,7 +82,7 @@ def test_ballast_is_drawn_in_litres():
     run = dataset(internal_pump=np.linspace(0, 2e-5, 200))
     run.internal_pump.attrs["units"] = "m³"
     pump = Plots(run).actuators().axes[-1]
-    assert pump.get_ylabel() == "(L)"
+    assert pump.get_ylabel() == "pump (L)"
     assert pump.get_lines()[0].get_ydata()[-1] == pytest.approx(0.02)
 
 
@@ -166,3 +166,32 @@ def test_an_animation_as_a_page_is_the_scene_of_all_runs(tmp_path):
 def test_an_animation_that_cannot_be_is_refused(options, words):
     with pytest.raises(ArgumentError, match=words):
         Plots(dataset()).animation(**options)
+
+
+def test_the_set_points_of_guidance_stand_in_depth_and_angles():
+    run = dataset().drop_vars(["inputs_depth", "inputs_heading"], errors="ignore")
+    steps = np.arange(run.sizes["time"], dtype=float)
+    for name, values in (("depth", 3 + steps), ("heading", 0.01 * steps)):
+        run[f"internal_controller_value_memory_wanted_{name}"] = ("time", values)
+    axes = Plots(run).depth().axes[0]
+    # a node holds what was computed at the one before
+    assert line(axes, "set point").get_ydata()[:-1] == pytest.approx(4 + steps[:-1])
+    panels = {one.get_ylabel(): one for one in Plots(run).mission().axes}
+    assert line(panels["angle (°)"], "set point").get_ydata()[0] == pytest.approx(np.degrees(0.01))
+
+
+def test_way_points_are_numbered_and_panels_share_their_times():
+    run = dataset().assign_attrs(way_points=[3.0, 4, 0, 5, 6, 0])
+    axes = Plots(run).mission().axes
+    numbers = {text.get_text(): text.xy for text in axes[0].texts}
+    assert numbers == {"1": (4.0, 3.0), "2": (6.0, 5.0)}
+    ticks = [tuple(one.get_xticks()) for one in axes[1:]]
+    assert len(set(ticks)) == 1 and len(ticks[0]) > 2
+
+
+def test_an_axis_of_actuators_says_their_names_and_the_unit_of_files():
+    run = dataset()
+    run["internal_screw"] = run["internal_rudder"].copy()
+    run["internal_screw"].attrs.update(units="1/s")
+    labels = [axes.get_ylabel() for axes in Plots(run).actuators().axes]
+    assert "rudder (°)" in labels and "screw (rpm)" in labels

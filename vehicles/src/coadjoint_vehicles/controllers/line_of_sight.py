@@ -127,7 +127,13 @@ class LineOfSight(Controller):
 
     def memory(self) -> dict[str, PyTree]:
         assert self.helm is not None
-        return {"leg": 0.0, "beside": 0.0, "beneath": 0.0, "helm": self.helm.memory()}
+        wanted = dict.fromkeys(self._wanted(), 0.0)
+        return {"leg": 0.0, "beside": 0.0, "beneath": 0.0, "helm": self.helm.memory(), "wanted": wanted}
+
+    def _wanted(self) -> tuple[str, ...]:
+        """The set points that it gives the helm."""
+        assert self.helm is not None
+        return tuple(name for name in ("heading", "depth", "pitch") if name in self.helm.inputs)
 
     def steer(
         self, feedback: Feedback, memory: Named, own: Named, vehicle: Vehicle
@@ -155,4 +161,5 @@ class LineOfSight(Controller):
         }
         set_points = feedback._replace(inputs=Named(**wanted))
         commands, remembered = self.helm.steer(set_points, memory.helm, own.helm, vehicle)
-        return commands, {"leg": number, "beside": beside, "beneath": beneath, "helm": remembered}
+        given = {name: wanted[name] for name in self._wanted()}
+        return commands, {"leg": number, "beside": beside, "beneath": beneath, "helm": remembered, "wanted": given}

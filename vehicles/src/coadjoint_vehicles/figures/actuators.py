@@ -16,8 +16,10 @@ from coadjoint_vehicles.figures.motions import draw_components, finish, key
 from coadjoint_vehicles.logs.records import VehicleRecords
 
 _LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
-_SHOWN = {"rad": (180 / np.pi, "°"), "m³": (1e3, "L")}
+_SHOWN = {"rad": (180 / np.pi, "°"), "m³": (1e3, "L"), "1/s": (60.0, "rpm"), "us": (1.0, "µs")}
 """The factor and the unit of figures, by SI unit."""
+_LONGEST = 16
+"""Letters of the names beside an axis; more are called actuators."""
 _NEAR = 0.4
 """A limit is drawn where an actuator comes nearer to it than this part of it."""
 
@@ -71,7 +73,9 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
             said = name.replace("_", " ")
             numbers = [str(i + 1) for i in range(actual.shape[1])]
             labels += [said] if len(numbers) == 1 else [f"{said} 1", *numbers[1:]]
-    axes.set_ylabel(f"({unit})" if unit not in ("", "1") else "")
+    said = " and ".join(name.replace("_", " ") for name in names)
+    said = said if len(said) <= _LONGEST else "actuators"
+    axes.set_ylabel(said if unit in ("", "1") else f"{said} ({unit})")
     key(axes, labels)
 
 

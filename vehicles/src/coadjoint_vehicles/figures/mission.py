@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from coadjoint.plotting.entries import Entry, tell_apart
 from coadjoint.plotting.style import COLOURS, PAGE, canvas, time_axis
@@ -39,8 +40,11 @@ def mission(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figu
     other = list(np.atleast_1d(halves[1].subplots(len(right), 1, sharex=True)))
     for axes, draw in [*zip(column, left, strict=True), *zip(other, right, strict=True)]:
         draw(axes, runs)
+    ticks = _ticks(runs)
     for panels in (column, other):
         time_axis(panels, [run.time for run in runs])
+        for axes in panels:
+            axes.set_xticks(ticks)
         for axes in panels[:-1]:
             axes.tick_params(labelbottom=False)
     tell_apart(figure, runs)
@@ -62,6 +66,13 @@ def draw_energy(axes: Axes, runs: Sequence[Entry]) -> None:
                 axes.plot(run.time[kept], factor * work[name][kept], color=COLOURS[number % len(COLOURS)], **run.line)
     axes.set_ylabel(f"energy put in ({unit})")
     motions.key(axes, [name.replace("_", " ") for name in names])
+
+
+def _ticks(runs: Sequence[Entry]) -> np.ndarray:
+    """The times that both columns mark: round ones within the longest run."""
+    low, high = min(float(run.time[0]) for run in runs), max(float(run.time[-1]) for run in runs)
+    found = np.asarray(MaxNLocator(nbins=6, steps=[1, 2, 3, 5, 6, 10]).tick_values(low, high))
+    return found[(found >= low) & (found <= high)]
 
 
 def _actuators(names: Sequence[str]) -> Draw:

@@ -44,6 +44,8 @@ def draw_track(axes: Axes, runs: Sequence[Entry], way_points: np.ndarray | None 
         axes.plot(
             legs[:, 1], legs[:, 0], label="way points", marker="s", markersize=3, markevery=slice(1, None), **WANTED
         )
+        for number, (north, east, *_) in enumerate(points, start=1):
+            axes.annotate(str(number), (east, north), (4, 4), textcoords="offset points", fontsize=6.5)
     for run, log in zip(runs, logs, strict=True):
         path = log.position[run.thin(log.position)]
         axes.plot(path[:, 1], path[:, 0], label=_label(runs, run, "track"), **run.look)

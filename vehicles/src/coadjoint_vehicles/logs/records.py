@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 NEEDED = ("n", "nu", "xi", "a_down", "a_north")
 """The variables that make a run a vehicle's: its place and velocities, and down and north in body axes."""
 
+GUIDED = "internal_controller_value_memory_wanted_"
+"""How the variables begin that hold the set points of guidance."""
+
 
 @dataclass(frozen=True)
 class Actuator:
@@ -111,8 +114,12 @@ class VehicleRecords:
 
     @cached_property
     def set_points(self) -> dict[str, tuple[np.ndarray, str]]:
-        """The set points of the controller, by name, with their units."""
+        """The set points of the controller, by name, with their units, and those that guidance gives its helm."""
         found = {name: self._with_unit(f"inputs_{name}") for name in self._named("inputs_")}
+        for name in self._named(GUIDED):
+            held = self._values(f"{GUIDED}{name}")
+            # A node holds what was computed at the one before.
+            found[name] = np.append(held[1:], held[-1:]), "m" if name == "depth" else "rad"
         return {name: value for name, value in found.items() if name not in self.actuators}
 
     @cached_property

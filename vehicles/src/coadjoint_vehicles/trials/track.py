@@ -77,12 +77,13 @@ class Track:
     @classmethod
     def of(cls, dataset: xarray.Dataset) -> Track:
         """The track of a mission with the controller `trial`; raises ArgumentError for other runs."""
+        log = VehicleRecords(dataset)
         if TRIAL not in dataset.attrs:
             raise ArgumentError(
                 f"The run of {dataset.attrs.get('system', 'this system')} is no standard manoeuvre: run a mission with "
                 '[controller] kind = "trial", or give a Track of its columns.'
             )
-        log, told = VehicleRecords(dataset), json.loads(dataset.attrs[TRIAL])
+        told = json.loads(dataset.attrs[TRIAL])
         stage = np.asarray(dataset[f"{_MEMORY}_stage"], dtype=float)
         begun = np.flatnonzero(stage >= 0)
         if not len(begun):
