@@ -164,3 +164,23 @@ def test_elements_outside_a_group_without_constraint_are_refused():
     general.state(g=[[1, 2], [3, 4]])
     with pytest.raises(ArgumentError, match="must lie in MatrixGroup"):
         general.state(g=[[1, 2], [2, 4]])
+
+
+@pytest.mark.parametrize("group", [co.groups.SLn(3), co.groups.Opposite(co.groups.SLn(3))], ids=repr)
+def test_brackets_of_matrices_without_trace_are_commutators_and_volume_is_restored(group):
+    """[ξ, η]^ = ξ̂η̂ − η̂ξ̂, ⟨ad*_ξ μ, η⟩ = ⟨μ, [ξ, η]⟩, and det g returns to 1 to second order."""
+    xi, eta, mu = generator("volume").normal(size=(3, group.dim))
+
+    def measure(xi, eta, mu):
+        X, Y = group.hat(xi), group.hat(eta)
+        g = group.from_matrix(1.001 * group.matrix(group.exp(xi)))
+        there = group.project(g)
+        pairs = (group.hat(group.ad(xi, eta)), X @ Y - Y @ X), (group.ad_dual(xi, mu) @ eta, mu @ group.ad(xi, eta))
+        return pairs, group.vee(X), group.defect(g), group.defect(there), group.matrix(there) / group.matrix(g)
+
+    pairs, back, before, after, ratio = evaluate(measure, xi, eta, mu)
+    for found, expected in pairs:
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(back, xi, atol=1e-14)
+    np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-12)
+    assert before == pytest.approx(1.001**3 - 1) and 1e-9 < after < 2e-5
