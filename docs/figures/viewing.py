@@ -76,7 +76,8 @@ if __name__ == "__main__":
     browser = chromium.Chromium(*chromium.SOFTWARE)
     browser.size(840, 440)
     with tempfile.TemporaryDirectory() as made:
-        follow = "player.camera.zoom = 1.3, player.camera.pitch = 0.22, player.camera.yaw = 2.4"
+        follow = "player.camera.follow = 0, player.camera.zoom = 1.3, "
+        follow += "player.camera.pitch = 0.22, player.camera.yaw = 2.4"
         picture(browser, mission(Path(made)), "view_mission.png", f"player.seek(52), {follow}")
         browser.prefer(prefers_color_scheme="dark")
         picture(browser, cat(Path(made)), "view_cat.png", "player.seek(0.35)")

@@ -10,6 +10,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+import xarray
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting import bodies
@@ -52,6 +53,30 @@ def test_a_page_holds_places_turns_and_readings_of_every_member():
     assert np.allclose(first["current"], [[0.0] * 100, [0.2] * 100, [0.0] * 100])
     assert second["label"] == HARMFUL
     assert second["time"][-1] == 10 and len(second["time"]) <= 4002
+
+
+def test_a_page_opens_with_all_of_a_vehicles_track_and_a_compass_instead_of_axes():
+    text = page(scene(entries([dataset(100)], None)))
+    found = held(text)
+    assert (found["follow"], found["pivot"], found["frames"], found["down"]) == (-1, None, False, True)
+    assert '<svg id="compass"' in text and 'part("compass").toggleAttribute("hidden", !given.down)' in text
+
+
+def test_a_body_that_turns_about_a_fixed_point_has_a_pivot_and_axes():
+    time = np.linspace(0.0, 1.0, 9)
+    turns = np.array([[[np.cos(t), -np.sin(t), 0], [np.sin(t), np.cos(t), 0], [0, 0, 1]] for t in time])
+    run = xarray.Dataset({"R": (("time", "i", "j"), turns)}, {"time": time})
+    found = held(page(scene(entries([run], None))))
+    assert found["pivot"] == [0, 0, 0] and found["frames"] is True
+    solids = [bodies.Solid([bodies.box((1, 1, 1))], place=(0.0, 0.0, 2.0))]
+    assert held(page(scene(entries([run], None), solids)))["pivot"] == [0, 0, 2]
+    moving = run.assign(x=(("time", "k"), np.outer(time, [1.0, 0, 0])))
+    still = xarray.Dataset({"R": (("time", "i", "j"), turns[:1].repeat(9, 0))}, {"time": time})
+    for other in (moving, still):
+        assert (held(page(scene(entries([other], None))))["pivot"], scene(entries([other], None)).frames) == (
+            None,
+            False,
+        )
 
 
 def test_a_name_ends_no_script_and_no_title():

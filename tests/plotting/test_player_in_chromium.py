@@ -247,6 +247,19 @@ def test_keys_play_step_turn_zoom_and_follow(browser, tmp_path):
     assert browser.errors == []
 
 
+def test_axes_are_shown_on_request_and_the_compass_turns_with_the_camera(browser, tmp_path):
+    shown(browser, tmp_path, turning())
+    visible = "[...document.querySelectorAll('#names span')].filter(e => !e.hidden).map(e => e.textContent)"
+    assert "north" not in browser.value(visible)
+    browser.press("a")
+    browser.frames()
+    assert {"north", "east"} <= set(browser.value(visible))
+    browser.value("player.camera.yaw = 1.5, player.redraw(), 0")
+    browser.frames()
+    assert browser.value("document.getElementById('compass').style.transform") == "rotate(1.5rad)"
+    assert browser.errors == []
+
+
 def test_two_fingers_zoom_and_one_turns(browser, tmp_path):
     shown(browser, tmp_path, turning(), width=390, height=700, touch=True)
 

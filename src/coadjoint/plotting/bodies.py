@@ -78,7 +78,17 @@ def scene(runs: Sequence[Entry], solids: Sequence[Solid] | None = None, z_down: 
     members = [_member(run, solids, max(POINTS // len(runs), 50), len(runs) == 1) for run in runs]
     name = str(runs[0].dataset.attrs.get("system", "")) or "run"
     sentences = (f"{one.label}: {len(one.bodies)} bodies over {one.time[-1] - one.time[0]:.6g} s." for one in members)
-    return Scene(name if len(runs) == 1 else f"{len(runs)} runs of {name}", " ".join(sentences), members, down=z_down)
+    title, pivot = name if len(runs) == 1 else f"{len(runs)} runs of {name}", _pivot(members)
+    return Scene(title, " ".join(sentences), members, down=z_down, pivot=pivot, frames=pivot is not None)
+
+
+def _pivot(members: Sequence[Member]) -> list[float] | None:
+    """The point about which the only body of each member turns; None where one moves or there are several."""
+    held = [member.bodies[0] for member in members if len(member.bodies) == 1]
+    if len(held) < len(members) or any(np.ptp(body.place, axis=0).max() > 1e-9 for body in held):
+        return None
+    turning = any(np.ptp(body.turn, axis=0).max() > 1e-9 for body in held)
+    return held[0].place[0].tolist() if turning else None
 
 
 def _member(run: Entry, solids: Sequence[Solid] | None, capacity: int, alone: bool) -> Member:

@@ -88,8 +88,9 @@ class Scene:
     """The complete scene. down: whether the third axis of space points down. surface: whether z = 0 is that of water.
 
     bottom: its depth, m. way_points: (k, 3) m. follow: the number of the member that the camera follows at first, −1
-    for all. enlarge: whether bodies are drawn larger where they would be dots. description: the text for readers who
-    cannot see it.
+    for all. enlarge: whether bodies are drawn larger where they would be dots. pivot: (3,) m, the point about which the
+    first body turns, None where it moves. frames: whether the axes of space and of the bodies are drawn at first.
+    description: the text for readers who cannot see it.
     """
 
     title: str
@@ -101,6 +102,8 @@ class Scene:
     way_points: np.ndarray | None = None
     follow: int = -1
     enlarge: bool = False
+    pivot: Sequence[float] | None = None
+    frames: bool = False
 
 
 _DIGITS = {"time": 4, "turn": 5, "values": 4}

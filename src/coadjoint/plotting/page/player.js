@@ -8,7 +8,7 @@ const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 const members = given.members.map(prepared);
 const first = Math.min(...members.map(m => m.time[0])), last = Math.max(...members.map(m => m.time.at(-1)));
 const time = { now: first, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches, rate: 1 };
-const camera = { yaw: 0.7, pitch: 0.45, zoom: 1, follow: -1, tall: 1 };
+const camera = { yaw: 0.7, pitch: 0.45, zoom: 1, follow: -1, tall: 1, frames: given.frames };
 const extent = bounds();
 let changed = true;
 
@@ -21,6 +21,7 @@ function bounds() {
   const include = (x, k, room) => { low[k] = Math.min(low[k], x - room); high[k] = Math.max(high[k], x + room); };
   members.forEach(m => m.bodies.forEach(b => b.place.forEach((x, i) => include(x, i % 3, b.size / 2))));
   given.wayPoints.forEach(p => p.forEach((x, k) => include(x, k, 0)));
+  given.pivot?.forEach((x, k) => include(x, k, 0.9 * members[0].bodies[0].size));
   const wide = Math.max(high[0] - low[0], high[1] - low[1]), deep = high[2] - low[2];
   return { low, high, wide, deep, middle: low.map((x, k) => (x + high[k]) / 2), size: Math.max(wide, deep, 1e-6) };
 }
@@ -121,6 +122,7 @@ choices("rate", rates.map(r => ["× " + r, r]), opening(last - first), v => time
 choices("follow", [["all", -1], ...members.map((m, k) => [m.label, k])], given.follow, v => { camera.follow = v; camera.zoom = 1; });
 choices("tall", talls.map(r => ["× " + r, r]), 1, v => camera.tall = v);
 part("stretch").hidden = extent.deep > 0.3 * extent.wide || members.some(m => m.bodies.length > 1);
+part("compass").toggleAttribute("hidden", !given.down);
 document.title = given.title;
 part("view").setAttribute("aria-label", given.title);
 part("what").textContent = given.description;
@@ -145,6 +147,7 @@ sight.onpointermove = e => {
 sight.addEventListener("wheel", e => { e.preventDefault(); zoom(Math.exp(-e.deltaY / 600)); }, { passive: false });
 const step = () => Math.max(span / 500, 1e-3);
 const anywhere = { " ": () => play(!time.playing), ",": () => seek(time.now - step()), ".": () => seek(time.now + step()), Home: () => seek(first), End: () => seek(last),
+  a: () => { camera.frames = !camera.frames; changed = true; },
   f: () => { const box = part("follow"); box.selectedIndex = (box.selectedIndex + 1) % box.length; box.onchange(); } };
 const inView = { ArrowLeft: () => turn(0.1, 0), ArrowRight: () => turn(-0.1, 0), ArrowUp: () => turn(0, 0.1), ArrowDown: () => turn(0, -0.1),
   "+": () => zoom(1.15), "=": () => zoom(1.15), "-": () => zoom(1 / 1.15) };
@@ -161,6 +164,7 @@ let before = null;
 function draw() {
   members.forEach(locate);
   view.draw();
+  part("compass").style.transform = `rotate(${view.flat ? 0 : camera.yaw}rad)`;
   read();
   slider.value = 1000 * (time.now - first) / span;
   slider.setAttribute("aria-valuetext", `${clock(time.now)} seconds`);

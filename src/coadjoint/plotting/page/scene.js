@@ -99,6 +99,32 @@ function solid() {
     given.wayPoints.forEach(p => { const ball = new T.Mesh(new T.SphereGeometry(1, 12, 8), lambert("--faint")); ball.position.set(...p); tall.add(ball); balls.push(ball); });
   }
 
+  // Labels: texts at points of the scene; `at` puts the point, in space, into its argument, and returns it.
+  const labels = [];
+  function label(text, at, shown = () => true) {
+    const tag = document.createElement("span");
+    tag.textContent = text; document.getElementById("names").append(tag); labels.push({ tag, at, shown });
+    return tag;
+  }
+  given.wayPoints.forEach((p, k) => label(String(k + 1), v => v.set(p[0], p[1], camera.tall * p[2]).applyMatrix4(world.matrix)));
+
+  // Axes of space, at the pivot or the origin, and of the bodies; through a pivot the vertical.
+  const framed = [];
+  function triad(length, into, texts) {
+    ["#D55E00", "#009E73", "#0072B2"].forEach((colour, k) => {
+      const end = [0, 1, 2].map(i => i === k ? length : 0), line = thin([0, 0, 0, ...end], colour);
+      into.add(line); framed.push(line);
+      label(texts[k], v => into.localToWorld(v.set(...end)), () => camera.frames);
+    });
+  }
+  const fixed = new T.Group(), reach = given.pivot ? 0.9 * members[0].bodies[0].size : 0.25 * extent.wide;
+  triad(reach, fixed, given.down ? ["north", "east", "down"] : ["x", "y", "z"]); world.add(fixed);
+  if (given.pivot) {
+    const ball = new T.Mesh(new T.SphereGeometry(0.04 * reach, 16, 10), lambert("--ink"));
+    const upright = fat([0, 0, -1.1 * reach, 0, 0, 1.1 * reach], stroke("--faint", { dashed: true, dashSize: reach / 14, gapSize: reach / 14 }));
+    fixed.position.set(...given.pivot); fixed.add(ball, upright);
+  }
+
   // Bodies.
   const geometry = {
     box: s => new T.BoxGeometry(...s.size),
@@ -153,10 +179,12 @@ function solid() {
         held.position.set(...m.at); held.quaternion.copy(facing(m.axis, m.span_axis)); held.add(inner); group.add(held);
         return { ...m, inner };
       });
-      world.add(group);
+      triad(0.7 * body.size, group, ["body x", "body y", "body z"]); world.add(group);
       return { body, group, path, moving };
     });
-    return { member, bodies, pole, arrow };
+    if (members.length > 1) label(member.label, v => bodies[0].group.getWorldPosition(v));
+    const told = arrow && label("current", v => v.copy(arrow.position).applyMatrix4(world.matrix), () => arrow.visible);
+    return { member, bodies, pole, arrow, told };
   });
   const move = {  // what a moving part does with its value: rad, m, or a share of its largest
     hinge: (m, x) => m.inner.rotation.y = x,
@@ -200,6 +228,7 @@ function solid() {
   }
   function draw() {
     aim();
+    framed.forEach(line => line.visible = camera.frames);
     drawn.forEach(one => {
       one.bodies.forEach(({ body, group, path, moving }) => {
         placeOf(one.member, body, place); turnOf(one.member, body, turned);
@@ -215,19 +244,18 @@ function solid() {
     renderer.render(stage, eye);
     names();
   }
-  function flow({ member, arrow }) {
+  function flow({ member, arrow, told }) {
     const size = enlarged * member.bodies[0].size, v = [0, 1, 2].map(k => between(member.current[k], member)), speed = Math.hypot(...v);
-    arrow.visible = speed > 1e-4;
+    arrow.visible = speed > 1e-4; told.textContent = `current ${speed.toFixed(2)} m/s`;
     if (!arrow.visible) return;
     arrow.position.set(place[0], place[1], camera.tall * place[2] - (given.down ? 0.6 : -0.6) * size);
     arrow.setDirection(point.set(...v).divideScalar(speed));
     arrow.setLength(size * clamp(4 * speed, 0.3, 4), 0.25 * size, 0.12 * size);
   }
-  const tags = members.length > 1 ? members.map(m => { const tag = document.createElement("span"); tag.textContent = m.label; document.getElementById("names").append(tag); return tag; }) : [];
   function names() {
-    tags.forEach((tag, k) => {
-      drawn[k].bodies[0].group.getWorldPosition(point).project(eye);
-      tag.hidden = point.z > 1 || Math.abs(point.x) > 1 || Math.abs(point.y) > 1;
+    labels.forEach(({ tag, at, shown }) => {
+      at(point).project(eye);
+      tag.hidden = !shown() || point.z > 1 || Math.abs(point.x) > 1 || Math.abs(point.y) > 1;
       tag.style.transform = `translate(${(point.x + 1) / 2 * sheet.clientWidth + 10}px, ${(1 - point.y) / 2 * sheet.clientHeight - 24}px)`;
     });
   }

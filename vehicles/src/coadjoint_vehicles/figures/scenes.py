@@ -32,7 +32,6 @@ def scene(runs: Sequence[Entry], hull: Shape | None = None) -> Scene:
         surface=True,
         bottom=min(bottoms, default=None),
         way_points=VehicleRecords(runs[0].dataset).way_points,
-        follow=0 if len(runs) == 1 else -1,
         enlarge=True,
     )
 
