@@ -1,0 +1,67 @@
+"""What certificates say of step sizes, and what saved runs say of themselves and of files that hold none."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.simulation.certificate import _step_sizes_in_words, fixed_steps, step_sizes
+from coadjoint.simulation.dataset import _coordinates, labelled
+from coadjoint.simulation.saved import SavedRun
+
+
+def varied(fixed: float, steps: int = 1000, bounds: Any = (0.01, 0.25), variable: bool = True) -> Any:
+    state = SimpleNamespace(t=2.5, memory=SimpleNamespace(fixed=fixed))
+    extrema = {} if bounds is None else {"step_size": bounds}
+    return SimpleNamespace(
+        method=SimpleNamespace(variable=variable), position=SimpleNamespace(state=state), extrema=extrema,
+        good_steps=steps,
+    )  # fmt: skip
+
+
+def test_step_sizes_are_those_between_which_a_run_went_and_how_many_were_fixed():
+    assert step_sizes(varied(3.0)) == {
+        "time_final": 2.5, "steps_fixed": 3, "step_size_min": 0.01, "step_size_max": 0.25,
+    }  # fmt: skip
+    assert step_sizes(varied(0.0, variable=False)) == {} and fixed_steps(varied(0.0, variable=False)) == []
+    assert _step_sizes_in_words(varied(0.0)) == "0.01 to 0.25 s, to t = 2.5 s; no step fixed"
+    assert _step_sizes_in_words(varied(3.0, bounds=None)) == "to t = 2.5 s; 3 of 1,000 steps (0.30%) fixed at dt"
+    assert fixed_steps(varied(0.0)) == []
+    (sentence,) = fixed_steps(varied(2.0, steps=4))
+    assert sentence.startswith("2 of 4 steps (50.00%) fixed at dt: no other h holds the energy there")
+
+
+def test_a_saved_run_has_its_certificate_and_the_time_of_its_event():
+    made = xarray.Dataset(attrs={"system": "top", "card": "steps 4", "event": 1.5})
+    found = SavedRun(made)
+    assert (str(found), repr(found), found.event) == ("steps 4", "<SavedRun of top>", 1.5)
+    bare = SavedRun(xarray.Dataset())
+    assert (str(bare), repr(bare), bare.event) == ("a run without a certificate", "<SavedRun of a system>", None)
+    with pytest.raises(ArgumentError, match="The records at events are not in the file of a run"):
+        _ = found.events
+
+
+def test_what_holds_no_run_is_named_by_its_kind(tmp_path):
+    file = tmp_path / "run.nc"
+    with pytest.raises(FileError, match=r"There is no file .*run.nc"):
+        co.load(file)
+    with pytest.raises(ArgumentError, match=r"`system` must be a co.System, but is 3"):
+        co.load(file, 3)  # type: ignore[arg-type]
+    file.write_bytes(b"PK\x03\x04 and more")
+    with pytest.raises(FileError, match=r"is not a netCDF file of a run, .*: co.load_stepper loads what stepper.save"):
+        co.load(file)
+
+
+def test_vectors_of_a_chain_are_labelled_by_link_and_angles_by_name():
+    chain, rows = co.Power(co.SO3(), 2), np.arange(18.0).reshape(3, 6)
+    dims, values = _coordinates(chain, rows)
+    assert dims == ("time", "link", "algebra") and values[1].tolist() == [[6, 7, 8], [9, 10, 11]]
+    assert _coordinates(co.SE3(), rows) == (("time", "algebra"), rows)
+    made = labelled(xarray.Dataset({"e": (("time", "angle"), np.zeros((2, 3)))}), {"e": {"units": "rad"}})
+    assert made.angle.values.tolist() == ["yaw", "pitch", "roll"] and made.e.attrs == {"units": "rad"}
