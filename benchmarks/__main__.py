@@ -23,6 +23,8 @@ SECTIONS = {
     "many_2": ("many", 2, "an ensemble on two cores"),
     "gradients": ("gradients", 1, "gradients"),
     "stepping": ("stepping", 1, "one control period at a time"),
+    "calls": ("calls", 1, "second calls, and the slowest of many"),
+    "commands": ("commands", 1, "fresh processes and commands, cold and repeated"),
     "environments": ("environments", 1, "environments of Gymnasium"),
     "sweeps": ("sweeps", 2, "sweeps by one worker and by two"),
     "judging": ("judging", 1, "the accuracy of the card"),

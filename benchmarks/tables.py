@@ -209,6 +209,32 @@ def _stepping(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _calls(found: dict[str, Any]) -> list[Table]:
+    rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in found["second"].items()]
+    tails = [
+        (f"{name}, {clock} time", *map(_time, part))
+        for name, clocks in found["tails"].items()
+        for clock, part in clocks.items()
+    ]
+    return [
+        Table("A second co.simulate of 100 steps of a small system", ("", "ratio", "a call"), rows),
+        Table(
+            f"{found['calls']:,} calls, with Python's collector on",
+            ("", "median", "99th percentile", "99.9th", "largest"),
+            tails,
+        ),
+    ]
+
+
+def _commands(found: dict[str, Any]) -> list[Table]:
+    pythons = list(next(iter(found.values())))
+    rows = [
+        (name, *(" / ".join(f"{seconds:.2f}" for seconds in part[python]) for python in pythons))
+        for name, part in found.items()
+    ]
+    return [Table("Processor time of a fresh process, cold / repeated, s", ("", *pythons), rows)]
+
+
 def _environments(found: dict[str, Any]) -> list[Table]:
     rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in found["one"].items()]
     tables = [Table("A period of one vehicle through Gymnasium", ("", "ratio", "a period"), rows)]
@@ -304,6 +330,8 @@ _TABLES = {
     "optimal": _optimal,
     "judging": _judging,
     "stepping": _stepping,
+    "calls": _calls,
+    "commands": _commands,
     "environments": _environments,
     "one": _one,
     "many_1": _many,
