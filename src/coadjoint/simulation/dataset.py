@@ -79,6 +79,9 @@ def reserved(system: System) -> set[str]:
     return always.union(_told(system), *parts)
 
 
+ANGLES = ["yaw", "pitch", "roll"]
+"""The names of Euler angles."""
+
 Variables = dict[str, tuple[tuple[str, ...], Any]]
 
 
@@ -98,6 +101,7 @@ def dataset(run: Result) -> xarray.Dataset:
             "time": times(run.plan.program, run.start, run.plan.h, run.steps_saved, records),
             "step": ("time", run.steps_saved),
             **member_coordinates(run),
+            **({"angle": ANGLES} if "euler_angles" in found else {}),
         },
         attrs=attributes(run),
     )
@@ -257,10 +261,10 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, Table]:
 
 def labelled(made: xarray.Dataset, attributes: Mapping[str, Mapping[str, Any]]) -> xarray.Dataset:
     """The dataset with named angles, and with the units and meanings of its variables."""
-    if "angle" in made.dims:
-        made = made.assign_coords(angle=["yaw", "pitch", "roll"])
+    if "angle" in made.dims and "angle" not in made.coords:
+        made = made.assign_coords(angle=ANGLES)
     for name, attrs in attributes.items():
-        made[name].attrs.update(attrs)
+        made.variables[name].attrs.update(attrs)
     return made
 
 
