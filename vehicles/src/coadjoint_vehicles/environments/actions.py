@@ -43,6 +43,10 @@ class Actions:
         return up, np.zeros(0) if np.array_equal(up, down) else up - down
 
     @cached_property
+    def _ones(self) -> np.ndarray:
+        return np.ones(self.size)
+
+    @cached_property
     def places(self) -> dict[str, slice]:
         """Which numbers of an action each command is."""
         ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes.values()])
@@ -63,7 +67,8 @@ class Actions:
         if given.shape != (*lead, self.size):
             what = shown(actions) if given.shape == () else f"shape {given.shape}"
             raise ArgumentError(f"Argument `action` must be numbers of shape {(*lead, self.size)}, but is {what}.")
-        if not math.isfinite(given.sum()) and not np.all(np.isfinite(given)):
+        total = given.sum() if lead else given @ self._ones  # not finite where a number is not
+        if not math.isfinite(total) and not np.all(np.isfinite(given)):
             raise ArgumentError("Argument `action` must be finite, but has a number that is not.")
         a, (up, uneven) = np.minimum(np.maximum(given, -1.0), 1.0), self._scales
         found = self.middle + a * up

@@ -20,8 +20,9 @@ from coadjoint_vehicles.environments.nested import nested
 from coadjoint_vehicles.environments.simulated import Simulated
 from coadjoint_vehicles.model.craft import Craft
 
-AHEAD, BLOCK = 4, 256
-"""How many episodes of each member are drawn at a time, and how many starts are begun together."""
+AHEAD, FEW, BLOCK = 4, 64, 256
+"""How many episodes of each member are drawn at a time, how many in all at least, because many together cost hardly
+more than one, and how many starts are begun together."""
 LARGEST = 2**31
 """Seeds of random currents are below."""
 KEYS = ("position", "euler_zyx", "velocity", "speed", "angular_velocity")
@@ -33,6 +34,8 @@ class Episodes:
     def __init__(self, simulated: Simulated):
         self.simulated = simulated
         self.count = 1 if simulated.members is None else simulated.members
+        self.ahead = max(AHEAD, FEW // self.count)
+        """How many episodes of each member are drawn at a time."""
         self.random: list[np.random.Generator | None] = [None] * self.count
         self.varying: list[np.random.Generator | None] = [None] * self.count
         self.begun = np.zeros(self.count, np.int64)
@@ -54,7 +57,7 @@ class Episodes:
         """The next episodes of these members begin."""
         if np.any(self.ready[members] == self.begun[members]):
             self._prepare()
-        rows = members * AHEAD + self.begun[members] % AHEAD
+        rows = members * self.ahead + self.begun[members] % self.ahead
         self.simulated.stepper.begin(Prepared(self._states, self._parameters), rows, members)
         self.begun[members] += 1
 
@@ -68,26 +71,26 @@ class Episodes:
 
     @property
     def block(self) -> int:
-        return min(BLOCK, self.count * AHEAD)
+        return min(BLOCK, self.count * self.ahead)
 
     def _prepare(self) -> None:
-        """Draw episodes for all members until each has AHEAD of them."""
+        """Draw episodes for all members until each has self.ahead of them."""
         slots = [
             (member, number)
-            for member in np.flatnonzero(self.ready < self.begun + AHEAD)
+            for member in np.flatnonzero(self.ready < self.begun + self.ahead)
             if self.random[member] is not None
-            for number in range(self.ready[member], self.begun[member] + AHEAD)
+            for number in range(self.ready[member], self.begun[member] + self.ahead)
         ]
         for first in range(0, len(slots), self.block):
             part = slots[first : first + self.block]
             drawn = [(self._start(int(member)), self._drawn(int(member))) for member, _ in part]
             made = self._block(drawn, np.array([member for member, _ in part]))
-            rows = np.array([member * AHEAD + number % AHEAD for member, number in part])
+            rows = np.array([member * self.ahead + number % self.ahead for member, number in part])
             self._keep(rows, made)
-        self.ready = np.where([one is not None for one in self.random], self.begun + AHEAD, self.ready)
+        self.ready = np.where([one is not None for one in self.random], self.begun + self.ahead, self.ready)
 
     def _keep(self, rows: np.ndarray, made: Prepared) -> None:
-        size = self.count * AHEAD
+        size = self.count * self.ahead
         if not len(self._states):
             self._states = np.zeros((size, made.states.shape[1]))
             self._parameters = None if made.parameters is None else np.zeros((size, made.parameters.shape[1]))

@@ -152,8 +152,9 @@ class Simulated:
         """Set the commands of actions; raises ArgumentError and leaves them as they were."""
         lead = () if self.members is None else (self.members,)
         found = self.actions.commands(actions, lead)
+        commands = self.stepper.command
         for name, place in self.actions.places.items():
-            command = self.stepper.command[name]
+            command = commands[name]
             command[...] = found[..., place].reshape(command.shape)
 
 

@@ -73,19 +73,18 @@ class VehicleEnv(Simulating, gymnasium.Env):
                 raise
             info = {"failure": str(error), "end": "failure", "is_success": False}
         self._remember()
-        width = self.simulated.width
-        reward, ended = float(row[width]), row[width + 1 :] > 0.5
-        terminated, truncated = bool(info) or bool(ended.any()), self._periods >= self.simulated.most
+        reward, *ended = row[self.simulated.width :].tolist()
+        terminated, truncated = bool(info) or 1.0 in ended, self._periods >= self.simulated.most
         if info:
             reward -= self.simulated.task.penalty
         elif terminated:
-            which = int(np.argmax(ended))
+            which = ended.index(1.0)
             info = {"end": list(self.simulated.ends)[which], "is_success": bool(self.simulated.successes[which])}
         elif truncated:
             info = {"end": "time", "is_success": False}
         if terminated or truncated:
             self._periods = None
-        return self._seen(), reward, terminated, truncated and not terminated, info
+        return row[: self.simulated.width].copy(), reward, terminated, truncated and not terminated, info
 
     def _seen(self) -> np.ndarray:
         return self.simulated.rows[: self.simulated.width].copy()
