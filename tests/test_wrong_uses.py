@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import spaces, theory
-from coadjoint.errors import CoadjointError
+from coadjoint.errors import CoadjointError, FileError
 from coadjoint.identification import Log
 from coadjoint.identification.synthetic import synthetic_log
 from coadjoint.mechanics.inputs import inputs_from
@@ -20,6 +20,7 @@ from coadjoint.models import kirchhoff, manakov
 from coadjoint.simulation.steppers.fmu import save_fmu
 from coadjoint.spaces.named import Named
 from coadjoint.stability import steady_motion
+from coadjoint.texts import DEEPEST, read_table
 
 SO3 = co.SO3()
 BODY = co.System(SO3, lambda xi, p: 0.5 * p.inertia * xi @ xi, parameters={"inertia": 2.0})
@@ -104,3 +105,10 @@ def test_a_wrong_use_raises_one_sentence(call, says):
     with pytest.raises((CoadjointError, AttributeError), match=says) as error:
         call()
     assert "\n" not in str(error.value)
+
+
+def test_a_file_may_have_tables_as_deep_as_the_limit_and_no_deeper():
+    deep = ".".join("a" * DEEPEST)
+    assert read_table(f"{deep} = 1", "f.toml")["a"]
+    with pytest.raises(FileError, match="nested too deeply: it has more than 64 tables"):
+        read_table(f"{deep}.a = 1", "f.toml")

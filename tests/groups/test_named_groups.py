@@ -184,3 +184,14 @@ def test_brackets_of_matrices_without_trace_are_commutators_and_volume_is_restor
     np.testing.assert_allclose(back, xi, atol=1e-14)
     np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-12)
     assert before == pytest.approx(1.001**3 - 1) and 1e-9 < after < 2e-5
+
+
+def test_the_defect_of_a_unitary_matrix_is_its_largest_entry_in_either_part():
+    """g†g − 1 of 1 + εX: of a real X that is not skew, and of an imaginary one that is not Hermitian times i."""
+    group, e = co.groups.Un(3), np.zeros((3, 3))
+    for real, imaginary in ((1e-3, 0.0), (0.0, 1e-3)):
+        off, odd = e.copy(), e.copy()
+        off[0, 0], odd[0, 1] = real, imaginary
+        found = evaluate(group.defect, (np.eye(3) + off, odd))
+        assert found == pytest.approx(2e-3 if real else 1e-3, rel=1e-3)
+    assert evaluate(group.defect, (np.eye(3), e)) == 0.0

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from coadjoint.identification.diagnostics import unsettled
 from coadjoint.identification.fitting import _estimated
 from coadjoint.identification.least_squares import Solution
+from coadjoint.identification.misfit import FEWEST, Feature, _correlated
 from coadjoint.identification.result import _estimates
 
 RUNS, SAMPLES, CHANNELS, OWN, SHARED = 2, 5, 2, 2, 3
@@ -68,3 +70,29 @@ def test_an_interval_has_the_width_that_its_level_asks_for(level, samples):
         assert inside == pytest.approx(level, rel=1e-9)
         if (level, samples) == (0.95, 10_000):
             assert (high - x) / error == pytest.approx(1.96, abs=1e-3)
+
+
+def test_parts_of_the_noise_that_still_changed_are_counted_and_the_worst_is_named():
+    assert unsettled({}) == []
+    (one,) = unsettled({"noise of `u`": 0.25})
+    assert "rounds of least squares the noise of `u` still changed, by 25% in the last" in one
+    (two,) = unsettled({"noise of `u`": 0.25, "noise of `v`": 0.5})
+    assert "the noise of `v`, and 1 more number of its kind still changed, by 50%" in two
+    (three,) = unsettled({"a": 0.1, "b": 0.5, "c": 0.2})
+    assert "the b, and 2 more numbers of its kind" in three
+
+
+def test_an_innovation_correlates_with_what_moves_and_with_nothing_that_rests_or_is_seldom_there():
+    random, count = np.random.default_rng(6), 40 * FEWEST
+    values, there = random.normal(size=(count, 1)), np.ones(count, bool)
+    w = 2.0 * values[:, 0] + 0.1 * random.normal(size=count)
+
+    def feature(values: np.ndarray) -> Feature:
+        return Feature("rudder", "δ", 0.0, values)
+
+    found, score = _correlated("v", w, there, feature(values))
+    assert found.column == "v" and found.input == "rudder" and score > 0.9 * count
+    for given, where in ((np.ones((count, 1)), there), (values, np.arange(count) < FEWEST - 1)):
+        assert _correlated("v", w, where, feature(given))[1] == 0.0
+    gaps = np.where(np.arange(count)[:, None] % 2 == 0, values, np.nan)
+    assert _correlated("v", w, there, feature(gaps))[1] > 0.4 * count

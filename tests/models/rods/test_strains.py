@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.groups import attitude
 from coadjoint.groups.small_angle import arctangent_ratio
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.models import rods
+from coadjoint.models.rods.cosserat import RodLayout, strains
 from coadjoint.models.rods.strains import logarithm, rotation_vector
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
@@ -48,3 +51,19 @@ def test_the_logarithm_is_the_inverse_of_the_exponential_in_two_derivatives(grou
     np.testing.assert_allclose(value, xi, rtol=0, atol=5e-15)
     np.testing.assert_allclose(first, eta, rtol=0, atol=1e-14)
     np.testing.assert_allclose(second, np.zeros(group.dim), rtol=0, atol=1e-13)
+
+
+def test_a_driven_end_strains_its_element_by_where_it_is_and_how_it_is_turned():
+    """An end at (A, y) and a section at the pose A·g: the strain is that of g alone."""
+    rod = rods.cosserat(
+        elements=2, length=(0.5, 0.7), EI=1.0, GJ=1.0, EA=3.0, GA=2.0, mass=1.0, inertia=(0.02, 0.01, 0.01)
+    )
+    random, layout = np.random.default_rng(3), RodLayout(2, "clamped")
+    A = attitude.from_rotation_vector([0.3, -0.5, 0.4])
+    y = np.array([0.1, 0.2, -0.3])
+    R = np.stack([attitude.from_rotation_vector(v) for v in 0.4 * random.normal(size=(2, 3))])
+    x = np.array([[0.4, 0.1, 0.0], [0.6, -0.1, 0.2]])
+    turned = np.stack([A @ R[0], R[1]]), np.stack([A @ x[0] + y, x[1]])
+    plain, driven = evaluate(lambda p: (strains(layout, (R, x), p), strains(layout, turned, p, (A, y))), rod.parameters)
+    np.testing.assert_allclose(driven, plain, atol=1e-13)
+    assert np.max(np.abs(plain[:, 0])) > 0.01
