@@ -11,7 +11,7 @@ import pytest
 
 from coadjoint.errors import ArgumentError, FileError, GroupError
 from coadjoint.report.folder import UNFINISHED
-from coadjoint.sweeps import store
+from coadjoint.sweeps import store, task
 from coadjoint.sweeps.call import _file
 from coadjoint.sweeps.local import LIVES, _called, _require_life
 from coadjoint.sweeps.reduction import Reduction
@@ -144,13 +144,13 @@ def piece(places: list[int], refusal: str = "", **more: Any) -> Any:
 
 
 def test_the_pieces_of_a_task_are_joined_in_the_order_of_its_members():
-    task: Any = SimpleNamespace(count=5, first=100)
+    whole: Any = SimpleNamespace(count=5, first=100)
     pieces = [
         piece([0, 3], event=np.array([0.7, NAN]), warnings=["slow"]),
         piece([2, 1], codes=np.array([0, 2]), warnings=["slow", "odd"]),
         piece([4], refusal="It is too heavy."),
     ]
-    made = _joined(task, pieces)
+    made = _joined(whole, pieces)
     assert made.members["code"][[0, 1, 2, 3]].tolist() == [0, 2, 0, 0] and made.members["code"][4] == REFUSED
     assert made.members["steps_done"].tolist() == [4, 4, 4, 4, 0]
     np.testing.assert_array_equal(made.members["final_q"], [0, NAN, 2, 3, NAN])
@@ -161,7 +161,7 @@ def test_the_pieces_of_a_task_are_joined_in_the_order_of_its_members():
     assert made.nodes is not None
     np.testing.assert_array_equal(made.nodes["q"], [[0, 10], [1, 11], [2, 12], [3, 13], [NAN, NAN]])
     assert [float(one.mean) for one in made.courses["q"]] == [1.5, 11.5] and _courses([]) == {}
-    assert _joined(task, pieces[2:]).times.shape == (0,)
+    assert _joined(whole, pieces[2:]).times.shape == (0,)
 
 
 def test_the_summary_of_a_sweep_is_in_lines():
@@ -201,3 +201,30 @@ def test_workers_that_die_before_their_first_task_end_the_sweep():
 def test_what_is_no_run_cannot_be_swept():
     with pytest.raises(ArgumentError, match="`run` must be the path of a run or mission file, or a mission, but is 3"):
         _file(3)
+
+
+def test_a_task_writes_what_it_computed_with_its_numbers_and_says_how_long_each_part_took(monkeypatch, tmp_path):
+    written: list[Any] = []
+    made = shard(0, np.arange(3.0), np.zeros((1, 3)), kernel=0.5, seconds=2.0)
+    sweep = SimpleNamespace(results=SimpleNamespace(keep="statistics"))
+    monkeypatch.setattr(task, "compute", lambda given, threads: made)
+    monkeypatch.setattr(task, "swept", lambda given: (sweep, {}))
+    monkeypatch.setattr(task, "write", lambda *given: written.append(given))
+    clock = iter([10.0, 10.25])
+    monkeypatch.setattr(task, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    given: Any = SimpleNamespace(rows={"mass": np.ones(3)}, folder=str(tmp_path), number=4, size=3)
+    found = task.perform(given)
+    assert {name: found[name] for name in ("seconds", "kernel", "writing")} == {
+        "seconds": 2.25, "kernel": 0.5, "writing": 0.25,
+    }  # fmt: skip
+    ((folder, number, size, one, kept),) = written
+    assert (folder, number, size, kept) == (tmp_path, 4, 3, False) and one is made
+    assert next(iter(made.members)) == "mass" and "final_q" in made.members
+
+
+def test_a_folder_that_holds_another_sweep_by_now_has_none_of_its_tasks(tmp_path):
+    with pytest.raises(FileError, match=r"A worker cannot read .*: No such file .*; all workers need the folder"):
+        task.read(str(tmp_path), "x")
+    (tmp_path / task.RUN_FILE).write_text("[sweep]\n")
+    with pytest.raises(FileError, match="holds another sweep by now: this task does not belong to it"):
+        task.read(str(tmp_path), "x")
