@@ -8,20 +8,21 @@ import sys
 from checks import UNTIMED, completed, selection
 from parts import Checks
 
-from environments import Environments
+from environments import OWN, VERSIONS, Environments, pythons
 
 TRIED = (("jax", "jaxlib"), ("numpy",))
 VERSION = "import importlib.metadata as m; print(m.version({!r}))"
 
 
 def all_parts(checks: Checks) -> None:
-    """For each package an environment of the newest versions, and in it the newest pre-release of that package."""
-    environments = Environments(checks)
+    """For each package an environment of the newest Python and versions, and in it its newest pre-release."""
+    environments, interpreters = Environments(checks), {OWN: sys.executable} | pythons()
     if not environments.build():
         return
+    newest = [interpreters[version] for version in VERSIONS if version in interpreters][-1]
     for packages in TRIED:
         name = packages[0]
-        if (programs := environments.make(f"{name} pre", "test")) is None:
+        if (programs := environments.make(f"{name} pre", "test", interpreter=newest)) is None:
             continue
         python = programs / "python"
         before = _version(python, name)
