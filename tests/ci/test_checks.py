@@ -14,6 +14,7 @@ sys.path.insert(0, str(ROOT / ".ci"))
 import changes  # noqa: E402
 import checks  # noqa: E402
 import install  # noqa: E402
+import prereleases  # noqa: E402
 
 import audit  # noqa: E402
 import environments  # noqa: E402
@@ -224,6 +225,23 @@ def test_the_audit_runs_every_file_of_tests_and_refuses_parts_that_there_are_not
     assert set(audit.chosen([])) == {*audit.suites(), "versions", "repeats", "errors"}
     with pytest.raises(ValueError, match="Part `method` must be one of: audit, "):
         audit.chosen(["method"])
+
+
+def test_pre_releases_are_tried_with_the_newest_python(two_pythons, tmp_path, monkeypatch):
+    monkeypatch.setattr(prereleases, "OWN", "3.11")
+    monkeypatch.setattr(prereleases, "pythons", environments.pythons)
+    found = iter(["0.12", "0.13", "2.5", "2.5"])
+    monkeypatch.setattr(prereleases, "_version", lambda *_: next(found))
+    recorded = Recorded(tmp_path)
+    prereleases.all_parts(recorded)
+    parts = ("install pip", "pre-release", "reproduce", "selection")
+    for name in ("jax", "numpy"):
+        assert recorded.commands[f"{name} pre: install"][5] == "/python3.12"
+        assert [part for part in recorded.commands if part.startswith(f"{name}: ")] == [
+            f"{name}: {one}" for one in parts
+        ]
+    assert recorded.commands["jax: pre-release"][-4:] == ["--pre", "--upgrade", "jax", "jaxlib"]
+    assert recorded.notes == ["jax 0.13, in place of 0.12", "numpy: nothing is newer than 2.5"]
 
 
 def test_the_programs_need_the_standard_library_alone():
