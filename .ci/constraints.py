@@ -18,7 +18,7 @@ HEAD = """\
 """
 LIST = "import importlib.metadata as m; print('\\n'.join(f'{one.name}=={one.version}' for one in m.distributions()))"
 TOOLS = {"pip", "setuptools", "wheel", "uv", "coadjoint", "coadjoint-vehicles"}
-"""What an environment holds already, and what is constrained here."""
+"""The installers, and the two distributions themselves."""
 
 
 def merged(found: Mapping[str, list[str]]) -> str:

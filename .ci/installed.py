@@ -1,4 +1,4 @@
-"""Tries what is installed, from the wheels alone: the paper, a mission, files of earlier versions, a package above.
+"""Tries an installation from the wheels alone: the paper, a mission, files of earlier versions, a package above.
 
 python .ci/installed.py FOLDER          in an environment with coadjoint, coadjoint-vehicles and tests/plugin
 """

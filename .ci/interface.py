@@ -1,8 +1,8 @@
 """The public interface as api.json: names with signatures, variables of datasets, keys of files, commands.
 
     python .ci/interface.py                 writes api.json; needs both distributions, and CasADi
-    python .ci/interface.py --check COMMIT  fails where api.json is another, and where the first section of CHANGELOG.md
-                                            does not name what is gone or changed since that commit
+    python .ci/interface.py --check COMMIT  fails where api.json is out of date, and where the first section of
+                                            CHANGELOG.md does not name a removal or a change since that commit
 
 Annotations are left out: types may become narrower in any version.
 """
@@ -86,7 +86,7 @@ def members(made: type) -> Iterator[tuple[str, str]]:
 
 
 def member(value: object) -> str:
-    """A member of a class; "" for what is no part of the interface."""
+    """A member of a class; "" where it is not public."""
     if isinstance(value, FunctionType):
         return signature(value)
     if isinstance(value, classmethod | staticmethod):
@@ -210,7 +210,7 @@ def flat(table: object, above: str = "") -> dict[str, str]:
 
 
 def unmentioned(before: object, now: object, changes: str) -> list[str]:
-    """What is gone or other than before, and whose name no line of the changes has."""
+    """Names that were removed or changed, and that no line of the changes has."""
     old, new = flat(before), flat(now)
     words = set(re.findall(r"\w+", changes))
     other = [path for path, leaf in old.items() if new.get(path) != leaf]

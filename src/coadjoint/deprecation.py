@@ -13,7 +13,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def tell(name: str, instead: str, until: str, stacklevel: int = 1) -> None:
+def announce(name: str, instead: str, until: str, stacklevel: int = 1) -> None:
     """Warn that `name` goes in version `until`, and name what to write instead; the warning is that of the caller."""
     warn(f"`{name}` is deprecated and goes in {until}; write `{instead}`.", stacklevel + 1, DeprecationWarning)
 
@@ -30,7 +30,7 @@ def deprecated(instead: str, until: str) -> Callable[[Callable[P, R]], Callable[
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
         def call(*arguments: P.args, **named: P.kwargs) -> R:
-            tell(f"{function.__module__.partition('.')[0]}.{function.__qualname__}", instead, until, 2)
+            announce(f"{function.__module__.partition('.')[0]}.{function.__qualname__}", instead, until, 2)
             return function(*arguments, **named)
 
         return call
@@ -58,7 +58,7 @@ def renamed(until: str, **now: str) -> Callable[[Callable[..., R]], Callable[...
         @functools.wraps(function)
         def call(*arguments: object, **named: object) -> R:
             for earlier in [name for name in named if name in now]:
-                tell(f"{function.__qualname__}({earlier}=…)", f"{now[earlier]}=…", until, 2)
+                announce(f"{function.__qualname__}({earlier}=…)", f"{now[earlier]}=…", until, 2)
                 if now[earlier] in named:
                     raise ArgumentError(f"Arguments `{earlier}` and `{now[earlier]}` are one: leave out `{earlier}`.")
                 named[now[earlier]] = named.pop(earlier)

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from coadjoint.deprecation import tell
+from coadjoint.deprecation import announce
 from coadjoint.errors import nearest
 
 
@@ -40,7 +40,7 @@ def lazy(
     def load(name: str) -> Any:
         if name in rooms:
             there = f"{package}.{rooms[name]}"
-            tell(f"{package}.{name}", f"{there}.{name}", "0.3", 2)
+            announce(f"{package}.{name}", f"{there}.{name}", "0.3", 2)
             return getattr(import_module(there), name)
         if name not in places:
             if added is not None and not name.startswith("_") and (found := added(name)) is not None:
