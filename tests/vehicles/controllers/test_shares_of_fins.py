@@ -8,9 +8,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint_vehicles.controllers import allocation
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.controllers import Cruise, allocation
 from coadjoint_vehicles.controllers.allocation import _shares
+from coadjoint_vehicles.parts import Airfoil, Damping, Thrusters
 
 
 def mixed(monkeypatch: Any, torques: Any, screws: Any) -> Any:
@@ -51,3 +54,34 @@ def test_shares_are_of_a_unit_torque_and_alone_where_no_other_comes_with_it():
     shares, alone = _shares(np.array([[1.0, 1.0], [2.0, -2.0], [0.0, 0.0]]))
     assert shares[:, 0] == pytest.approx([0.5, 0.5]) and shares[:, 1] == pytest.approx([0.25, -0.25])
     assert alone.tolist() == [True, True, False]
+
+
+@pytest.mark.long
+def test_a_propeller_whose_axis_points_aft_flies_ahead_with_negative_turns():
+    """Its commands are those of the same propeller with its axis ahead, with the other sign."""
+    runs = []
+    for sign in (1.0, -1.0):
+        tail: dict[str, Any] = {"area": 0.02, "lift_slope": 4.0, "stall": 0.5, "drag_slope": 0.1, "limit": 0.5}
+        fins = [
+            Airfoil("elevator", position=(-0.8, 0, 0), chord=(1, 0, 0), normal=(0, 0, 1), **tail),
+            Airfoil("rudder", position=(-0.8, 0, 0), chord=(1, 0, 0), normal=(0, 1, 0), **tail),
+        ]
+        screw = Thrusters(
+            "screw", {"quadratic": 0.01}, positions=[[-0.9, 0, 0]], directions=[[sign, 0, 0]], limit=80.0, unit="rad/s"
+        )
+        damping = Damping("damping", quadratic=(8, 100, 100, 1, 60, 60))
+        body: dict[str, Any] = {"mass": 30.0, "inertia": (0.2, 4, 4), "added_mass": (1.0, 30, 30, 0.1, 4, 4)}
+        body |= {"center_of_buoyancy": (0, 0, -0.03), "length": 1.6}
+        torpedo = Vehicle(name="tail", **body, parts=(screw, damping, *fins))
+        craft = Craft(torpedo, controller=Cruise(speed=1.2))
+        assert (
+            isinstance(craft.controller, Cruise)
+            and craft.controller.thrust_limit == 80.0
+            and craft.controller.feed_forward > 0
+        )
+        inputs = {"depth": 4.0, "heading": 0.5, "speed": 1.2}
+        start = craft.start(position=(0, 0, 3), speed=1.2)
+        runs.append(co.simulate(craft.system, start, dt=0.05, duration=40, inputs=inputs))
+    ahead, aft = (run.dataset.internal_screw.values[:, 0] for run in runs)
+    np.testing.assert_allclose(aft, -ahead, atol=1e-9)
+    assert aft[-1] < -10 and runs[1].final.q[2] == pytest.approx(4.0, abs=0.2)

@@ -12,6 +12,8 @@ from coadjoint.models.descriptions.elements import Element
 LARGEST = 1e15
 """Numbers beyond it are mistakes in any unit."""
 
+FLAGS = {"0": False, "0.0": False, "false": False, "1": True, "1.0": True, "true": True}
+
 
 class Placement(NamedTuple):
     """R, (3, 3), and r, (3,) m: a point x of the inner frame is R x + r in the outer one."""
@@ -68,13 +70,23 @@ def number(element: Element, text: str | None, what: str) -> float:
 
 
 def number_in(element: Element, tag: str, default: float | None = None) -> float:
-    """The number in a child element; without a default it must be there."""
+    """The number in a child element; without a default it must be there. An empty element means the default."""
     child = element.first(tag)
-    if child is None:
+    if child is None or (default is not None and not child.text.strip()):
         if default is None:
             raise element.fail(f"needs <{tag}>.")
         return default
     return number(child, child.text, "its number")
+
+
+def limit_of(element: Element, text: str | None, what: str) -> float | None:
+    """The number of a limit; None where it is missing or infinite, as ±1e16 is in any unit."""
+    word = (text or "").strip()
+    try:
+        endless = abs(float(word)) > LARGEST
+    except ValueError:
+        endless = not word
+    return None if endless else number(element, text, what)
 
 
 def text_in(element: Element, tag: str, default: str | None = None) -> str:
@@ -88,11 +100,11 @@ def text_in(element: Element, tag: str, default: str | None = None) -> str:
 
 
 def flag_in(element: Element, tag: str, default: bool) -> bool:
-    """Whether a child element says true or 1."""
+    """Whether a child element says true or 1, or 1.0."""
     word = text_in(element, tag, str(default)).lower()
-    if word not in ("0", "1", "true", "false"):
+    if word not in FLAGS:
         raise element.fail(f"<{tag}> must be true or false, but is {word!r}.")
-    return word in ("1", "true")
+    return FLAGS[word]
 
 
 def origin(element: Element) -> Placement:

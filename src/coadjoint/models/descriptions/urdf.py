@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from coadjoint.models.descriptions.elements import Element
-from coadjoint.models.descriptions.frames import Placement, inertia, number, numbers, origin
+from coadjoint.models.descriptions.frames import Placement, inertia, limit_of, number, numbers, origin
 from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink
 
 
@@ -66,8 +66,7 @@ def _joint(element: Element) -> DescribedJoint:
     limit, dynamics, mimic = (element.first(tag) for tag in ("limit", "dynamics", "mimic"))
     if limit is not None:
         made.lower, made.upper, made.effort, made.velocity = (
-            None if limit.get(key) is None else number(limit, limit.get(key), key)
-            for key in ("lower", "upper", "effort", "velocity")
+            limit_of(limit, limit.get(key), key) for key in ("lower", "upper", "effort", "velocity")
         )
     if dynamics is not None:
         made.damping, made.friction = (

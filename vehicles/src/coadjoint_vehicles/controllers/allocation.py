@@ -16,7 +16,8 @@ class Allocation(NamedTuple):
     """Commands = matrix · (roll, pitch, yaw, ahead), a row for each command, in the order of `names` of the parts.
 
     Of each of the first three columns the largest entry is 1: it counts in rad of a fin. A turn that no fin makes has
-    zeros. Of the last, all that push ahead have 1.
+    zeros. Of the last, all that push ahead have 1, or −1 where
+    their negative commands do.
     """
 
     matrix: Any
@@ -45,7 +46,7 @@ def allocation(motion: UnderWay) -> Allocation:
         raise ArgumentError("The fins of this vehicle cannot pitch and turn it one without the other.")
     biggest = np.abs(shares).max(axis=0)
     columns = np.where(alone & (biggest > 0), shares / np.where(biggest > 0, biggest, 1.0), 0.0)
-    return Allocation(np.column_stack([columns, screws.astype(float)]), motion.names)
+    return Allocation(np.column_stack([columns, np.where(motion.effects[0] < 0, -1.0, 1.0) * screws]), motion.names)
 
 
 def _shares(torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

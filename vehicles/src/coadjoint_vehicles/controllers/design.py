@@ -74,7 +74,7 @@ def _gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
     given |= {
         "depth_gains": diving(motion, mixed, pitch, late),
         "speed_gains": surging(motion, mixed, controller.period + controller.delay),
-        "feed_forward": motion.trim[screws].max() / motion.speed,
+        "feed_forward": np.abs(motion.trim[screws]).max() / motion.speed,
         "fin_limit": fin,
         "thrust_limit": thrust,
     }
@@ -103,7 +103,7 @@ def turning_model(motion: UnderWay, mixed: Allocation, fin: float) -> TurningMod
     torque = np.array([[0.0, -s[2], s[1]], [s[2], 0.0, -s[0]], [-s[1], s[0], 0.0]])
     ahead = mixed.matrix[:, 3]
     weight = (M @ np.vstack([all_of.net_weight * np.eye(3), torque]))[3:]
-    turns = (M @ motion.effects)[3:] * (1 - ahead) * np.any(mixed.matrix[:, :3] != 0, axis=0)[:, None]
+    turns = (M @ motion.effects)[3:] * (ahead == 0) * np.any(mixed.matrix[:, :3] != 0, axis=0)[:, None]
     rolls = fin * np.abs(turns[0]).sum() > 1.5 * np.abs(weight[0]).max()
     turns[0] = turns[0] * rolls
     inverse = np.linalg.pinv(turns, rcond=LEAST_AUTHORITY)
@@ -124,7 +124,7 @@ def _attitude_gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
     given = {
         "attitude_gains": np.array([wanted**2, wanted**3 / 8, 2 * DAMPING_RATIO * wanted]),
         "speed_gains": surging(motion, mixed, controller.period + controller.delay),
-        "feed_forward": motion.trim[screws].max() / motion.speed,
+        "feed_forward": np.abs(motion.trim[screws]).max() / motion.speed,
         "fin_limit": fin,
         "thrust_limit": motion.limits[screws].min(),
     }
@@ -235,7 +235,7 @@ def depth_loop(motion: UnderWay, mixed: Allocation, depth: np.ndarray, pitch: np
 
 def surging(motion: UnderWay, mixed: Allocation, late: float) -> np.ndarray:
     """(k_p, k_i, 0) of speed for two poles, as fast as the propulsion's lag and the sampling allow, at most in 2 s."""
-    m, screws = motion.mass[0, 0], mixed.matrix[:, 3] > 0
+    m, screws = motion.mass[0, 0], mixed.matrix[:, 3] != 0
     a, b = motion.damping[0, 0] / m, (motion.effects[0] @ mixed.matrix[:, 3]) / m
     frequency = min(0.5, 0.35 / (motion.lags[screws].max() + late))
     return np.array([max((2 * DAMPING_RATIO * frequency + a) / b, 0.0), frequency**2 / b / 4, 0.0])

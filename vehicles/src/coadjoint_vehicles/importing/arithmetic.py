@@ -13,7 +13,9 @@ from coadjoint.errors import ArgumentError
 LONGEST, DEEPEST = 1000, 32
 """The most characters of an expression, and the most parentheses within each other."""
 
-_WORD = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|([A-Za-z_]\w*)|(\*\*|[-+*/%(),]))")
+_WORD = re.compile(
+    r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(?:math\.)?([A-Za-z_]\w*)|(\*\*|[-+*/%(),]))"
+)
 _COMPARISON = re.compile(r"([^=!<>]+)(==|!=|<=|>=|<|>)([^=!<>]+)")
 CONSTANTS = {"pi": math.pi, "M_PI": math.pi, "e": math.e, "inf": math.inf, "True": 1.0, "False": 0.0}
 FUNCTIONS: dict[str, Callable[..., Any]] = {

@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.descriptions.elements import Element
+from coadjoint_vehicles.importing.report import LOOKS as SEEN
 from coadjoint_vehicles.importing.report import Left, Report, Taken
 from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint_vehicles.parts.part import Part
@@ -129,7 +130,7 @@ def _named(element: Element) -> str:
 
 def _why(tag: str) -> str:
     if tag in LOOKS:
-        return "how it looks, not how it moves"
+        return SEEN
     if tag == "collision":
         return "its shape for contacts, which vehicles here do not have"
     if tag == "sensor":

@@ -19,24 +19,30 @@ from coadjoint.models.descriptions.elements import Element
 from coadjoint.models.descriptions.frames import Placement, flag_in, number, number_in, numbers, text_in
 from coadjoint.models.descriptions.links import DescribedLink, impossible, link_named, placed, require_mass, together
 from coadjoint_vehicles.importing.draft import Draft
-from coadjoint_vehicles.importing.gazebo_actuators import airfoils, ballast, thrusters
+from coadjoint_vehicles.importing.gazebo_actuators import airfoils, ballast
 from coadjoint_vehicles.importing.gazebo_damping import COLUMNS, ROWS, damping
+from coadjoint_vehicles.importing.gazebo_thrusters import thrusters
 from coadjoint_vehicles.importing.plugins import plugins_named
-from coadjoint_vehicles.importing.sdf import joints_of, links_of, model_of, own_pose
+from coadjoint_vehicles.importing.sdf import joints_of, links_of, model_of, own_pose, read_gravity
 
 DENSITY = 1000.0
 """kg/m³, the default of the system Buoyancy."""
 
 
-def read_gazebo(root: Element, folder: Path, draft: Draft) -> None:
-    """Read a model into a draft; raises FileError with file and line."""
-    draft.report.format = "SDF of Gazebo"
+def read_gazebo(root: Element, world: Element | None, folder: Path, draft: Draft, title: str) -> None:
+    """Read a model into a draft; raises FileError with file and line.
+
+    world: a <world> that the model is not in. title: of the format.
+    """
+    draft.report.format = title
     root.get("version")
     model = model_of(root, folder, draft)
+    if world is not None:
+        read_gravity(world, draft)
     draft.name = model.get("name") or draft.name
     links = links_of(model, draft)
     joints = joints_of(model, links)
-    held = [holder for holder in (model, root, root.first("world")) if holder is not None]
+    held = [holder for holder in (model, root, root.first("world"), world) if holder is not None]
     plugins = [child for holder in held for child in holder.children if child.tag == "plugin"]
     found = plugins_named(plugins, "hydrodynamics")
     if len(found) > 1:
@@ -52,12 +58,14 @@ def read_gazebo(root: Element, folder: Path, draft: Draft) -> None:
     engines = list({id(plugin): plugin for plugin in engines}.values())
     floats = [plugin for plugin in buoyancy if plugin not in engines]
     _density(draft, floats, found)
+    _current(draft, found)
     _body(draft, base, links, poses)
     _volume(draft, floats, links, poses)
     _added_mass(draft, base, found[0] if found else None)
     if found:
         damping(draft, found[0])
-    thrusters(draft, plugins_named(plugins, "thruster"), links, joints, poses)
+    motors = plugins_named(plugins, "motormodel", "motor-model", "motor_model")
+    thrusters(draft, plugins_named(plugins, "thruster-system", "systems::thruster"), motors, links, joints, poses)
     airfoils(draft, plugins_named(plugins, "lift-drag", "liftdrag"), links, joints, poses)
     ballast(draft, engines, links, poses)
     draft.differs(
@@ -76,18 +84,40 @@ def _base(plugin: Element | None, links: dict[str, DescribedLink], model: Elemen
 
 
 def _density(draft: Draft, floats: list[Element], hydrodynamics: list[Element]) -> None:
-    """ρ of the system Buoyancy, else of Hydrodynamics, else 1000 kg/m³."""
-    for plugin, tag in [
+    """ρ of the system Buoyancy, of one fluid or of layers, else of Hydrodynamics, else 1000 kg/m³."""
+    layers = [layered for plugin in floats for layered in plugin.all("graded_buoyancy")]
+    for holder, tag in [
         *((plugin, "uniform_fluid_density") for plugin in floats),
+        *((layered, "default_density") for layered in layers),
         *((plugin, tag) for plugin in hydrodynamics for tag in ("water_density", "waterDensity")),
     ]:
-        child = plugin.first(tag)
+        child = holder.first(tag)
         if child is not None and "fluid_density" not in draft.body:
             value = number(child, child.text, f"<{tag}>")
             draft.body["fluid_density"] = draft.take("body.fluid_density", value, "kg/m^3", child)
+    for change in (one for layered in layers for one in layered.all("density_change")):
+        above, density = (number_in(change, tag, 0.0) for tag in ("above_depth", "density"))
+        draft.differs(
+            f"{change.place}: above z = {above:g} m the fluid has {density:g} kg/m³ there, here the same as below."
+        )
     if "fluid_density" not in draft.body:
-        note = "where no system of buoyancy is in the file"
+        note = "the default of the system Buoyancy" if floats else "where no system of buoyancy is in the file"
         draft.body["fluid_density"] = draft.given("body.fluid_density", DENSITY, "kg/m^3", note)
+
+
+def _current(draft: Draft, hydrodynamics: list[Element]) -> None:
+    """<default_current> of the system Hydrodynamics, m/s: x, y, z of the world as north, west and up."""
+    for plugin in hydrodynamics:
+        child = plugin.first("default_current")
+        if child is None or not child.text.strip():
+            continue
+        found = numbers(child, child.text, (3,), "<default_current>") * [1.0, -1.0, -1.0] + 0.0
+        draft.report.current = tuple(found.tolist())
+        if np.any(found):
+            draft.differs(
+                f"{child.place}: a current is no part of a vehicle: give it to a mission, in [water] velocity_m_s = "
+                f"{found.tolist()}, north, east, down with the world's x to the north."
+            )
 
 
 def _body(draft: Draft, base: DescribedLink, links: dict[str, DescribedLink], poses: dict[str, Placement]) -> None:

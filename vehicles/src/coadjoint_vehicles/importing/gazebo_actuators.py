@@ -1,4 +1,4 @@
-"""Thrusters, lifting surfaces and buoyancy engines of Gazebo and of uuv_simulator as parts."""
+"""Lifting surfaces and buoyancy engines of Gazebo and of uuv_simulator as parts."""
 
 from __future__ import annotations
 
@@ -11,72 +11,11 @@ from coadjoint.models.descriptions.frames import Placement, flag_in, number_in, 
 from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink, link_named
 from coadjoint.texts import Table
 from coadjoint_vehicles.importing.draft import Draft
+from coadjoint_vehicles.importing.plugins import connected
 from coadjoint_vehicles.parts.airfoil import Airfoil
 from coadjoint_vehicles.parts.ballast import Ballast
-from coadjoint_vehicles.parts.thrusters import Thrusters
 
-LARGEST_THRUST = 1000.0
-"""N, of a thruster of Gazebo without limits."""
 NO_STALL = 0.5 * math.pi
-
-
-def thrusters(
-    draft: Draft,
-    plugins: list[Element],
-    links: dict[str, DescribedLink],
-    joints: list[DescribedJoint],
-    poses: dict[str, Placement],
-) -> None:
-    """A part for each thruster of Gazebo, along the axis of its joint: k = ρCD⁴ N s²/rad² of revolutions in rad/s."""
-    for index, plugin in enumerate(plugins):
-        joint = _joint(plugin, "joint_name", joints)
-        pose = _connected(plugin, joint.child, poses)
-        name = "thrusters" if index == 0 else f"thrusters_{index + 1}"
-        direction = pose.R @ joint.axis
-        own = links[joint.child]
-        position = pose.place(own.center)
-        low, high = (
-            number_in(plugin, "min_thrust_cmd", -LARGEST_THRUST),
-            number_in(plugin, "max_thrust_cmd", LARGEST_THRUST),
-        )
-        if not low < 0 < high:
-            raise plugin.fail(f"has thrusts from {low:g} to {high:g} N, which must lie about 0.")
-        rad = flag_in(plugin, "use_angvel_cmd", False)
-        k = _coefficient(draft, plugin)
-        if rad and k < 0:
-            k, direction, low, high = -k, -direction, -high, -low
-        curve: Table = {"quadratic": (k, k)} if rad else {"linear": 1.0}
-        limit = np.array([-math.sqrt(-low / k), math.sqrt(high / k)] if rad else [low, high])
-        unit = "rad/s" if rad else "N"
-        kind, value = next(iter(curve.items()))
-        draft.take(f"{name}.curve.{kind}", np.asarray(value), "SI", plugin)
-        more: Table = {}
-        if (dead := number_in(plugin, "deadband", 0.0)) > 0:
-            more["dead_band"] = draft.take(f"{name}.dead_band", dead, unit, plugin)
-        draft.parts.append(
-            Thrusters(
-                name,
-                curve=curve,
-                unit=unit,
-                positions=draft.take(f"{name}.positions", position[None] * draft.flip, "m", joint.element),
-                directions=draft.take(f"{name}.directions", direction[None] * draft.flip, "1", joint.element),
-                limit=draft.take(f"{name}.limit", limit, unit, plugin),
-                **more,
-            )
-        )
-        draft.differs(
-            f"{plugin.place}: the propeller's joint and its gains are left out: the thrust follows immediately."
-        )
-
-
-def _coefficient(draft: Draft, plugin: Element) -> float:
-    """ρCD⁴, N s²/rad²."""
-    if plugin.first("thrust_coefficient") is None and number_in(plugin, "alpha_2", 0.0) != 0:
-        draft.differs(f"{plugin.place}: the fall of the thrust with speed by <alpha_2> is left out.")
-    C = number_in(plugin, "thrust_coefficient", number_in(plugin, "alpha_1", 1.0))
-    if C == 0:
-        raise plugin.fail("has the thrust coefficient 0, so that it never pushes.")
-    return C * number_in(plugin, "fluid_density", 1000.0) * number_in(plugin, "propeller_diameter", 0.02) ** 4
 
 
 def airfoils(
@@ -89,7 +28,7 @@ def airfoils(
     """A foil for each system LiftDrag; its link's joint moves it."""
     for plugin in plugins:
         link = link_named(links, text_in(plugin, "link_name"), plugin)
-        pose = _connected(plugin, link.name, poses)
+        pose = connected(plugin, link.name, poses)
         forward, upward = (_direction(plugin, tag, default) for tag, default in (("forward", 0), ("upward", 2)))
         position = pose.place(_vector(plugin, "cp", np.zeros(3)))
         found = {
@@ -159,7 +98,7 @@ def ballast(draft: Draft, plugins: list[Element], links: dict[str, DescribedLink
     """A volume beyond the neutral one for each buoyancy engine."""
     for index, plugin in enumerate(plugins):
         link = link_named(links, text_in(plugin, "link_name"), plugin)
-        place = _connected(plugin, link.name, poses)
+        place = connected(plugin, link.name, poses)
         neutral = number_in(plugin, "neutral_volume", 0.0003)
         scale = number_in(plugin, "fluid_density", 1000.0) / _water(draft)
         low = scale * (number_in(plugin, "min_volume", 0.0) - neutral)
@@ -180,23 +119,8 @@ def ballast(draft: Draft, plugins: list[Element], links: dict[str, DescribedLink
         )
 
 
-def _connected(plugin: Element, link: str, poses: dict[str, Placement]) -> Placement:
-    """The pose of a link in the vehicle; raises FileError where no joint leads to it."""
-    if link not in poses:
-        raise plugin.fail(f"acts on the link {link!r}, which no joint connects with the vehicle.")
-    return poses[link]
-
-
 def _water(draft: Draft) -> float:
     return draft.body["fluid_density"]
-
-
-def _joint(plugin: Element, tag: str, joints: list[DescribedJoint]) -> DescribedJoint:
-    name = text_in(plugin, tag)
-    for joint in joints:
-        if joint.name == name:
-            return joint
-    raise plugin.fail(f"names the joint {name!r}, which is not there.")
 
 
 def _vector(plugin: Element, tag: str, default: np.ndarray) -> np.ndarray:

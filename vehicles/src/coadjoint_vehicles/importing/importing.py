@@ -12,13 +12,17 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint.models.quantities import not_negative
 from coadjoint_vehicles.files.file import vehicle_from_text
 from coadjoint_vehicles.files.writing import vehicle_to_toml
 from coadjoint_vehicles.importing.draft import Draft, untouched
+from coadjoint_vehicles.importing.flying import doubts, flies
 from coadjoint_vehicles.importing.gazebo import read_gazebo
 from coadjoint_vehicles.importing.report import Report
+from coadjoint_vehicles.importing.urdf_gazebo import as_sdf, has_systems
 from coadjoint_vehicles.importing.uuv import read_uuv
+from coadjoint_vehicles.importing.workspace import workspace_of
 from coadjoint_vehicles.importing.xacro import Xacro
 from coadjoint_vehicles.model.vehicle import Vehicle
 
@@ -26,6 +30,8 @@ UNSAID = (
     "uncertainties of the numbers",
     'a controller: give one under [controller], such as kind = "manoeuvre" of a vehicle with thrusters',
 )
+MISSING = 3
+"""How many missing files an error names."""
 GRAVITY = 9.8
 """m/s², of worlds of Gazebo that give none."""
 
@@ -46,22 +52,24 @@ def import_vehicle(
     arguments: Mapping[str, str] | None = None,
     gravity: float | None = None,
     forward: Literal["x", "-x"] = "x",
+    world: str | os.PathLike[str] | None = None,
 ) -> Imported:
-    """The vehicle of a file of another simulator: SDF of Gazebo, URDF or xacro of uuv_simulator.
+    """The vehicle of a file of another simulator: SDF of Gazebo, URDF or xacro with its systems or of uuv_simulator.
 
         found = import_vehicle("rexrov_default.xacro", folder="uuv_descriptions")
         print(found.report)
 
     path: the file. folder: files that it includes must lie below it, $(find NAME) is the folder itself, if it has this
-    name, or NAME in it; by default the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by
-    default 9.8 if no file states it. forward: the axis of the model that its bow points along. Raises FileError, with
-    file and line, for unreadable or impossible values, and ArgumentError. The import runs no code of the files and
-    opens no address.
+    name, or the nearest NAME below it; by default the repository or the `src` that holds the package of the file, else
+    the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by default 9.8 if no file states it.
+    forward: the axis of the model that its bow points along. world: a file of Gazebo whose world gives gravity, density
+    and current. Raises FileError, with file and line, for unreadable or impossible values, and ArgumentError. The
+    import runs no code of the files and opens no address.
     """
     source = Path(path)
     if not source.is_file():
         raise FileError(f"There is no file {source}.")
-    below = source.parent if folder is None else Path(folder)
+    below = workspace_of(source) if folder is None else Path(folder)
     if not below.is_dir():
         raise FileError(f"There is no folder {below}.")
     xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
@@ -70,15 +78,44 @@ def import_vehicle(
     checks.choice(forward, "forward", ("x", "-x"))
     if forward == "-x":
         draft.flip = np.array([-1.0, 1.0, -1.0])
-    if root.tag == "robot":
-        read_uuv(root, draft)
-    elif root.tag == "sdf":
-        read_gazebo(root, below, draft)
-    else:
-        raise FileError(f"{source.name}: the root is {root.label}, but SDF begins with <sdf> and URDF with <robot>.")
+    around = None if world is None else _world(Path(world), draft)
+    try:
+        root = _read(root, around, below, draft, source)
+    except FileError as error:
+        if not xacro.missing:
+            raise
+        raise FileError(
+            f"{error} Missing: {' '.join(xacro.missing[:MISSING])} Give the workspace with all packages by --folder."
+        ) from None
     _gravity(draft, gravity)
     untouched(root, draft)
     return _finished(draft, xacro)
+
+
+def _read(root: Element, world: Element | None, below: Path, draft: Draft, source: Path) -> Element:
+    """Read a description into a draft; its root, whose elements know whether they were read."""
+    if root.tag == "robot" and has_systems(root):
+        root = as_sdf(root)
+        read_gazebo(root, world, below, draft, "URDF with systems of Gazebo")
+    elif root.tag == "robot":
+        read_uuv(root, draft)
+    elif root.tag == "sdf":
+        read_gazebo(root, world, below, draft, "SDF of Gazebo")
+    else:
+        raise FileError(f"{source.name}: the root is {root.label}, but SDF begins with <sdf> and URDF with <robot>.")
+    return root
+
+
+def _world(path: Path, draft: Draft) -> Element:
+    """The <world> of a file of Gazebo; raises FileError."""
+    if not path.is_file():
+        raise FileError(f"There is no file {path}.")
+    root = read_elements(path, path.name)
+    world = root.first("world") if root.tag == "sdf" else None
+    if world is None:
+        raise FileError(f"{path.name}: holds no <world>, which --world needs.")
+    draft.report.files.append(path.name)
+    return world
 
 
 def _finished(draft: Draft, xacro: Xacro) -> Imported:
@@ -95,6 +132,8 @@ def _finished(draft: Draft, xacro: Xacro) -> Imported:
         vehicle = vehicle_from_text(text, draft.name)
     except ArgumentError as error:
         raise FileError(f"{draft.source}: no vehicle can be made of it: {error}") from error
+    missing = [f"Missing: {sentence}" for sentence in xacro.missing[:MISSING]] if not vehicle.commanded else []
+    report.flies, report.doubts = flies(vehicle), [*doubts(vehicle), *missing, *vehicle.warnings]
     return Imported(vehicle, text, report)
 
 

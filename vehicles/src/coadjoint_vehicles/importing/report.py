@@ -28,6 +28,10 @@ class Left(NamedTuple):
     why: str
 
 
+LOOKS = "how it looks, not how it moves"
+"""Why visuals and their like are not taken over."""
+
+
 @dataclass
 class Report:
     """taken: the numbers, each with file and line. impossible: numbers among them that no body has. left: parts of the
@@ -41,11 +45,20 @@ class Report:
     differs: list[str] = field(default_factory=list)
     unsaid: list[str] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
+    flies: str = ""
+    """Its actuators, and the controllers that fit."""
+    doubts: list[str] = field(default_factory=list)
+    """Warnings about the vehicle."""
+    current: tuple[float, ...] = ()
+    """North, east, down, m/s, that the description gives; empty without one."""
 
     def summary(self) -> Table:
         """All of it for JSON."""
         return {
             "format": self.format,
+            "flies": self.flies,
+            "doubts": self.doubts,
+            "current": list(self.current),
             "files": self.files,
             "taken": [{**row._asdict(), "value": np.asarray(row.value).tolist()} for row in self.taken],
             "impossible": self.impossible,
@@ -63,17 +76,32 @@ class Report:
         return list(counts.values())
 
     def __str__(self) -> str:
-        lines = [f"{self.format}, read from {', '.join(self.files)}", "", "Taken over:"]
+        """The line on flying and warnings first; what only says how the vehicle looks is counted."""
+        looks = [row for row in self.left if row.why == LOOKS]
+        lines = [f"{self.format}, read from {', '.join(self.files)}"]
+        lines += [f"{self.flies}; not taken over: {self._counted(len(looks))}"] if self.flies else []
+        lines += [f"Warning: {sentence}" for sentence in self.doubts]
+        lines += ["", "Taken over:"]
         lines += [f"  {row.key} = {_shown(row.value)} {row.unit}  ({row.place})".rstrip() for row in self.taken]
+        left = [f"{row.place}: {row.what}: {row.why}{_often(n)}" for row, n in self._alike() if row.why != LOOKS]
         for title, sentences in (
             ("Taken over, though no body has it:", self.impossible),
             ("Moves otherwise than there:", self.differs),
-            ("Not taken over:", [f"{row.place}: {row.what}: {row.why}{_often(n)}" for row, n in self._alike()]),
+            ("Not taken over:", left),
             ("Not said by the format:", self.unsaid),
         ):
             if sentences:
                 lines += ["", title, *(f"  {sentence}" for sentence in sentences)]
         return printable("\n".join(lines))
+
+    def _counted(self, looks: int) -> str:
+        """How many programs, sensors and others are left out, apart from looks."""
+        kinds = {"plugin": 0, "sensor": 0, "other": 0}
+        for row, _ in self._alike():
+            if row.why != LOOKS:
+                kinds[next((kind for kind in ("plugin", "sensor") if f"<{kind}>" in row.what), "other")] += 1
+        said = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in kinds.items() if count]
+        return f"{', '.join(said) or 'nothing'}{f', and {looks} elements of looks' if looks else ''}"
 
 
 def _often(times: int) -> str:

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from coadjoint.errors import FileError
 from coadjoint.models.descriptions.elements import MOST, Element, read_elements
 from coadjoint.models.descriptions.frames import (
     HERE,
     Placement,
     inertia,
+    limit_of,
     number,
     number_in,
     numbers,
@@ -20,31 +22,57 @@ from coadjoint.models.descriptions.frames import (
 )
 from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink
 from coadjoint_vehicles.importing.draft import Draft
+from coadjoint_vehicles.importing.plugins import SYSTEMS, plugins_named
+from coadjoint_vehicles.importing.workspace import package_folder
+
+
+class _NotThere(FileError):
+    """An included model that cannot be read, because it is elsewhere."""
+
 
 DEEPEST, MOST_FILES = 8, 64
 """The most models that are included within each other, and the most files in all."""
 
 
 def model_of(root: Element, folder: Path, draft: Draft) -> Element:
-    """The model of a file, merged with its includes; raises FileError."""
+    """The model of a file, merged with its includes; raises FileError.
+
+    Of several in a world that with systems of a vehicle; includes of a world that are not there are reported.
+    """
     world = root.first("world")
     if world is not None:
-        gravity = world.first("gravity")
-        if gravity is not None:
-            value = numbers(gravity, gravity.text, (3,), "<gravity>")
-            draft.body["gravity"] = draft.take("body.gravity", float(np.linalg.norm(value)), "m/s^2", gravity)
+        read_gravity(world, draft)
     holders = [root] if world is None else [world, root]
-    models = [model for holder in holders for model in holder.children if model.tag in ("model", "include")]
-    if len(models) != 1:
-        names = ", ".join(model.attributes.get("name", model.tag) for model in models) or "none"
-        raise root.fail(f"must hold one <model>, but has {names}: keep that of the vehicle.")
-    model = models[0]
+    found = [model for holder in holders for model in holder.children if model.tag == "model"]
+    for element in [one for holder in holders for one in holder.children if one.tag == "include"]:
+        try:
+            found.append(_included(element, folder, draft, 0))
+        except FileError as error:
+            if world is None or not isinstance(error, _NotThere):
+                raise
+            draft.left(element, element.label, f"it is not below {folder}: {text_in(element, 'uri')}")
+        element.taken = True
+    vehicles = [model for model in found if len(found) == 1 or plugins_named(_plugins(model), *SYSTEMS)]
+    if len(vehicles) != 1:
+        names = ", ".join(model.attributes.get("name", model.tag) for model in found) or "none"
+        raise root.fail(f"must hold one <model> of a vehicle, but has {names}: keep that of the vehicle.")
+    (model,) = vehicles
     model.taken = True
     model.get("name")
-    if model.tag == "include":
-        model = _included(model, folder, draft, 0)
     _merge(model, folder, draft, 0)
     return model
+
+
+def _plugins(model: Element) -> list[Element]:
+    return [child for child in model.children if child.tag == "plugin"]
+
+
+def read_gravity(world: Element, draft: Draft) -> None:
+    """|g| of a <world>, where it says so."""
+    gravity = world.first("gravity")
+    if gravity is not None:
+        value = numbers(gravity, gravity.text, (3,), "<gravity>")
+        draft.body["gravity"] = draft.take("body.gravity", float(np.linalg.norm(value)), "m/s^2", gravity)
 
 
 def _merge(model: Element, folder: Path, draft: Draft, depth: int) -> None:
@@ -86,15 +114,19 @@ def _included(element: Element, folder: Path, draft: Draft, depth: int) -> Eleme
     if depth > DEEPEST:
         raise element.fail(f"is included within more than {DEEPEST} models.")
     uri = text_in(element, "uri")
-    name = uri.removeprefix("model://").removeprefix("package://")
-    if "://" in name:
-        raise element.fail(f"includes {uri}: addresses are not opened, copy the model into {folder}.")
-    path = folder / name
-    path = path / "model.sdf" if path.is_dir() else path
+    scheme, sign, name = uri.rpartition("://")
+    if scheme not in ("", "model", "package", "file"):
+        raise _NotThere(
+            f"{element.place}: {element.label} includes {uri}: addresses are not opened, copy the model into {folder}."
+        )
+    path = _model_path(folder, element, name.lstrip("/") if sign else name, scheme)
     if not path.resolve().is_relative_to(folder.resolve()):
         raise element.fail(f"includes {path}, outside of the folder {folder} that files are read from.")
     if not path.is_file():
-        raise element.fail(f"includes {path}, which is not there: give the folder of the models by --folder.")
+        raise _NotThere(
+            f"{element.place}: {element.label} includes {uri}, and {path} is not there: give the folder of the models "
+            "by --folder."
+        )
     place = str(path.resolve().relative_to(folder.resolve()))
     draft.report.files.append(place)
     if len(draft.report.files) > MOST_FILES:
@@ -113,6 +145,16 @@ def _included(element: Element, folder: Path, draft: Draft, depth: int) -> Eleme
         child.taken = child.taken or child.tag == "name"
     model.children += added
     return model
+
+
+def _model_path(folder: Path, element: Element, name: str, scheme: str) -> Path:
+    """The file of a model: below the folder, or in the package, or the model, of the first word, wherever it is."""
+    first, _, rest = name.partition("/")
+    for path in (folder / name, package_folder(folder, first) / rest if scheme else folder / name):
+        found = path / "model.sdf" if path.is_dir() else path
+        if found.is_file():
+            return found
+    return folder / name
 
 
 def pose_of(element: Element) -> tuple[Placement, str]:
@@ -205,8 +247,10 @@ def _joint(element: Element, links: dict[str, DescribedLink]) -> DescribedJoint:
     )
     made.pose = links[parent].pose.back().then(links[child].pose)
     own, relative = pose_of(element)
-    if relative not in ("", child):
-        raise element.fail(f"has a pose relative to {relative!r}; one in its child {child!r} is read.")
+    if relative == "__model__" or (relative in links and relative != child):
+        own = links[child].pose.back().then(own if relative == "__model__" else links[relative].pose.then(own))
+    elif relative not in ("", child):
+        raise element.fail(f"has a pose relative to {relative!r}; one in a link or in the model is read.")
     axis = element.first("axis")
     if axis is None:
         return made
@@ -219,6 +263,6 @@ def _joint(element: Element, links: dict[str, DescribedLink]) -> DescribedJoint:
     made.axis = turn @ direction / np.linalg.norm(direction)
     limit = axis.first("limit")
     if limit is not None:
-        low, high, _ = (number_in(limit, tag, math.inf) for tag in ("lower", "upper", "velocity"))
-        made.lower, made.upper = (None if abs(x) > 1e15 else x for x in (low, high))
+        ends = [limit.first(tag) for tag in ("lower", "upper", "velocity", "effort")]
+        made.lower, made.upper = (None if end is None else limit_of(end, end.text, "its number") for end in ends[:2])
     return made

@@ -100,7 +100,8 @@ def _body(
         "body.center_of_buoyancy", (base.center + center) * draft.flip, "m", _at(model, "center_of_buoyancy"), note
     )
     if flag_in(model, "neutrally_buoyant", False):
-        volume, where = base.mass / density, _at(model, "neutrally_buoyant")
+        # Gazebo lumps links on fixed joints into their parent, which may have no mass of its own.
+        volume, where = (base.mass or body.mass) / density, _at(model, "neutrally_buoyant")
         if model.first("volume") is not None:
             draft.left(_at(model, "volume"), "<volume>", "a body that is neutrally buoyant there has that of its mass")
     else:

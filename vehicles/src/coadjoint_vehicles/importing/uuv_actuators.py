@@ -13,6 +13,7 @@ from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink, l
 from coadjoint.texts import Table
 from coadjoint_vehicles.importing.draft import Draft, places
 from coadjoint_vehicles.importing.gazebo_actuators import add_foil
+from coadjoint_vehicles.importing.gazebo_thrusters import shared
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
 SAMPLES = 201
@@ -39,27 +40,34 @@ def thrusters(
     joints: list[DescribedJoint],
     poses: dict[str, Placement],
 ) -> None:
-    """The thrusters of their plugins, as one part for those that share curve, limits and lag."""
+    """The thrusters of their plugins, as one part for those whose curves are of one kind and whose lags are alike."""
     found = sorted((_thruster(draft, plugin, links, joints, poses) for plugin in plugins), key=lambda one: one.number)
     groups: dict[Any, list[Thruster]] = {}
     for one in found:
-        groups.setdefault((one.curve, one.limit, one.lag), []).append(one)
+        shape = one.curve if one.curve[0] == "table" else one.curve[0]
+        groups.setdefault((shape, one.limit is None, one.lag), []).append(one)
     for index, group in enumerate(groups.values()):
         add_thrusters(draft, "thrusters" if index == 0 else f"thrusters_{index + 1}", group)
+    if len(groups) > 1:
+        draft.differs(
+            f"Its thrusters are {len(groups)} parts, because their curves or lags differ: controllers of thrusters "
+            "take one of them."
+        )
 
 
 def add_thrusters(draft: Draft, name: str, group: list[Thruster]) -> None:
-    """A part of thrusters that share curve, limits and lag."""
+    """A part of thrusters whose curves are of one kind and whose lags are alike."""
     first = group[0]
     place, where = places(one.plugin for one in group), places(one.origin for one in group)
     kind, *values = first.curve
-    value = {"quadratic": tuple(values), "table": np.array(values)}[kind]
+    value = np.array(values) if kind == "table" else shared(np.transpose([one.curve[1:] for one in group]))
     more: Table = {}
     if first.limit is not None:
-        more["limit"] = draft.take(f"{name}.limit", np.array(first.limit), "rad/s", place)
+        limit = shared(np.transpose([one.limit for one in group if one.limit is not None]))
+        more["limit"] = draft.take(f"{name}.limit", limit, "rad/s", place)
     if first.lag:
         more["lag"] = draft.take(f"{name}.lag", first.lag, "s", place)
-    draft.take(f"{name}.curve.{kind}", np.asarray(value), "SI", place)
+    draft.take(f"{name}.curve.{kind}", value, "SI", place)
     draft.parts.append(
         Thrusters(
             name,
@@ -193,7 +201,7 @@ def _limited(
     if math.isinf(low) and math.isinf(high):
         return None
     size = max(abs(x) for x in (low, high) if math.isfinite(x))
-    if not low < 0 < high:
+    if not low <= 0 <= high or low == high:
         raise plugin.fail(f"has limits from {low:g} to {high:g} rad/s, which must lie about 0.")
     return (low if math.isfinite(low) else -10 * size, high if math.isfinite(high) else 10 * size)
 
@@ -228,7 +236,8 @@ def fins(
             area = number_in(model, "area") * number_in(model, "fluid_density") / density
             names = {"lift_slope": "cla", "stall": "alpha_stall", "drag_slope": "cda"}
             names |= {"stalled_lift_slope": "cla_stall", "stalled_drag_slope": "cda_stall"}
-            found = {key: number_in(model, tag) for key, tag in names.items()}
+            stalled = {"cla_stall": 0.0, "cda_stall": 0.0}
+            found = {key: number_in(model, tag, stalled.get(tag)) for key, tag in names.items()}
             zero = number_in(model, "a0")
             draft.differs(
                 f"{model.place}: at negative angles the plugin's drag pushes, and its stalled lift takes the slope of "

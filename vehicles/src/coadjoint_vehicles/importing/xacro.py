@@ -14,12 +14,19 @@ from pathlib import Path
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint_vehicles.importing.arithmetic import value_of
+from coadjoint_vehicles.importing.workspace import package_folder
 
 DEEPEST, MOST, LONGEST = 64, 50_000, 100_000
 """The most elements, macros, includes and properties within each other, steps of making, and characters of a text."""
 MOST_FILES, MOST_BYTES, MOST_WRITTEN = 256, 16_000_000, 10_000_000
 """The most files that are read, their bytes, and the characters that are made in all."""
+LOOKS = ("visual", "material")
+"""Elements without which a vehicle moves as with them."""
+RUN = "run xacro on it first, as in `xacro vehicle.xacro > vehicle.urdf`, and import its result"
 _DOLLAR = re.compile(r"\$\$|\$\{([^{}]*)\}|\$\(([^()]*)\)")
+
+_ARGUMENT = re.compile(r"(?<!\$)\$\(arg ([\w.-]+)\)")
+_PARAMETER = re.compile(r"(?:'[^']*'|[^\s'])+")
 
 
 @dataclass(eq=False)
@@ -99,6 +106,9 @@ class Xacro:
         self._count(element)
         if depth > DEEPEST:
             raise element.fail(f"is within more than {DEEPEST} elements, macros and includes.")
+        if element.tag in LOOKS:
+            yield self._looks(element, scope, depth, beside)
+            return
         if not element.tag.startswith("xacro:"):
             yield self._copied(element, scope, depth, beside)
             return
@@ -118,6 +128,14 @@ class Xacro:
                 yield from self._children(element, scope, depth + 1, beside)
         else:
             yield from self._called(word, element, scope, depth, beside)
+
+    def _looks(self, element: Element, scope: Scope, depth: int, beside: Path) -> Element:
+        """An element that only says how the vehicle looks, empty where its expressions are not read."""
+        try:
+            return self._copied(element, scope, depth, beside)
+        except FileError as error:
+            self.missing.append(f"{element.place}: of {element.label}, how it looks, nothing is made: {error}")
+            return Element(element.tag, {}, element.file, element.line)
 
     def _copied(self, element: Element, scope: Scope, depth: int, beside: Path) -> Element:
         values = {
@@ -166,10 +184,7 @@ class Xacro:
             raise element.fail("needs a filename.")
         package = re.match(r"\$\(find ([\w.-]+)\)/?", given)
         if package is not None:
-            rest = self.text(given[package.end() :], scope, element)
-            inside = self.folder / rest
-            path = inside if package.group(1) == self.folder.name else self.folder / package.group(1) / rest
-            path = path if path.is_file() or not inside.is_file() else inside
+            path = package_folder(self.folder, package.group(1)) / self.text(given[package.end() :], scope, element)
         else:
             name = self.text(given, scope, element)
             if "://" in name:
@@ -211,7 +226,7 @@ class Xacro:
             return
         inner = Scope(scope)
         blocks = list(element.children)
-        for parameter in macro.attributes.get("params", "").split():
+        for parameter in _PARAMETER.findall(macro.attributes.get("params", "")):
             self._given(parameter, element, scope, inner, blocks)
         yield from self._children(macro, inner, depth + 1, beside)
 
@@ -243,6 +258,8 @@ class Xacro:
                 return self._command(command.split(), element)
             return "$"
 
+        if "${" in given:  # an argument may stand within an expression
+            given = _ARGUMENT.sub(lambda found: self._command(["arg", found[1]], element), given)
         made = _DOLLAR.sub(replaced, given) if "$" in given else given
         if len(made) > LONGEST:
             raise element.fail(f"makes a text of more than {LONGEST:,} characters.")
@@ -275,7 +292,7 @@ class Xacro:
         try:
             value = value_of(expression, held)
         except ArgumentError as error:
-            raise element.fail(f"cannot be made: {error}.") from None
+            raise element.fail(f"cannot be made: {error}: {RUN}.") from None
         if isinstance(value, str):
             return value
         return str(int(value)) if abs(value) < 1e15 and value == int(value) else repr(value)
@@ -287,4 +304,4 @@ class Xacro:
             return self.arguments[words[1]]
         if words[:1] == ["find"] and len(words) == 2:
             return f"package://{words[1]}"
-        raise element.fail(f"has $({' '.join(words)}), of which only `arg` and `find` are read.")
+        raise element.fail(f"has $({' '.join(words)}), of which only `arg` and `find` are read: {RUN}.")

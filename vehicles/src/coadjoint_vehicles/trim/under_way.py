@@ -99,8 +99,9 @@ class UnderWay(NamedTuple):
     """M d(v, ω)/dt = A δ(v, ω) + B δ(commands) near (v, ω) = (U, 0, 0, 0, 0, 0), level, order surge … yaw, about O.
 
     mass: M, (6, 6), body and added. damping: A, (6, 6), with Coriolis and Munk terms. effects: B, (6, k), per unit of
-    each command. names: of the parts that are commanded, one for each column; lags (s), limits: theirs. trim: their
-    commands at speed U. speed: U, m/s. acting: which of the vehicle's commands the columns are; the others, such as a
+    each command. names: of the parts that are commanded, one for each column; lags (s), limits: theirs, on the side
+    that pushes ahead. trim: their commands at speed U. speed: U, m/s. acting: which of the vehicle's commands the
+    columns are; the others, such as a
     ballast's, push nothing. level: its equations of motion.
     """
 
@@ -130,6 +131,7 @@ def under_way(vehicle: Vehicle, speed: float) -> UnderWay:
     acting = {name for name, column in zip(names, effects.T, strict=True) if np.any(column != 0)}
     kept = np.array([name in acting for name in names], dtype=bool)
     lags, limits = (_each(parts, key, missing)[kept] for key, missing in (("lag", 0.0), ("limit", np.inf)))
+    limits = np.where(effects[0, kept] < 0, -_each(parts, "limit", np.inf, 0)[kept], limits)
     return UnderWay(
         level.mass, damping, effects[:, kept], tuple(names[kept].tolist()), lags, limits, trim[kept], float(speed),
         kept, level,
@@ -172,10 +174,7 @@ def steady(motion: UnderWay, across: int, row: int, shares: np.ndarray, most: fl
 
 def propulsion_at(level: Level, speed: float) -> np.ndarray:
     """The commands at which the propulsion balances the drag; all other actuators keep their starting values."""
-    parts, rest = level.vehicle.commanded, level.rest
-    limits = _each(parts, "limit", np.inf)
-    turning = np.array([part.command.unit == "rad" for part in parts for _ in range(size(part))], dtype=bool)
-    highest = np.where(turning | np.isinf(limits), rest, limits)
+    rest, highest = level.rest, _ahead(level)
     if np.all(highest == rest) or level.surge(speed) >= 0:
         return rest
     if level.surge(speed, highest) <= 0:
@@ -190,16 +189,31 @@ def propulsion_at(level: Level, speed: float) -> np.ndarray:
     return rest + brent(missing, 0.0, 1.0, xtol=1e-12) * (highest - rest)
 
 
+def _ahead(level: Level) -> np.ndarray:
+    """The commands at which all propulsion pushes ahead as it can: that end of each which pushes more, or its rest.
+
+    A propeller whose axis points aft pushes ahead at its lowest command.
+    """
+    parts, rest = level.vehicle.commanded, level.rest
+    turning = np.array([part.command.unit == "rad" for part in parts for _ in range(size(part))], dtype=bool)
+    ends = _each(parts, "limit", np.inf, 0), _each(parts, "limit", np.inf)
+    found, still = rest.copy(), level.surge(0.0)
+    for i in np.flatnonzero(~turning & np.isfinite(ends[1])):
+        pushes = [level.surge(0.0, np.where(np.arange(len(rest)) == i, end, rest)) - still for end in ends]
+        found[i] = ends[int(np.argmax(pushes))][i] if max(pushes) > 0 else rest[i]
+    return found
+
+
 def size(part: Any) -> int:
     """How many numbers command a part."""
     return int(np.prod(part.command.shape, dtype=int))
 
 
-def _each(parts: Any, key: str, otherwise: float) -> np.ndarray:
-    """A number for each command; of two limits the higher."""
-    values = [np.asarray(part.parameters().get(key, otherwise), dtype=float) for part in parts]
-    each = [
-        np.broadcast_to(value if value.ndim == 0 else value[-1], (size(part),))
-        for part, value in zip(parts, values, strict=True)
-    ]
-    return np.concatenate([np.zeros(0), *each])
+def _each(parts: Any, key: str, otherwise: float, which: int = -1) -> np.ndarray:
+    """A number for each command; of two limits the higher, or with `which` = 0 the lowest command."""
+    found = [np.zeros(0)]
+    for part in parts:
+        value = np.asarray(part.parameters().get(key, otherwise), dtype=float)
+        end = value[which] if value.ndim else (-value if which == 0 else value)
+        found.append(np.broadcast_to(end, (size(part),)))
+    return np.concatenate(found)

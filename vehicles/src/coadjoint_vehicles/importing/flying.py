@@ -1,0 +1,93 @@
+"""Whether an imported vehicle flies: its actuators, the controllers that fit, and a mission to begin with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coadjoint.extending import to_toml
+from coadjoint_vehicles.model.vehicle import Vehicle
+from coadjoint_vehicles.parts.airfoil import Airfoil
+from coadjoint_vehicles.parts.allocator import AXES, LEAST_AUTHORITY
+from coadjoint_vehicles.parts.ballast import Ballast
+from coadjoint_vehicles.parts.fin import Fin
+from coadjoint_vehicles.parts.moving_mass import MovingMass
+from coadjoint_vehicles.parts.propeller import Propeller
+from coadjoint_vehicles.parts.thrusters import Thrusters
+
+NEEDED = {"manoeuvre": (0, 2, 5), "hover": (0, 1, 2, 5), "pose": (0, 1, 2, 3, 4, 5)}
+"""The axes, 0 surge to 5 yaw, that controllers of thrusters push along."""
+SPEEDS = {"manoeuvre": 0.3, "cruise": 1.0}
+"""m/s, of a first mission."""
+
+
+def fitting(vehicle: Vehicle) -> list[str]:
+    """The kinds of the controllers that a vehicle has actuators for."""
+    jets = [part for part in vehicle.parts if isinstance(part, Thrusters)]
+    found = []
+    if len(jets) == 1:
+        kept = set(jets[0].allocator.kept.tolist())
+        found = [kind for kind, axes in NEEDED.items() if kept >= set(axes)]
+    turning = np.zeros(2)
+    for part in vehicle.parts:
+        if isinstance(part, (Fin, Airfoil)) and part.limit is not None:
+            turning += np.abs(np.asarray(part.normal, dtype=float)[1:])
+    pushes = [part for part in vehicle.parts if isinstance(part, Propeller)]
+    ahead = any(np.max(np.abs(part.nominal_matrix[0])) > LEAST_AUTHORITY for part in jets) or bool(pushes)
+    if ahead and np.all(turning > 0.1):
+        found += ["cruise", "attitude"]
+    if any(isinstance(part, Ballast) for part in vehicle.parts) and any(
+        isinstance(part, MovingMass) for part in vehicle.parts
+    ):
+        found.append("sawtooth")
+    return found
+
+
+def flies(vehicle: Vehicle) -> str:
+    """A line on the actuators and the controllers that fit."""
+    thrusters = sum(part.count for part in vehicle.parts if isinstance(part, Thrusters))
+    counts = {
+        "thruster": thrusters,
+        "propeller": sum(isinstance(part, Propeller) for part in vehicle.parts),
+        "fin": sum(isinstance(part, (Fin, Airfoil)) and part.limit is not None for part in vehicle.parts),
+        "ballast": sum(isinstance(part, Ballast) for part in vehicle.parts),
+    }
+    said = [
+        f"{count} {word}{'s' if count != 1 and word != 'ballast' else ''}"
+        for word, count in counts.items()
+        if count or word in ("thruster", "fin")
+    ]
+    fit = fitting(vehicle)
+    return f"{', '.join(said)}; controllers that fit: {', '.join(fit) or 'none'}"
+
+
+def doubts(vehicle: Vehicle) -> list[str]:
+    """Sentences on a vehicle that cannot be steered."""
+    if not vehicle.commanded:
+        return [
+            "NOTHING PUSHES THIS VEHICLE: the files have no thruster, propeller, fin or ballast that is read. Look "
+            "whether they are in another file, or behind an argument (--set NAME=VALUE)."
+        ]
+    if fitting(vehicle):
+        return []
+    jets = [part for part in vehicle.parts if isinstance(part, Thrusters)]
+    if len(jets) == 1:
+        lacking = ", ".join(AXES[axis] for axis in NEEDED["manoeuvre"] if axis not in jets[0].allocator.kept)
+        if lacking:
+            return [f"No controller fits: its thrusters do not push in {lacking}."]
+    return ["No controller fits: write one, or command the actuators by inputs."]
+
+
+def first_mission(vehicle: Vehicle, file: str, current: tuple[float, ...]) -> str:
+    """A mission file of a minute: down by 3 m and a quarter turn, with a controller that fits; raises StopIteration."""
+    kind = next(kind for kind in fitting(vehicle) if kind in SPEEDS)
+    speed = SPEEDS[kind]
+    tables: dict[str, object] = {
+        "vehicle": {"file": file},
+        "controller": {"kind": kind, **({"speed_m_s": speed} if kind == "cruise" else {})},
+        "mission": {"time_s": [0, 5], "depth_m": [2, 5], "heading_deg": [0, 90], "speed_m_s": speed},
+        "initial": {"position_m": [0, 0, 2], "speed_m_s": speed if kind == "cruise" else 0.0},
+        "run": {"dt": 0.05, "duration_s": 60},
+    }
+    if any(current):
+        tables["water"] = {"velocity_m_s": list(current)}
+    return f"# {vehicle.name}, imported: `coadjoint run` of this file flies it.\n{to_toml(tables)}"
