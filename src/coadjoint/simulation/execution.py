@@ -62,8 +62,7 @@ def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) 
             run.warnings += before_it
         else:
             run.warnings += energy_warnings(run) + gap(run) + fixed_steps(run)
-        if isinstance(run.memory, Memory) and run.memory.records and not run.position.failed:
-            stretches = [part.internal for part in run.memory.records]
+        if (stretches := run.internal_states()) and not run.position.failed:
             run.warnings += declared(run.system.internal).concluded(stretches, run.system.parameters)
         look()
         if not complete:

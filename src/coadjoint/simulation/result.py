@@ -240,6 +240,11 @@ class Result(Recording):
             raise ArgumentError("This run holds no records: its first step failed.")
         return jax.tree.map(self._joined, *self.memory.records)
 
+    def internal_states(self) -> list[PyTree]:
+        """The internal states at the saved nodes, in consecutive stretches with leading axes (nodes, [members,] …)."""
+        found = [part.internal for part in getattr(self.memory, "records", [])]
+        return [part for part in found if part is not None]
+
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
         """Every monitored scalar, of shape ([members,] nodes, …) each."""

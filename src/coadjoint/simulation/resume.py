@@ -9,10 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
+import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError, shown
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import logger
@@ -73,6 +75,22 @@ class _OnDisk(Result):
         self.__dict__.pop("dataset", None)  # It is read again with all warnings.
         return found
 
+    def internal_states(self) -> list[PyTree]:
+        """Those of at most NODES nodes, evenly spaced, read from the disk."""
+        last = None if self.store.last is None else self.store.last.internal
+        if last is None or self.count < 2:
+            return []
+        every = -(-self.count // NODES)
+
+        def read(path: tuple[Any, ...], _: object) -> np.ndarray:
+            rows = self.dataset["internal_" + jax.tree_util.keystr(path).lstrip(".").replace(".", "_")]
+            values = rows.isel(time=slice(None, None, every)).values
+            return values if self.members is None else np.swapaxes(values, 0, 1)
+
+        found = jax.tree_util.tree_map_with_path(read, last)
+        self.__dict__.pop("dataset", None)
+        return [found]
+
     def node_times(self) -> np.ndarray:
         grid = self.plan.h * self.steps_saved + np.ravel(self.start.t)[0]
         found = self.dataset["time"].values if self.method.variable else grid
@@ -108,6 +126,8 @@ class StreamedEnsemble(_OnDisk, Ensemble):
 
 
 _log = logger(__name__)
+NODES = 20_000
+"""Of how many nodes of a run on disk the internal states are judged."""
 
 
 def streamed(

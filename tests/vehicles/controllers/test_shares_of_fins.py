@@ -5,15 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import jax
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
+from coadjoint.extending import evaluate, named
 from coadjoint_vehicles import Craft, Vehicle
 from coadjoint_vehicles.controllers import Cruise, allocation
 from coadjoint_vehicles.controllers.allocation import _shares
 from coadjoint_vehicles.parts import Airfoil, Damping, Thrusters
+from coadjoint_vehicles.parts.part import Flow
 
 
 def mixed(monkeypatch: Any, torques: Any, screws: Any) -> Any:
@@ -54,6 +57,15 @@ def test_shares_are_of_a_unit_torque_and_alone_where_no_other_comes_with_it():
     shares, alone = _shares(np.array([[1.0, 1.0], [2.0, -2.0], [0.0, 0.0]]))
     assert shares[:, 0] == pytest.approx([0.5, 0.5]) and shares[:, 1] == pytest.approx([0.25, -0.25])
     assert alone.tolist() == [True, True, False]
+
+
+def test_a_foil_that_meets_the_flow_straight_has_the_slope_of_its_lift():
+    place: dict[str, Any] = {"position": (0, 0, 0), "chord": (1, 0, 0), "normal": (0, 0, 1)}
+    foil = Airfoil("tail", area=0.02, lift_slope=4.0, stall=0.5, drag_slope=0.1, limit=0.5, **place)
+    flow = Flow(np.eye(3)[0], np.zeros(3), np.float64(1000.0), np.eye(3)[2], 0.0, 0.0)  # pyright: ignore
+    own = named(foil.parameters())
+    slope = evaluate(lambda x: jax.jacfwd(lambda angle: foil.force(flow, angle, own).force)(x), np.float64(0.0))
+    assert abs(slope[2]) == pytest.approx(0.5 * 1000 * 0.02 * 4.0, rel=1e-12)
 
 
 @pytest.mark.long

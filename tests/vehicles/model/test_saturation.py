@@ -48,3 +48,21 @@ def test_of_an_ensemble_the_worst_member_is_named():
     one = named({"pair": values, "controller": {"value": {"pair": values, "memory": memory}}})
     (said,) = saturated((PAIR,), {"pair": PAIR.limit}, [one])
     assert said.startswith("Of member 1, and of 1 others, `pair` is at its limits for 100%")
+
+
+@pytest.mark.long
+def test_runs_on_disk_warn_as_those_in_memory_do(tmp_path):
+    import coadjoint as co
+    from coadjoint_vehicles import Craft, Vehicle
+    from coadjoint_vehicles.parts import Damping
+
+    part = Thrusters("jets", {"linear": 1.0}, positions=np.eye(3), directions=np.eye(3), limit=2.0)
+    body = {"mass": 10.0, "inertia": (1, 1, 1), "added_mass": (1, 1, 1, 0.1, 0.1, 0.1)}
+    box = Vehicle(name="box", **body, parts=(part, Damping("damping", quadratic=(9, 9, 9, 9, 9, 9))))  # pyright: ignore
+    craft = Craft(box, controller=lambda feedback, p: {"jets": np.array([5.0, 0.0, 0.0])})
+    said = []
+    for store in (None, tmp_path / "run"):
+        given = {} if store is None else {"store": store}
+        run = co.simulate(craft.system, craft.start(), dt=0.1, duration=2, **given)
+        said.append([w for w in run.warnings if "at its limits" in w])
+    assert len(said[0]) == 1 and said[1] == said[0]

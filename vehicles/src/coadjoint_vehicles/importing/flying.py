@@ -32,7 +32,8 @@ def fitting(vehicle: Vehicle) -> list[str]:
         if isinstance(part, (Fin, Airfoil)) and part.limit is not None:
             turning += np.abs(np.asarray(part.normal, dtype=float)[1:])
     pushes = [part for part in vehicle.parts if isinstance(part, Propeller)]
-    ahead = any(np.max(np.abs(part.nominal_matrix[0])) > LEAST_AUTHORITY for part in jets) or bool(pushes)
+    limited = [part for part in jets if part.limit is not None]
+    ahead = any(np.max(np.abs(part.nominal_matrix[0])) > LEAST_AUTHORITY for part in limited) or bool(pushes)
     if ahead and np.all(turning > 0.1):
         found += ["cruise", "attitude"]
     if any(isinstance(part, Ballast) for part in vehicle.parts) and any(
@@ -74,6 +75,8 @@ def doubts(vehicle: Vehicle) -> list[str]:
         lacking = ", ".join(AXES[axis] for axis in NEEDED["manoeuvre"] if axis not in jets[0].allocator.kept)
         if lacking:
             return [f"No controller fits: its thrusters do not push in {lacking}."]
+    if any(part.limit is None for part in jets):
+        return ["No controller fits: its thrusters have no limit; give them one, `limit` in the vehicle file."]
     return ["No controller fits: write one, or command the actuators by inputs."]
 
 

@@ -89,7 +89,7 @@ def _coefficients(along: Array, across: Array, angle: Array, own: Named) -> tupl
     alpha = jnp.arctan2(jnp.where(moving, sign * normal, 0.0), jnp.where(moving, sign * chord, 1.0)) - own.zero_lift
     size, past = jnp.abs(alpha), jnp.abs(alpha) - own.stall
     held = jnp.maximum(0.0, own.lift_slope * own.stall + own.stalled_lift_slope * past)
-    lift = jnp.sign(alpha) * jnp.where(past > 0, held, own.lift_slope * size)
+    lift = jnp.where(past > 0, jnp.sign(alpha) * held, own.lift_slope * alpha)  # with its slope at α = 0
     line = jnp.where(past > 0, own.drag_slope * own.stall + own.stalled_drag_slope * past, own.drag_slope * size)
     meets = jnp.where(behind, own.reversible, 1.0)
     return meets * lift, meets * (jnp.abs(line) + own.drag_square * alpha**2)
