@@ -56,6 +56,11 @@ SCRIPTS = {
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],
     "examples/four_bar.py": ["four_bar"],
+    "examples/bricard.py": ["bricard"],
+    "examples/falling_chain.py": ["falling_chain"],
+    "examples/rattleback.py": ["rattleback"],
+    "examples/snakeboard.py": ["snakeboard"],
+    "examples/double_spherical_pendulum.py": ["double_spherical_pendulum"],
     "examples/vehicle_in_current.py": ["vehicle_in_current"],
     "examples/remus_mission.py": ["remus_mission"],
 }  # fmt: skip

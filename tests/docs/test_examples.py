@@ -12,6 +12,7 @@ import matplotlib
 import matplotlib.pyplot
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 import coadjoint as co
@@ -307,3 +308,67 @@ def test_a_four_bar_linkage_closes_its_loop_while_its_crank_turns(run_example):
     assert found["linkage"].freedoms(found["start"]) == 1
     assert found["angles"].drive.values[-1] > 2 * np.pi and np.ptp(found["angles"].pivot.values) < np.pi
     assert Path("four_bar.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_bricards_linkage_moves_with_one_freedom_and_comes_back(run_example):
+    found = run_example("bricard", 5.5)
+    assert found["linkage"].freedoms(found["start"]) == 1 and found["loop"] < 1e-12
+    assert found["run"].relative_change("energy") < 1e-5
+    corner, t = found["first"][:, 3], found["run"].records.t
+    late = (t > 4) & (t < 5.5)
+    back = np.linalg.norm(corner - corner[0], axis=1)[late].min()
+    assert corner[0] == pytest.approx([1, -1, 1]) and corner[:, 1].min() == pytest.approx(-np.sqrt(3), abs=1e-3)
+    assert back < 1e-3
+    assert Path("bricard.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_the_end_of_a_folded_chain_falls_as_that_of_a_continuum_and_faster_than_a_stone(run_example):
+    found = run_example("falling_chain", 21)
+    assert found["times"] == pytest.approx(found["smooth"], rel=0.03) and found["times"] < 0.92 * found["stone"]
+    assert found["faster"] > 3
+    assert found["run"].extrema["constraint_gap"][1] < 1e-13
+    assert Path("falling_chain.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_a_rattleback_turns_back_from_one_sense_alone(run_example):
+    found = run_example("rattleback", 10)
+    assert found["spins"][-5.0][-1] > 4.5 and found["spins"][5.0].min() > 4.5
+    for run in found["runs"].values():
+        assert run.relative_change("energy") < 3e-3 and run.extrema["constraint_rate"][1] < 1e-14
+    assert Path("rattleback.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_a_snakeboard_goes_where_its_momentum_equation_leads(run_example):
+    """p = mv(1 + tan²φ) + (J_r/l)ψ̇ tan φ, ṗ = (ml tan φ v + J_rψ̇)φ̇/(l cos²φ), by SciPy."""
+    found = run_example("snakeboard", 10)
+    m, l, rotor = found["mass"], found["half"], found["rotor"]
+
+    def slopes(t, y, k, n):
+        spin, tan, turned = 1.2 * k * np.cos(k * t), np.tan(0.6 * np.sin(n * t)), 0.6 * n * np.cos(n * t)
+        v = (y[0] - rotor / l * spin * tan) / (m * (1 + tan**2))
+        return [
+            (m * l * tan * v + rotor * spin) * (1 + tan**2) * turned / l,
+            tan * v / l,
+            v * np.cos(y[1]),
+            v * np.sin(y[1]),
+        ]
+
+    for name, gait in {"drive": (1, 1), "turn": (2, 1), "park": (3, 2)}.items():
+        end = solve_ivp(slopes, (0, 10), np.zeros(4), args=gait, rtol=1e-9, atol=1e-10).y[:, -1]
+        turn, place = found["runs"][name].records.g
+        assert place[-1] == pytest.approx(end[2:], abs=2e-3)
+        assert [turn[-1, 0, 0], turn[-1, 1, 0]] == pytest.approx([np.cos(end[1]), np.sin(end[1])], abs=5e-3)
+    assert Path("snakeboard.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_a_double_spherical_pendulum_keeps_its_vertical_momentum_and_its_cone(run_example):
+    found = run_example("double_spherical_pendulum", 4)
+    assert np.ptp(found["momentum"]) < 1e-12 * abs(found["momentum"][0])
+    assert np.ptp(found["height"], axis=0).max() < 1e-7
+    assert found["run"].relative_change("energy") < 1e-5
+    assert Path("double_spherical_pendulum.png").stat().st_size > 10_000
