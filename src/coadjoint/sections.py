@@ -6,7 +6,7 @@
         duration: float | None = key("simulated time", TIME, default=None)
 
 `read` makes such a section of a table whose keys may end in a unit (`duration_min = 10`); `written` is the table that
-reads as a section.
+reads as a section. A field with an underscore at its end, as `from_`, is the key without it, which Python reserves.
 """
 
 from __future__ import annotations
@@ -70,8 +70,13 @@ def key(
 
 
 def keys(of: Any) -> dict[str, Key]:
-    """The keys of a dataclass, or of one of it, by name, in their order."""
+    """The keys of a dataclass, or of one of it, by the names of fields, in their order."""
     return {f.name: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
+
+
+def in_file(field_name: str) -> str:
+    """The key in files of a field."""
+    return field_name.removesuffix("_")
 
 
 def checked(declared: Key, value: object, name: str) -> PyTree:
@@ -92,7 +97,7 @@ def read(kind: type[T], title: str, given: object, **more: object) -> T:
     declared = {f.name: f for f in fields(kind) if _KEY in f.metadata}  # pyright: ignore[reportArgumentType]
     types = get_type_hints(kind)
     rest = next((name for name, f in declared.items() if _of(f).rest), None)
-    named = {other: name for name, f in declared.items() for other in (name, *_of(f).others) if name != rest}
+    named = {other: name for name, f in declared.items() for other in (in_file(name), *_of(f).others) if name != rest}
     own, free = (given, {}) if rest is None else _apart(given, named)
     measured = {other: _of(declared[name]).dimension for other, name in named.items()}
     for name in own:
@@ -103,18 +108,18 @@ def read(kind: type[T], title: str, given: object, **more: object) -> T:
     for other, value in in_si(title, own, named, measured).items():
         name = named[other]
         if name in values:
-            raise ArgumentError(f"Section [{title}] gives `{name}` twice: once as `{other}`.")
-        where = f"[{title}] {name}"
+            raise ArgumentError(f"Section [{title}] gives `{in_file(name)}` twice: once as `{other}`.")
+        where = f"[{title}] {in_file(name)}"
         values[name] = checked(_of(declared[name]), _typed(where, value, types[name]), where)
     missing = [name for name, f in declared.items() if name not in values and f.default is f.default_factory is MISSING]
     if missing:
-        raise ArgumentError(f"Section [{title}] needs `{missing[0]}`{_said(_of(declared[missing[0]]))}.")
+        raise ArgumentError(f"Section [{title}] needs `{in_file(missing[0])}`{_said(_of(declared[missing[0]]))}.")
     return kind(**values, **more)
 
 
 def written(of: object) -> Table:
     """The table that reads as a section, in SI units."""
-    found = {name: getattr(of, name) for name in keys(of)}
+    found = {in_file(name): getattr(of, name) for name in keys(of)}
     return {name: value for name, value in found.items() if value is not None}
 
 

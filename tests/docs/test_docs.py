@@ -17,6 +17,11 @@ from markdown_it import MarkdownIt
 
 from coadjoint.cli.main import every_command
 from coadjoint.runs import run_file
+from coadjoint.sections import in_file, keys
+from coadjoint.sweeps.file import ResultsSection, SweepSection
+from coadjoint.sweeps.numbers import NormalSection, RangeSection, ValuesSection
+from coadjoint_vehicles.files.bodies import BodySection
+from coadjoint_vehicles.files.kinds import kinds
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]
@@ -158,6 +163,29 @@ def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() 
     missing = [name for name in commands if f"    coadjoint {name} " not in page]
     missing += [key for key in keys if f"`{key}`" not in page]
     assert not missing, f"docs/commands.md says nothing of {missing}."
+
+
+def test_the_page_of_sweeps_names_every_key_of_a_sweep_file() -> None:
+    page = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    kinds = (SweepSection, ResultsSection, RangeSection, ValuesSection, NormalSection)
+    names = [in_file(name) for kind in kinds for name in keys(kind)]
+    missing = [name for name in names if not re.search(rf"`{name}`|\b{name} = ", page)]
+    assert not missing, f"docs/sweeps.md says nothing of {missing}."
+
+
+def test_the_page_of_vehicles_names_every_key_of_a_body_and_of_each_kind_of_part() -> None:
+    page = (ROOT / "docs" / "vehicles.md").read_text(encoding="utf-8")
+    texts = {"[body]": (keys(BodySection), page)}
+    for kind, made in kinds("parts").items():
+        row = re.search(rf"^\| `{kind}` \| (.*)$", page, re.MULTILINE)
+        texts[kind] = keys(made), row[1] if row else ""
+    missing = [
+        f"{kind} {name}"
+        for kind, (names, text) in texts.items()
+        for name in names
+        if f"`{name}`" not in text and f"{name} = " not in text
+    ]
+    assert not missing, f"docs/vehicles.md says nothing of {missing}."
 
 
 def test_no_page_has_text_slanted_by_the_sign_of_an_index() -> None:

@@ -33,25 +33,26 @@ def test_a_number_between_two_is_even_in_itself_or_in_its_logarithm():
 def test_a_normal_number_of_a_file_is_a_mean_and_a_deviation():
     assert number({"mean": 3, "deviation": 0.5}, "x") == Number("x", normal=(3.0, 0.5))
     for wrong in (0, -1.0):
-        with pytest.raises(ArgumentError, match=r"\[vary\] x deviation must be positive"):
+        with pytest.raises(ArgumentError, match=r"\[vary\.x\] deviation must be positive"):
             number({"mean": 3, "deviation": wrong}, "x")
 
 
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"from": 1, "to": 1}, "empty range"),
-        ({"from": 2, "to": 1}, "empty range"),
-        ({"from": 0, "to": 1, "scale": "log"}, "must be positive with a scale of logarithms"),
+        ({"from": 1, "to": 1}, r"\[vary\.x\] is an empty range: `from`, 1, must be less than `to`, 1"),
+        ({"from": 2, "to": 1}, "must be less than"),
+        ({"from": 0, "to": 1, "scale": "log"}, r"\[vary\.x\] from must be positive with the scale"),
         ({"from": 1, "to": 2, "scale": "cubic"}, 'must be "linear" or "log"'),
         ({"from": 1, "to": 2, "count": 1}, "must be a whole number from 2"),
         ({"from": 1, "to": 2, "count": True}, "must be a whole number from 2"),
         ({"from": 1, "to": 2, "count": 2.0}, "must be a whole number from 2"),
         ({"from": True, "to": 2}, "must be a finite number"),
         ({"from": 1, "to": float("inf")}, "must be a finite number"),
-        ({"from": 1}, "must be one of"),
-        ({"values": [1], "count": 2}, "`count` belongs to `from` and `to`"),
-        ({"mean": 1, "deviation": 1, "scale": "log"}, "`scale` belongs to `from` and `to`"),
+        ({"from": 1}, r"Section \[vary\.x\] needs `to`, greatest value"),
+        ({"mean": 1}, r"Section \[vary\.x\] needs `deviation`, standard deviation"),
+        ({"values": [1], "count": 2}, r"Section \[vary\.x\] has no key `count`"),
+        ({"mean": 1, "deviation": 1, "scale": "log"}, r"Section \[vary\.x\] has no key `scale`"),
         ({"values": []}, "must be a list of finite numbers"),
         ({"values": 3.0}, "must be a list of finite numbers"),
         ({"values": [1, float("nan")]}, "must be a list of finite numbers"),

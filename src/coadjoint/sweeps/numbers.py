@@ -7,14 +7,17 @@ import inspect
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 
-from coadjoint import checks
-from coadjoint.arrays import PyTree
+from coadjoint import sections
+from coadjoint.arrays import PyTree, Scalar
+from coadjoint.checks import number as finite
+from coadjoint.checks import positive, whole
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.sections import key
 
 SAMPLINGS = ("grid", "list", "random", "latin_hypercube", "sobol")
 """The choices of members."""
@@ -26,7 +29,6 @@ MOST = 10**9
 """The most members of a sweep."""
 DIGEST = "sha256:"
 """The number of values that are written."""
-_KEYS = ("from", "to", "count", "scale", "values", "mean", "deviation")
 _WAYS = "{ from = …, to = … }, { values = […] } or { mean = …, deviation = … }"
 
 
@@ -103,12 +105,12 @@ class Varied:
 def read(table: Mapping[str, Any], keys: tuple[str, ...] = ()) -> list[Varied]:
     """The varied numbers of a section [vary]; raises ArgumentError."""
     found: list[Varied] = []
-    for key, value in table.items():
-        here = (*keys, key)
+    for name, value in table.items():
+        here = (*keys, name)
         if isinstance(value, Mapping) and not _is_number(value):
             found += read(value, here)
         elif not keys:
-            raise ArgumentError(f"[vary] needs the section of `{key}`, as in [vary.parameters].")
+            raise ArgumentError(f"[vary] needs the section of `{name}`, as in [vary.parameters].")
         else:
             made = Varied(here, _template(value, ".".join(here)))
             if not made.numbers:
@@ -133,41 +135,7 @@ def _template(value: Any, name: str) -> PyTree:
     return value
 
 
-def number(given: Mapping[str, object], name: str) -> Number:
-    """A number in the form of [vary]; raises ArgumentError."""
-    what = f"[vary] {name}"
-    for key in given:
-        checks.known(key, _KEYS, "key", what)
-    pairs = {frozenset(("from", "to")), frozenset(("values",)), frozenset(("mean", "deviation"))}
-    if frozenset(given) - {"count", "scale"} not in pairs:
-        raise ArgumentError(f"{what} must be one of {_WAYS}, but is {shown(dict(given))}.")
-    if "from" not in given and (wrong := [key for key in ("count", "scale") if key in given]):
-        raise ArgumentError(f"{what}: `{wrong[0]}` belongs to `from` and `to`; leave it out.")
-    if "values" in given:
-        return Number(name, values=_values(given["values"], what))
-    numbers = [
-        checks.number(given[key], f"{what} {key}") for key in ("from", "to", "mean", "deviation") if key in given
-    ]
-    if "mean" in given:
-        checks.positive(numbers[1], f"{what} deviation")
-        return Number(name, normal=(numbers[0], numbers[1]))
-    return _between(given, numbers, name, what)
-
-
-def _between(given: Mapping[str, Any], ends: Sequence[float], name: str, what: str) -> Number:
-    low, high = ends
-    count, scale = given.get("count"), given.get("scale", "linear")
-    if not low < high:
-        raise ArgumentError(f"{what} is an empty range: `from`, {low:g}, must be less than `to`, {high:g}.")
-    checks.choice(scale, f"{what} scale", ("linear", "log"))
-    if scale == "log" and low <= 0:
-        raise ArgumentError(f"{what} from must be positive with a scale of logarithms, but is {low:g}.")
-    if count is not None:
-        checks.whole(count, f"{what} count", 2)
-    return Number(name, between=(low, high), count=count, even=scale == "linear")
-
-
-def _values(given: object, what: str) -> np.ndarray:
+def _values(given: object, name: str) -> np.ndarray:
     if isinstance(given, str) and given.startswith(DIGEST):  # of values that a call from Python had
         return np.zeros(0)
     try:
@@ -175,8 +143,58 @@ def _values(given: object, what: str) -> np.ndarray:
     except (TypeError, ValueError):
         found = np.zeros(0)
     if found.ndim == 0 or not len(found) or not np.all(np.isfinite(found)) or isinstance(given, (bool, int, float)):
-        raise ArgumentError(f"{what} values must be a list of finite numbers, not empty, but is {shown(given)}.")
+        raise ArgumentError(f"{name} must be a list of finite numbers, not empty, but is {shown(given)}.")
     return found
+
+
+@dataclass(frozen=True)
+class RangeSection:
+    """A number between two others."""
+
+    from_: Scalar = key("least value", check=finite)
+    to: Scalar = key("greatest value", check=finite)
+    count: Scalar | None = key("number of values in a grid", check=partial(whole, least=2), default=None)
+    scale: str = key("whether equal shares have equal differences or ratios", words=("linear", "log"), default="linear")
+
+    def number(self, name: str) -> Number:
+        """The number of this name; raises ArgumentError for an empty range."""
+        low, high = float(self.from_), float(self.to)
+        if not low < high:
+            raise ArgumentError(f"[vary.{name}] is an empty range: `from`, {low:g}, must be less than `to`, {high:g}.")
+        if self.scale == "log" and low <= 0:
+            raise ArgumentError(f'[vary.{name}] from must be positive with the scale "log", but is {low:g}.')
+        count = None if self.count is None else int(self.count)
+        return Number(name, between=(low, high), count=count, even=self.scale == "linear")
+
+
+@dataclass(frozen=True)
+class ValuesSection:
+    """A number with given values."""
+
+    values: PyTree = key("values, numbers or arrays of one shape", check=_values)
+
+    def number(self, name: str) -> Number:
+        """The number of this name."""
+        return Number(name, values=self.values)
+
+
+@dataclass(frozen=True)
+class NormalSection:
+    """A number with a normal distribution."""
+
+    mean: Scalar = key("mean", check=finite)
+    deviation: Scalar = key("standard deviation", check=positive)
+
+    def number(self, name: str) -> Number:
+        """The number of this name."""
+        return Number(name, normal=(float(self.mean), float(self.deviation)))
+
+
+def number(given: Mapping[str, object], name: str) -> Number:
+    """A number in the form of [vary]; raises ArgumentError."""
+    normal = {"mean", "deviation"} & {*given}
+    kind = ValuesSection if "values" in given else NormalSection if normal else RangeSection
+    return sections.read(kind, f"vary.{name}", given).number(name)
 
 
 def _leaves(template: PyTree) -> Iterator[Number]:

@@ -8,12 +8,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from coadjoint import units as u
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.texts import Table, read_table, text_of
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.added_masses import read_added_mass
+from coadjoint_vehicles.files.bodies import BodySection
 from coadjoint_vehicles.files.checks import check
 from coadjoint_vehicles.files.read_parts import read_controller, read_part
 from coadjoint_vehicles.files.read_sensors import read_sensors
@@ -21,8 +21,6 @@ from coadjoint_vehicles.files.table import BODY_AXES, Notebook, Section, axes_of
 from coadjoint_vehicles.model.loads import held
 from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 
-VOLUMES = ("volume", "buoyancy", "neutral")
-SIZES = ("length", "diameter", "width", "height")
 SECTIONS = ("vehicle", "sources", "licences", "body", "added_mass", "part", "sensors", "controller")
 
 
@@ -77,6 +75,7 @@ def _vehicle(book: Notebook, table: Table, folder: Path) -> Vehicle:
     body["added_mass"] = read_added_mass(matter, axes, body["fluid_density"], body["length"], folder)
     parts = _parts(book, table.get("part", []), axes, body)
     body["volume"] = _volume(section, body, parts)
+    del body["buoyancy"]
     section.done()
     sensors = read_sensors(book, table.get("sensors", {}), axes)
     controller = None
@@ -106,31 +105,19 @@ def _vehicle(book: Notebook, table: Table, folder: Path) -> Vehicle:
 
 
 def _body(body: Section, axes: border.Axes) -> Table:
-    """Mass, inertia about the mass centre, centres, volume and water, in SI units and FRD."""
+    """The quantities of [body] in SI units and FRD, with the inertia about the mass centre."""
     axes = axes_of(body, axes)
-    mass = body.positive("mass", u.MASS)
-    gravity = body.number("gravity", u.ACCELERATION, at_least=0.0) if "gravity" in body else 9.81
+    found = body.quantities(BodySection)
     if "gravity" not in body.given:
         body.book.provenance["body.gravity"] = Quantity(9.81, "m/s^2", "", "the value where a file gives none")
-    density = body.positive("fluid_density", u.DENSITY)
-    centers = {}
     for key in ("center_of_mass", "center_of_buoyancy"):
-        centers[key] = border.body_vector(body.vector(key, u.LENGTH), axes)
-    inertia = _inertia(body, axes, mass, centers["center_of_mass"])
-    sizes = {key: body.positive(key, u.LENGTH) if key in body else None for key in SIZES}
-    return {
-        "mass": mass,
-        "inertia": inertia,
-        "gravity": gravity,
-        "fluid_density": density,
-        **centers,
-        **sizes,
-    }
+        found[key] = border.body_vector(found[key], axes)
+    found["inertia"] = _inertia(body, found["inertia"], axes, found["mass"], found["center_of_mass"])
+    return found
 
 
-def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> Array:
+def _inertia(body: Section, value: object, axes: border.Axes, mass: float, center: Any) -> Array:
     """I_c, (3, 3): about the mass centre, from there or from the origin, I_c = I_O − m(|r|²1 − r rᵀ)."""
-    value, _ = body.quantity("inertia", u.INERTIA)
     found = np.asarray(value, dtype=float) if isinstance(value, list) else np.zeros(0)
     if found.shape not in ((3,), (3, 3)):
         raise body.fail("inertia must be three numbers, or three rows of three, about the axes of the body.")
@@ -153,22 +140,24 @@ def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> Arra
     return full
 
 
-def _volume(body: Section, made: Table, parts: list[Any]) -> float:
-    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with masses and volumes of parts."""
-    density, gravity = made["fluid_density"], made["gravity"]
-    given = [key for key in VOLUMES if key in body and (key != "neutral" or body.flag("neutral"))]
+def _volume(body: Section, found: Table, parts: list[Any]) -> float:
+    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with masses and volumes of parts.
+
+    `found`: the quantities of [body].
+    """
+    density, gravity = found["fluid_density"], found["gravity"]
+    given = [key for key in ("volume", "buoyancy") if found[key] is not None] + ["neutral"] * body.flag("neutral")
+    if len(given) != 1:
+        listed = " and ".join(f"`{key}`" for key in given) or "none of them"
+        raise body.fail(f"needs one of `volume`, `buoyancy` and `neutral = true`, but has {listed}.")
     if given == ["neutral"]:
         mass, _, volume, _ = held(parts)
-        return (made["mass"] + mass) / density - volume
-    if len(given) != 1:
-        found = " and ".join(f"`{key}`" for key in given) or "none of them"
-        raise body.fail(f"needs one of `volume`, `buoyancy` and `neutral = true`, but has {found}.")
+        return (found["mass"] + mass) / density - volume
     if given == ["volume"]:
-        return body.positive("volume", u.VOLUME)
-    force = body.positive("buoyancy", u.FORCE)
+        return found["volume"]
     if gravity == 0:
         raise body.fail("gives its buoyancy in N, but gravity is 0: give `volume`.")
-    return force / (density * gravity)
+    return found["buoyancy"] / (density * gravity)
 
 
 def _parts(book: Notebook, given: object, axes: border.Axes, body: Table) -> list[Any]:

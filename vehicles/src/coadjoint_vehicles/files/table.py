@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest
+from coadjoint.sections import checked, keys
 from coadjoint.texts import Table
 from coadjoint.units import NUMBER, Dimension, in_si
 from coadjoint_vehicles.axes import Axes
@@ -129,13 +130,11 @@ class Section:
         except ArgumentError as error:
             raise self.book.fail(str(error)) from error
 
-    def number(self, name: str, dimension: Dimension, at_least: float | None = None) -> float:
+    def number(self, name: str, dimension: Dimension) -> float:
         """One number in SI units."""
-        value, unit = self.quantity(name, dimension)
+        value, _ = self.quantity(name, dimension)
         if isinstance(value, (list, dict)):
             raise self.fail(f"{name} must be one number, but is {_shown(self.given[name]['value'])}.")
-        if at_least is not None and value < at_least:
-            raise self.fail(f"{name} must be at least {at_least:g}, but is {self.given[name]['value']:g} {unit}.")
         return float(value)
 
     def positive(self, name: str, dimension: Dimension) -> float:
@@ -151,6 +150,21 @@ class Section:
         if not isinstance(value, list) or len(value) != size or any(isinstance(inner, list) for inner in value):
             raise self.fail(f"{name} must be {size} numbers in brackets, but is {_shown(self.given[name]['value'])}.")
         return value
+
+    def quantities(self, kind: type) -> Table:
+        """The quantities that a dataclass declares, in SI units and checked; the default of one that is not given.
+
+        Raises ArgumentError for one that is missing and has no default.
+        """
+        values: Table = {f.name: f.default for f in fields(kind)}
+        for name, declared in keys(kind).items():
+            if name in self or values[name] is MISSING:
+                value, _ = self.quantity(name, declared.dimension)
+                try:
+                    values[name] = checked(declared, value, f"{self.title} {name}")
+                except ArgumentError as error:
+                    raise self.book.fail(str(error)) from error
+        return values
 
     def done(self) -> None:
         """Raise ArgumentError for unread keys, with the nearest known key."""
