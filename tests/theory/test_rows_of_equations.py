@@ -10,7 +10,8 @@ import pytest
 
 import coadjoint as co
 from coadjoint.theory import equations
-from coadjoint.theory.equations import Residual, _of_momenta, _row
+from coadjoint.theory.equations import _of_momenta
+from coadjoint.theory.residuals import Residual, row
 
 
 class Record(NamedTuple):
@@ -22,9 +23,9 @@ class Record(NamedTuple):
 
 
 def test_a_row_has_the_largest_entry_of_each_node():
-    row = _row("P42", "π = 0", np.array([[[1.0, -3.0]], [[0.5, 0.25]]]), 2.0)
-    assert (row.equation, row.statement, row.values.tolist(), row.scale) == ("P42", "π = 0", [3.0, 0.5], 2.0)
-    assert row.largest == 1.5 and _row("a", "b", np.zeros((2, 0)), 0.0).scale == 1.0
+    found = row("P42", "π = 0", np.array([[[1.0, -3.0]], [[0.5, 0.25]]]), 2.0)
+    assert (found.equation, found.statement, found.values.tolist(), found.scale) == ("P42", "π = 0", [3.0, 0.5], 2.0)
+    assert found.largest == 1.5 and row("a", "b", np.zeros((2, 0)), 0.0).scale == 1.0
     assert Residual("a", "b", np.array([1.0, np.nan]), 1.0).largest == np.inf
 
 
@@ -36,7 +37,7 @@ def test_the_momenta_are_told_against_the_legendre_transforms_on_both_sides(monk
     slopes = SimpleNamespace(right=one, along_s=one, along_n=one, link=SimpleNamespace(n=one, s=one))
     ends = [SimpleNamespace(mu=4.0 * one[0], pi=5.0 * one[0]), SimpleNamespace(mu=2.0 * one[0], pi=1.0 * one[0])]
     monkeypatch.setattr(equations, "legendre_transforms", lambda system, at: ends)
-    monkeypatch.setattr(equations, "_pairs", lambda slopes: (np.zeros(2), np.zeros(2)))
+    monkeypatch.setattr(equations, "pairs", lambda slopes: (np.zeros(2), np.zeros(2)))
     rows = _of_momenta(system, records, cast(Any, slopes))
     assert [(row.equation, row.values.tolist()) for row in rows] == [
         ("F⁻ μ", [1.0, 1.0]), ("F⁻ π", [2.0, 2.0]), ("F⁺ μ", [3.0, 3.0]), ("F⁺ π", [6.0, 6.0]),

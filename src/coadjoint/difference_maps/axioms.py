@@ -78,56 +78,52 @@ def _points(difference_map: DifferenceMap, group: LieGroup) -> list[tuple[np.nda
 
 
 def _identities(tau: DifferenceMap, group: LieGroup, xi: Array, chi: Array, mu: Array) -> list[Identity]:
-    vector, covector = in_units(group)
-    zero, one = jnp.zeros(group.dim), np.eye(group.matrix_size)
-
     def tangent(xi: Array, chi: Array) -> Array:
         return group.vee(DifferenceMap._tangent(tau, group, xi, chi))
 
     D = jax.vmap(lambda chi: tangent(xi, chi), out_axes=1)(jnp.eye(group.dim))
-    given = {name: _given(tau, name) for name in ("tau", "dtau", "dtau_inverse_dual")}
+    vector, zero = in_units(group)[0], jnp.zeros(group.dim)
+    forms = [
+        *_tangents(tau, group, xi, chi, D),
+        *_duals(tau, group, xi, mu, D),
+        *(
+            Identity(name, "τ⁻¹(τ(ξ)) = ξ", lambda: vector(tau.inverse(group, tau.tau(group, xi))), lambda: vector(xi))
+            for name in ("inverse", "_inverse")
+        ),
+        Identity("chart", "0 at ξ = 0", lambda: 1 + jnp.asarray(tau.chart(group, zero)), lambda: np.ones(())),
+    ]
     axioms = [
-        Identity(given["tau"], "τ(0) = e", lambda: group.matrix(tau.tau(group, zero)), lambda: one),
-        Identity(given["tau"], "Dτ(0) = 1", lambda: vector(tangent(zero, chi)), lambda: vector(chi)),
+        *_of_tau(tau, group, xi),
+        Identity(_given(tau, "tau"), "Dτ(0) = 1", lambda: vector(tangent(zero, chi)), lambda: vector(chi)),
+    ]
+    return axioms + [form for form in forms if overrides(tau, DifferenceMap, form.member)]
+
+
+def _of_tau(tau: DifferenceMap, group: LieGroup, xi: Array) -> list[Identity]:
+    """Values of τ."""
+    name, zero, one = _given(tau, "tau"), jnp.zeros(group.dim), np.eye(group.matrix_size)
+    return [
+        Identity(name, "τ(0) = e", lambda: group.matrix(tau.tau(group, zero)), lambda: one),
         Identity(
-            given["tau"],
+            name,
             "τ(ξ)τ(−ξ) = e",
             lambda: group.matrix(group.compose(tau.tau(group, xi), tau.tau(group, -xi))),
             lambda: one,
         ),
     ]
-    forms = [
-        Identity(
-            given["dtau"], "Dτ(ξ)·χ = (dτ_ξ χ) τ(ξ)", lambda: vector(tau.dtau(group, xi, chi)), lambda: vector(D @ chi)
-        ),
-        Identity(given["dtau"], "dτ_0 = 1", lambda: vector(tau.dtau(group, zero, chi)), lambda: vector(chi)),
-        Identity(
-            "dtau_dual",
-            "⟨dτ*_ξ μ, χ⟩ = ⟨μ, dτ_ξ χ⟩",
-            lambda: covector(tau.dtau_dual(group, xi, mu)),
-            lambda: covector(D.T @ mu),
-        ),
-        Identity(
-            given["dtau_inverse_dual"],
-            "⟨(dτ⁻¹_ξ)*μ, dτ_ξ χ⟩ = ⟨μ, χ⟩",
-            lambda: covector(tau.dtau_inverse_dual(group, xi, mu)),
-            lambda: covector(jnp.linalg.solve(D.T, mu)),
-        ),
-        Identity(
-            given["dtau_inverse_dual"],
-            "dτ⁻¹_0 = 1",
-            lambda: covector(tau.dtau_inverse_dual(group, zero, mu)),
-            lambda: covector(mu),
-        ),
+
+
+def _tangents(tau: DifferenceMap, group: LieGroup, xi: Array, chi: Array, D: Array) -> list[Identity]:
+    """Forms of dτ_ξ, whose matrix is D."""
+    vector, zero, name = in_units(group)[0], jnp.zeros(group.dim), _given(tau, "dtau")
+    return [
+        Identity(name, "Dτ(ξ)·χ = (dτ_ξ χ) τ(ξ)", lambda: vector(tau.dtau(group, xi, chi)), lambda: vector(D @ chi)),
+        Identity(name, "dτ_0 = 1", lambda: vector(tau.dtau(group, zero, chi)), lambda: vector(chi)),
         Identity(
             "dtau_inverse",
             "dτ_ξ dτ⁻¹_ξ χ = χ",
             lambda: vector(tau.dtau_inverse(group, xi, chi)),
             lambda: vector(jnp.linalg.solve(D, chi)),
-        ),
-        *(
-            Identity(name, "τ⁻¹(τ(ξ)) = ξ", lambda: vector(tau.inverse(group, tau.tau(group, xi))), lambda: vector(xi))
-            for name in ("inverse", "_inverse")
         ),
         Identity("_tangent_matrix", "the matrix of dτ_ξ", lambda: tau._tangent_matrix(group, xi), lambda: D),
         Identity(
@@ -136,6 +132,24 @@ def _identities(tau: DifferenceMap, group: LieGroup, xi: Array, chi: Array, mu: 
             lambda: tau._tangent(group, xi, chi),
             lambda: DifferenceMap._tangent(tau, group, xi, chi),
         ),
-        Identity("chart", "0 at ξ = 0", lambda: 1 + jnp.asarray(tau.chart(group, zero)), lambda: np.ones(())),
     ]
-    return axioms + [form for form in forms if overrides(tau, DifferenceMap, form.member)]
+
+
+def _duals(tau: DifferenceMap, group: LieGroup, xi: Array, mu: Array, D: Array) -> list[Identity]:
+    """Forms of the duals of dτ_ξ and dτ⁻¹_ξ."""
+    covector, zero, name = in_units(group)[1], jnp.zeros(group.dim), _given(tau, "dtau_inverse_dual")
+    return [
+        Identity(
+            "dtau_dual",
+            "⟨dτ*_ξ μ, χ⟩ = ⟨μ, dτ_ξ χ⟩",
+            lambda: covector(tau.dtau_dual(group, xi, mu)),
+            lambda: covector(D.T @ mu),
+        ),
+        Identity(
+            name,
+            "⟨(dτ⁻¹_ξ)*μ, dτ_ξ χ⟩ = ⟨μ, χ⟩",
+            lambda: covector(tau.dtau_inverse_dual(group, xi, mu)),
+            lambda: covector(jnp.linalg.solve(D.T, mu)),
+        ),
+        Identity(name, "dτ⁻¹_0 = 1", lambda: covector(tau.dtau_inverse_dual(group, zero, mu)), lambda: covector(mu)),
+    ]

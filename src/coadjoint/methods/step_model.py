@@ -174,10 +174,10 @@ class StepModel:
         extrema = np.zeros((kernel.monitor_size + len(kernel.certificates), 2, width))
         status = np.zeros((count, 4, width), np.int64)
         places = [(a.ctypes.data, a.strides[0] if len(a) > 1 else 0) for a in (given, step, s, records, status)]
-        beside = spare.ctypes.data, extrema.ctypes.data
+        ignored = spare.ctypes.data, extrema.ctypes.data
         for i in range(count):
             p_i, h_i, s_i, records_i, status_i = (start + i * stride for start, stride in places)
-            kernel.function(p_i, h_i, s_i, kept, every, records_i, *beside, status_i)
+            kernel.function(p_i, h_i, s_i, kept, every, records_i, *ignored, status_i)
         return of_lanes(s, len(rows)), of_lanes(records, len(rows)), of_lanes(status, len(rows))
 
     def _by_xla(

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.invariance import is_right
@@ -26,18 +26,13 @@ from coadjoint.methods import Galerkin, GroupVariational, Method, Variational
 from coadjoint.methods.step import Step
 from coadjoint.theory.constraints import off_nodes, with_reactions
 from coadjoint.theory.curves import NODES
-from coadjoint.theory.euler_poincare import advected, impulse
-from coadjoint.theory.instant import Instant, require_one
-from coadjoint.theory.poisson import (
-    discrete_euler_poincare_poisson,
-    kelvin_noether_poisson,
-    poisson_lagrangian,
-    poisson_link,
-)
+from coadjoint.theory.euler_poincare import advected
+from coadjoint.theory.group_form import of_group_form, of_poisson, of_semidirect
+from coadjoint.theory.instant import require_one
 from coadjoint.theory.reduction import unreduce
-from coadjoint.theory.semidirect import discrete_euler_poincare_semidirect, semidirect_lagrangian, semidirect_link
+from coadjoint.theory.residuals import Residual, largest, pairs, row, scales
 from coadjoint.theory.slopes import Slopes, legendre_transforms, slopes_of, trivialised
-from coadjoint.theory.unreduced import Configuration, UnreducedLagrangian, discrete_euler_lagrange, has_points, link_of
+from coadjoint.theory.unreduced import UnreducedLagrangian
 
 RULES = (*NODES, Variational, Galerkin)
 
@@ -45,24 +40,6 @@ OPPOSITE = (
     "right-invariant: products are those of the opposite group, g·h = hg, so that F_k = g_{k+1}g_k⁻¹, a_k = g_k a₀"
 )
 """What a table of a right-invariant system begins with."""
-
-
-class Residual(NamedTuple):
-    """An equation, its text, its residual at every node or pair of steps, and the size that it is relative to.
-
-    values: (nodes,).
-    """
-
-    equation: str
-    statement: str
-    values: np.ndarray
-    scale: float
-
-    @property
-    def largest(self) -> float:
-        """max |values| / scale, infinite where one is not a number."""
-        found = float(np.max(np.abs(self.values), initial=0.0)) / self.scale
-        return np.inf if np.isnan(found) else found
 
 
 @dataclass(frozen=True)
@@ -146,8 +123,8 @@ def equations_of(
     rows += [*_of_steps(system, slopes), *_of_momenta(system, records, slopes)]
     rows += _of_noether(system, records, slopes, noether)
     if isinstance(method, GroupVariational):
-        rows += _of_group_form(system, records, slopes, h, unreduced or unreduce(system))
-        rows += _of_semidirect(system, slopes, h) + _of_poisson(system, records, slopes, h, noether)
+        rows += of_group_form(system, records, slopes, h, unreduced or unreduce(system))
+        rows += of_semidirect(system, slopes, h) + of_poisson(system, records, slopes, h, noether)
     elif not isinstance(method, Galerkin):
         rows.append(_of_variations(system, step, bare, h))
     return Equations(tuple(rows), is_right(system.places))
@@ -156,29 +133,16 @@ def equations_of(
 def _of_constraints(system: System, records: State) -> list[Residual]:
     """φ = 0 and A·(ξ, ν) = b at every node, relative to the largest n and a, ξ and ν."""
     places, rates, speeds = evaluate(jax.vmap(partial(off_nodes, system)), records)
-    size = _largest((records.n, records.a))
-    rows = [_row("A", "A_k·(ξ, ν) = b_k, for φ: φ̇ = 0", rates, (1 + size) * _largest(speeds))]
-    return [_row("φ", "φ(n_k, a_k) = 0", places, size), *rows] if places.shape[1] else rows
-
-
-def _largest(values: object) -> float:
-    return float(np.max([np.max(np.abs(leaf), initial=0.0) for leaf in jax.tree.leaves(values)], initial=0.0))
-
-
-def _pairs(tree: PyTree) -> tuple[PyTree, PyTree]:
-    return jax.tree.map(lambda x: x[:-1], tree), jax.tree.map(lambda x: x[1:], tree)
-
-
-def _row(equation: str, statement: str, values: PyTree, scale: float) -> Residual:
-    flat = np.asarray(values).reshape(len(values), -1)
-    return Residual(equation, statement, np.max(np.abs(flat), axis=1, initial=0.0), scale or 1.0)
+    size = largest((records.n, records.a))
+    rows = [row("A", "A_k·(ξ, ν) = b_k, for φ: φ̇ = 0", rates, (1 + size) * largest(speeds))]
+    return [row("φ", "φ(n_k, a_k) = 0", places, size), *rows] if places.shape[1] else rows
 
 
 def _of_nodes(system: System, records: State, slopes: Slopes) -> list[Residual]:
     """What relates nodes of the configuration to reduced variables."""
     group, Q, V = system.places
-    here, after = _pairs(records)
-    link, _ = _pairs(slopes.link)
+    here, after = pairs(records)
+    link, _ = pairs(slopes.link)
     a0 = evaluate(lambda s: V.act(group, s.g, s.a), jax.tree.map(lambda x: x[0], records))
 
     def places(here, after, link):
@@ -189,14 +153,14 @@ def _of_nodes(system: System, records: State, slopes: Slopes) -> list[Residual]:
         return moved, seen, here.a - V.act(group, back, a0), after.n - n, after.a - a
 
     moved, seen, parameter, n, a = evaluate(jax.vmap(places), here, after, link)
-    size_g = _largest(evaluate(jax.vmap(group.matrix), records.g))
-    size_n, size_a = _largest(records.n), _largest(records.a)
+    size_g = largest(evaluate(jax.vmap(group.matrix), records.g))
+    size_n, size_a = largest(records.n), largest(records.a)
     return [
-        _row("P38 F", "F_k = g_k⁻¹g_{k+1}", moved, size_g),
-        _row("P38 s", "s_k = g_k⁻¹q_{k+1}", seen, size_n),
-        _row("P39", "a_k = g_k⁻¹a₀", parameter, size_a),
-        _row("P43", "n_{k+1} = F_k⁻¹s_k", n, size_n),
-        _row("P44", "a_{k+1} = F_k⁻¹a_k", a, size_a),
+        row("P38 F", "F_k = g_k⁻¹g_{k+1}", moved, size_g),
+        row("P38 s", "s_k = g_k⁻¹q_{k+1}", seen, size_n),
+        row("P39", "a_k = g_k⁻¹a₀", parameter, size_a),
+        row("P43", "n_{k+1} = F_k⁻¹s_k", n, size_n),
+        row("P44", "a_{k+1} = F_k⁻¹a_k", a, size_a),
     ]
 
 
@@ -208,15 +172,15 @@ def _of_steps(system: System, slopes: Slopes) -> list[Residual]:
         left, right = legendre_transforms(system, here)[0], legendre_transforms(system, before)[1]
         return left.mu - right.mu, Q.coordinates(group, here.link.n, left.pi - right.pi), here.inner
 
-    mu, pi, inner = evaluate(jax.vmap(both), *_pairs(slopes))
-    of_mu, of_pi = _scales(slopes)
+    mu, pi, inner = evaluate(jax.vmap(both), *pairs(slopes))
+    of_mu, of_pi = scales(slopes)
     held, forced = "½hA_kᵀ(λ′_k + λ_k) + " * bool(system.constraints), system.forces is not None
     rows = [
-        _row("P42 μ", f"{held}{'T⁻_k + ' * forced}D^L_FΛ_{{k−1}} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s = D^R_FΛ_k", mu, of_mu),
-        _row("P42 π", f"{held}∂_nΛ_k{' + φ⁻_k' * forced} = −F*_{{k−1}}∂_sΛ_{{k−1}}", pi, of_pi),
+        row("P42 μ", f"{held}{'T⁻_k + ' * forced}D^L_FΛ_{{k−1}} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s = D^R_FΛ_k", mu, of_mu),
+        row("P42 π", f"{held}∂_nΛ_k{' + φ⁻_k' * forced} = −F*_{{k−1}}∂_sΛ_{{k−1}}", pi, of_pi),
     ]
     if inner.shape[1]:
-        rows.append(_row("P41", "δΣΛ = 0 between the ends of a step", inner, of_mu + of_pi))
+        rows.append(row("P41", "δΣΛ = 0 between the ends of a step", inner, of_mu + of_pi))
     return rows
 
 
@@ -229,23 +193,17 @@ def _of_momenta(system: System, records: State, slopes: Slopes) -> list[Residual
         apart = [Q.coordinates(group, record.n, record.pi - momenta.pi) for momenta in (left, right)]
         return record.mu - left.mu, apart[0], record.mu - right.mu, apart[1]
 
-    before, here = _pairs(slopes)
+    before, here = pairs(slopes)
     values = evaluate(jax.vmap(off), before, here, jax.tree.map(lambda x: x[1:], records))
-    of_mu, of_pi = _scales(slopes)
+    of_mu, of_pi = scales(slopes)
     ahead, behind = ("½hA_kᵀλ_k", "½hA_{k+1}ᵀλ′_{k+1}") if system.constraints else ("", "")
     before, after = f" − {ahead}" if ahead else "", f" + {behind}" if behind else ""
     return [
-        _row("F⁻ μ", f"μ_k = D^R_FΛ_k − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻_k{before}", values[0], of_mu),
-        _row("F⁻ π", f"π_k = −∂_nΛ_k − φ⁻_k{before}", values[1], of_pi),
-        _row("F⁺ μ", f"μ_{{k+1}} = D^L_FΛ_k + T⁺_k{after}", values[2], of_mu),
-        _row("F⁺ π", f"π_{{k+1}} = F*_k∂_sΛ_k + φ⁺_k{after}", values[3], of_pi),
+        row("F⁻ μ", f"μ_k = D^R_FΛ_k − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻_k{before}", values[0], of_mu),
+        row("F⁻ π", f"π_k = −∂_nΛ_k − φ⁻_k{before}", values[1], of_pi),
+        row("F⁺ μ", f"μ_{{k+1}} = D^L_FΛ_k + T⁺_k{after}", values[2], of_mu),
+        row("F⁺ π", f"π_{{k+1}} = F*_k∂_sΛ_k + φ⁺_k{after}", values[3], of_pi),
     ]
-
-
-def _scales(slopes: Slopes) -> tuple[float, float]:
-    """What round-off in μ and in π is relative to: the largest terms of (P42)."""
-    lever = _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
-    return _largest(slopes.right) + lever, _largest((slopes.along_n, slopes.along_s))
 
 
 def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinNoether) -> list[Residual]:
@@ -263,11 +221,11 @@ def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinN
 
     K, off, quantity, source, behind = evaluate(jax.vmap(quantities), records, slopes)
     change = source[1:] + np.sum(K[1:] * behind[:-1], axis=1)
-    size = system.group.dim * _largest(K) * _scales(slopes)[0]
+    size = system.group.dim * largest(K) * scales(slopes)[0]
     forced = " + T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k" if system.forces is not None or system.constraints else ""
     return [
-        _row("P50", "𝒦(c_k, a_k) = Ad_{g_k⁻¹g_0} 𝒦(c_0, a_0)", off, _largest(K)),
-        _row("P52", f"(P51)_k − (P51)_{{k−1}} = ⟨𝒦_k, ∂_aΛ⋄a_k{forced}⟩", np.diff(quantity) - change, size),
+        row("P50", "𝒦(c_k, a_k) = Ad_{g_k⁻¹g_0} 𝒦(c_0, a_0)", off, largest(K)),
+        row("P52", f"(P51)_k − (P51)_{{k−1}} = ⟨𝒦_k, ∂_aΛ⋄a_k{forced}⟩", np.diff(quantity) - change, size),
     ]
 
 
@@ -287,88 +245,4 @@ def _of_variations(system: System, step: Step, records: State, h: Scalar) -> Res
         return moved - F @ group.hat(ahead) + group.hat(eta) @ F
 
     values = evaluate(jax.vmap(off), records)
-    return _row("P47", "hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η", values, _largest(eta) + _largest(ahead))
-
-
-def _of_group_form(system: System, records: State, slopes: Slopes, h: Scalar, L: UnreducedLagrangian) -> list[Residual]:
-    """(P37) and (B8) in the space frame."""
-    group, _, V = system.places
-    path = Configuration(records.g, records.q)
-    a0 = evaluate(lambda s: V.act(group, s.g, s.a), jax.tree.map(lambda x: x[0], records))
-    first, second = _pairs(path)
-    link, _ = _pairs(slopes.link)
-
-    def value(x: Configuration, y: Configuration, link):
-        F, n, s, a, at = link
-        below = system.reduced_group_lagrangian(F, n, s, a, h, at.t, at.inputs, at.internal)
-        return L(x, y, a0, h, _seen(system, L, at)), below
-
-    def stationary(x: Configuration, y: Configuration, z: Configuration, before, here):
-        pair = _seen(system, L, before), _seen(system, L, here)
-        return discrete_euler_lagrange(
-            L, x, y, z, a0, h, pair, impulse(system, link_of(system.places, y, z, a0, here), h)
-        )
-
-    above, below = evaluate(jax.vmap(value), first, second, link)
-    triple = [jax.tree.map(lambda x, cut=cut: x[cut], path) for cut in (slice(-2), slice(1, -1), slice(2, None))]
-    on_group, on_space = evaluate(jax.vmap(stationary), *triple, *_pairs(link.at))
-    size = _largest(slopes.right) + _largest(slopes.along_s) * (1 + _largest((slopes.link.n, slopes.link.s)))
-    forced = system.forces is not None
-    return [
-        _row("P37", "L(g_k, q_k, g_{k+1}, q_{k+1}, a₀) = Λ(F_k, n_k, s_k, a_k)", above - below, _largest(below)),
-        _row("B8 g", f"D₃L_{{k−1}} + D₁L_k{' + T⁻_k' * forced} = 0", on_group, size),
-        _row("B8 q", f"D₄L_{{k−1}} + D₂L_k{' + g_k·φ⁻_k' * forced} = 0", on_space, _scales(slopes)[1]),
-    ]
-
-
-def _seen(system: System, L: UnreducedLagrangian, at: Instant) -> Instant:
-    """An instant as an L takes it that is not driven itself: with the inputs that the system sees there."""
-    return (
-        at
-        if L.reduced.inputs is not None
-        else Instant(at.t, system.inputs_at(cast(Array, at.t), at.inputs), at.internal)
-    )
-
-
-def _of_semidirect(system: System, slopes: Slopes, h: Scalar) -> list[Residual]:
-    """(B13), where there are no advected parameters."""
-    group, Q, V = system.places
-    if not has_points(Q) or has_points(V) or not Q.flat:
-        return []
-    l, link = semidirect_lagrangian(system), partial(semidirect_link, group, Q)
-
-    def both(before, here):
-        return discrete_euler_poincare_semidirect(group, Q, l, link(before), link(here), h)
-
-    on_group, on_space = evaluate(jax.vmap(both), *_pairs(slopes.link))
-    T, f = (" + T⁻_k − φ⁻_k⋄u_k", " + φ⁻_k") if system.forces is not None else ("", "")
-    return [
-        _row(
-            "B13 f", f"Ad*_{{f_k}}(D^Rl_k − D₂l_k⋄y_k){T} = D^Rl_{{k−1}} − D₂l_{{k−1}}⋄y_{{k−1}}", on_group,
-            _scales(slopes)[0],
-        ),
-        _row("B13 u", f"f_k*D₂l_k + D₃l_{{k−1}}{f} = 0", on_space, _largest(slopes.along_s)),
-    ]  # fmt: skip
-
-
-def _of_poisson(system: System, records: State, slopes: Slopes, h: Scalar, noether: KelvinNoether) -> list[Residual]:
-    """(B19) and (B25), where there are no additional dynamics."""
-    group, Q, _ = system.places
-    if has_points(Q):
-        return []
-    l, link = poisson_lagrangian(system), partial(poisson_link, group)
-
-    def rows(before, here, record):
-        K = noether.momentum_map(system, record)
-        pair = link(before), link(here)
-        return discrete_euler_poincare_poisson(l, *pair, h), *kelvin_noether_poisson(l, *pair, K, h), K
-
-    later = jax.tree.map(lambda x: x[1:], records)
-    equation, quantity, change, K = evaluate(jax.vmap(rows), *_pairs(slopes.link), later)
-    size = _largest(slopes.right)
-    T, source = (" − T⁻_k", "D₂l_k⋄a_k + T⁻_k") if system.forces is not None else ("", "D₂l_k⋄a_k")
-    off = np.diff(quantity) - change[:-1]
-    return [
-        _row("B19", f"Ad*_{{f_k}}D^Rl_k − D^Rl_{{k−1}} = −D₂l_k⋄a_k{T}", equation, size),
-        _row("B25", f"I_{{k+1}} − I_k = −⟨{source}, 𝒦_k⟩", off, size * _largest(K) * group.dim),
-    ]
+    return row("P47", "hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η", values, largest(eta) + largest(ahead))
