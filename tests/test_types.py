@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -22,3 +23,12 @@ def test_arrays_are_no_alias_of_any():
     aliases = dict(re.findall(r"^ *(\w+): TypeAlias = (.*)$", text, re.MULTILINE))
     assert {name for name, of in aliases.items() if of == "Any"} == {"PyTree"}
     assert {*aliases} == {"Array", "Scalar", "Coordinates", "PyTree"}
+
+
+def test_pyright_is_strict_in_the_packages_of_the_mathematics():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    pyright = project["tool"]["pyright"]
+    strict = [one["root"] for one in pyright["executionEnvironments"] if {*one} == {"root", "extraPaths"}]
+    assert pyright["typeCheckingMode"] == "strict"
+    names = ("groups", "spaces", "difference_maps", "mechanics", "methods")
+    assert strict == [f"src/coadjoint/{name}" for name in names]

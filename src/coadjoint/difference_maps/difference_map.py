@@ -165,7 +165,7 @@ def _misfit(difference_map: DifferenceMap, group: LieGroup) -> tuple[float, floa
 
 
 def _measured(difference_map: DifferenceMap, group: LieGroup) -> dict[str, float]:
-    def measure(xi: Array, chi):
+    def measure(xi: Array, chi: Array) -> tuple[Array, Array]:
         tangent = difference_map._tangent(group, xi, chi)
         outside = jnp.max(jnp.abs(tangent - group.hat(group.vee(tangent)))) / jnp.max(jnp.abs(tangent))
         back = group.matrix(difference_map.tau(group, xi)) @ group.matrix(difference_map.tau(group, -xi))

@@ -199,7 +199,7 @@ def require_solution(group: LieGroup, name: str, xi: Array, map_: Callable[[Arra
     )
 
 
-def transpose(linear, size: int, covector: Array) -> Array:
+def transpose(linear: Callable[[Array], Array], size: int, covector: Array) -> Array:
     """The dual of a linear map of ℝ^size, applied to a covector, an array like the map's result. Returns (size,)."""
     _, pull = jax.vjp(linear, jnp.zeros(size))
     return pull(covector)[0]

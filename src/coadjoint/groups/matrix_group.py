@@ -8,6 +8,7 @@ from functools import cached_property
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint import checks
 from coadjoint.arrays import Array
@@ -35,7 +36,7 @@ class MatrixGroup(MatrixElements):
     dependent or not closed, and for a constraint that exp(ξ) does not satisfy.
     """
 
-    def __init__(self, basis, constraint: Callable[[Array], Array] | None = None, name: str = "MatrixGroup"):
+    def __init__(self, basis: ArrayLike, constraint: Callable[[Array], Array] | None = None, name: str = "MatrixGroup"):
         try:
             given = np.array(None if np.ma.is_masked(basis) else basis)
             entries = given if given.dtype.kind == "c" else given.astype(np.float64)
@@ -112,7 +113,7 @@ class MatrixGroup(MatrixElements):
         off = jnp.max(jnp.abs(rest - self._hull.T @ (self._hull @ rest)))
         return jnp.where(singular(g), jnp.inf, off)
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, MatrixGroup) and self._key == other._key
 
     def __hash__(self) -> int:

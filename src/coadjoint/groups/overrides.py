@@ -6,7 +6,7 @@ and everything that the certificate measures are wrong in the same way. So each 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -113,7 +113,7 @@ def require_given(thing: object, base: type, names: Sequence[str]) -> None:
 
 
 @contextmanager
-def in_words(what: str) -> Iterator[None]:
+def in_words(what: str) -> Generator[None]:
     """Whatever a member raises, as one sentence."""
     try:
         yield

@@ -124,7 +124,7 @@ def _horner(coefficients: np.ndarray, t: Array) -> Array:
 
 
 @arctangent_ratio.defjvp
-def _(k, primals, tangents):
+def _(k: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     (t,), (along,) = primals, tangents
     slope = 0.5 * ((2 * k + 1) * arctangent_ratio(k + 1, t) - 1 / (1 + t))
     return arctangent_ratio(k, t), slope * along

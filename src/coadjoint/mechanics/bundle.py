@@ -36,7 +36,7 @@ def reduced(connection: DiscreteConnection, g: Element, x: ArrayLike) -> Element
     g = _elements_of(connection.group, g, len(x))
     compose, inverse = connection.group.compose, connection.group.inverse
 
-    def relative(g: Element, g_next: Element, x: Array, x_next):
+    def relative(g: Element, g_next: Element, x: Array, x_next: Array) -> Element:
         return compose(inverse(compose(inverse(g), g_next)), connection.increment(x, x_next))
 
     found = evaluate(jax.vmap(relative), *_ends(g), x[:-1], x[1:])
@@ -52,7 +52,7 @@ def reconstructed(connection: DiscreteConnection, g0: Element, x: ArrayLike, sig
     sigma = _elements_of(connection.group, sigma, len(x) - 1)
     compose, inverse = connection.group.compose, connection.group.inverse
 
-    def increment(x: Array, x_next, sigma):
+    def increment(x: Array, x_next: Array, sigma: Element) -> Element:
         return compose(connection.increment(x, x_next), inverse(sigma))
 
     increments = evaluate(jax.vmap(increment), x[:-1], x[1:], sigma)
@@ -149,7 +149,7 @@ def _ends(records: PyTree) -> tuple[PyTree, PyTree]:
 def _product(group: LieGroup, g0: Element, increments: Element) -> Element:
     """g₀, g₀F₀, g₀F₀F₁, …"""
 
-    def products(g0, increments):
+    def products(g0: Element, increments: Element) -> Element:
         chain = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), g0, increments)
         return jax.lax.associative_scan(jax.vmap(group.compose), chain)
 

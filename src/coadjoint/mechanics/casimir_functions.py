@@ -126,7 +126,7 @@ def _fields(group: LieGroup, V: Space) -> np.ndarray:
     """The generators as affine vector fields X_j(y) = A_j (y, 1) on y = (m, a), shape (j, size, size + 1)."""
     dim, room = group.dim, V.ambient(group)
 
-    def generators(y):
+    def generators(y: Array) -> Array:
         m, a = y[:dim], y[dim:]
         turned = jax.vmap(lambda e: jnp.concatenate([group.ad_dual(e, m), -V.infinitesimal(group, e, a)]))(jnp.eye(dim))
         pushed = jax.vmap(lambda w: jnp.concatenate([V.diamond(group, w, a), jnp.zeros(room)]))(jnp.eye(room))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -100,7 +100,7 @@ def _check_forces(system: ReducedFunctions, start: State) -> None:
         return
     velocities = start.xi, start.nu
 
-    def at(velocities, t: Scalar):
+    def at(velocities: tuple[Array, Array], t: Scalar) -> PyTree:
         motion = system.motion(velocities[0], start.n, velocities[1], start.a, t, start.inputs, start.internal)
         return system.body_forces(motion)
 
@@ -188,7 +188,7 @@ def _parameter_gradients(system: ReducedFunctions, start: State) -> list[dict[st
     far = [random.normal(size=np.shape(x)) for x in at_start]
     near = [x + 1e-3 * (1 + np.abs(x)) * random.normal(size=np.shape(x)) for x in at_start]
 
-    def slope(parameters, point):
+    def slope(parameters: PyTree, point: Sequence[Array]) -> PyTree:
         function = given(replace_parameters(system, parameters))[1]
         return function(*point, t=start.t, inputs=start.inputs, internal=start.internal)
 
@@ -210,7 +210,7 @@ def _require_regular(
     group, Q, _ = system.places
     xi, n, nu, a = arguments
 
-    def at(velocities):
+    def at(velocities: Array) -> PyTree:
         y = velocities[group.dim :]
         return lagrangian(velocities[: group.dim], n, nu + Q.tangent(group, n, y), a)
 

@@ -100,11 +100,11 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
     moving = (start.g, start.n, start.a, xi, nu)
     flat, unflatten = _flatten(moving)
 
-    def assemble(t: Scalar, parts, mu: Array = start.mu, pi: Array = start.pi) -> State:
+    def assemble(t: Scalar, parts: tuple[PyTree, ...], mu: Array = start.mu, pi: Array = start.pi) -> State:
         g, n, a, xi, nu = parts
         return start.replace(t=t, g=g, n=n, a=a, xi=xi, nu=nu, mu=mu, pi=pi)
 
-    def rate(t: Scalar, y, parameters):
+    def rate(t: Scalar, y: Array, parameters: PyTree) -> Array:
         slope = vector_field(replace_parameters(system, parameters), assemble(t, unflatten(y)))
         return _flatten((slope.g, slope.n, slope.a, slope.xi, slope.nu), jnp)[0]
 
@@ -115,7 +115,7 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
             lambda t, y: np.asarray(compiled(t, y, system.parameters)), float(start.t), flat, at, tolerance
         )
 
-        def complete(t: Scalar, y):
+        def complete(t: Scalar, y: Array) -> State:
             parts = unflatten(y)
             return assemble(
                 t, parts, *legendre(system, parts[3], parts[1], parts[4], parts[2], t, start.inputs, start.internal)
@@ -171,7 +171,7 @@ def _flatten(tree: PyTree, numpy: Any = np) -> tuple[PyTree, PyTree]:
     shapes = [np.shape(leaf) for leaf in leaves]
     ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
 
-    def unflatten(y):
+    def unflatten(y: Array) -> PyTree:
         parts = [y[a:b].reshape(s) for a, b, s in zip(ends[:-1], ends[1:], shapes, strict=True)]
         return jax.tree.unflatten(structure, parts)
 

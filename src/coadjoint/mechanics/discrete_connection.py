@@ -63,7 +63,7 @@ class DiscreteConnection:
         what = "The change of section χ(x)"
         require_element(self.group, partial(trace, section, what, (random_shapes(self.size, 1)[0],)), what)
 
-        def increment(x: Array, x_next):
+        def increment(x: Array, x_next: Array) -> Element:
             return compose(compose(section(x), self.increment(x, x_next)), inverse(section(x_next)))
 
         return DiscreteConnection(self.group, self.size, increment)
@@ -91,7 +91,7 @@ class DiscreteConnection:
         tau = Exponential() if difference_map is None else difference_map
         tau.require_fit(connection.group)
 
-        def increment(x: Array, x_next):
+        def increment(x: Array, x_next: Array) -> Element:
             place = 0.5 * (x + x_next) if at == "middle" else x
             return tau.tau(connection.group, connection.velocity(place, x_next - x))
 
@@ -116,7 +116,7 @@ def require_equivariant(group: LieGroup, size: int, form: Callable[..., Element]
     e, what = evaluate(group.identity), "The form 𝒜(g, x, g⁺, x⁺) of a discrete connection"
     require_element(group, partial(trace, form, what, (e, x, e, x_next)), what)
 
-    def error(turns, x: Array, x_next):
+    def error(turns: Array, x: Array, x_next: Array) -> tuple[Array, Array]:
         g, g_next, f, f_next = (group.exp(turn) for turn in turns)
         moved = group.matrix(form(group.compose(f, g), x, group.compose(f_next, g_next), x_next))
         expected = group.compose(group.compose(f_next, form(g, x, g_next, x_next)), group.inverse(f))

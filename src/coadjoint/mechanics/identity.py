@@ -51,8 +51,8 @@ def version(system: System, state: State, *more: Callable[[State], PyTree], pure
             t: Scalar,
             inputs: PyTree,
             internal: PyTree,
-            parameters,
-        ):
+            parameters: PyTree,
+        ) -> PyTree:
             here = replace_parameters(system, parameters)
             if name == "forces":
                 return here.body_forces(here.motion(xi, n, nu, a, t, inputs, internal))

@@ -53,7 +53,7 @@ def _curvature(system: ReducedFunctions, state: State, eta: Array, shift: Array)
     n = n + shift * (1 + jnp.max(jnp.abs(n), initial=0.0)) if Q.flat else n
     at, dim = site(state)._replace(n=n, a=a), group.dim
 
-    def rows(n, a):
+    def rows(n: Array, a: Array) -> Array:
         found = jnp.concatenate(
             [one.rows(system, at._replace(n=n, a=a))[0] for one in system.constraints if not one.holonomic]
         )
@@ -61,7 +61,7 @@ def _curvature(system: ReducedFunctions, state: State, eta: Array, shift: Array)
         found = jnp.concatenate([found[:, :dim], tangent], axis=1)
         return found / jnp.linalg.norm(found, axis=1, keepdims=True)
 
-    def fields(n, a):
+    def fields(n: Array, a: Array) -> Array:
         A = rows(n, a)
         return jnp.eye(A.shape[1]) - A.T @ jnp.linalg.solve(A @ A.T + 1e-14 * jnp.trace(A @ A.T) * jnp.eye(len(A)), A)
 
@@ -75,7 +75,7 @@ def _curvature(system: ReducedFunctions, state: State, eta: Array, shift: Array)
     )(kernel.T)  # (i, component, j): D_{X_i} X_j
     along = jnp.swapaxes(along, 1, 2)
 
-    def constant(x, y):
+    def constant(x: Array, y: Array) -> Array:
         turned = Q.lifted(group, x[:dim], n, y[dim:]) - Q.lifted(group, y[:dim], n, x[dim:])
         return jnp.concatenate([group.ad(x[:dim], y[:dim]), turned])
 

@@ -61,7 +61,7 @@ def lagrangian(place: Place, near: Array | None) -> Array:
 
 
 @lagrangian.defjvp
-def _lagrangian_slope(primals, tangents):
+def _lagrangian_slope(primals: tuple[Place, Array | None], tangents: tuple[Place, Array | None]) -> tuple[Array, Array]:
     (place, near), (along, _) = primals, tangents
     p = momenta(place, near)
     value, slope = jax.jvp(lambda place: p @ place.z - hamiltonian(p, place), (place,), (along,))
@@ -87,7 +87,7 @@ def momenta(place: Place, near: Array | None) -> Array:
 
 
 @momenta.defjvp
-def _momenta_slope(primals, tangents):
+def _momenta_slope(primals: tuple[Place, Array | None], tangents: tuple[Place, Array | None]) -> tuple[Array, Array]:
     """ṗ = (∂²ℋ/∂p²)⁻¹(ż − ∂_pnℋ ṅ − …)."""
     (place, near), (along, _) = primals, tangents
     p = momenta(place, near)

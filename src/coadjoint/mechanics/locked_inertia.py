@@ -28,10 +28,10 @@ def mechanical_connection(system: System) -> Connection:
     size = timeless(system)
     group, a = system.group, np.zeros(0)
 
-    def momentum(xi: Array, x: Array, v: Array):
+    def momentum(xi: Array, x: Array, v: Array) -> Array:
         return jax.grad(lambda xi: system.reduced_lagrangian(xi, x, v, a))(xi)
 
-    def form(x: Array):
+    def form(x: Array) -> Array:
         rest = jnp.zeros(group.dim), x, jnp.zeros(size)
         inertia, coupling = jax.jacfwd(momentum, argnums=(0, 2))(*rest)
         return jnp.linalg.solve(inertia, coupling)
@@ -49,7 +49,7 @@ def _require_linear(momentum: Callable[..., Array], dim: int, size: int) -> None
     random = np.random.default_rng(1993)
     xi, (x, v) = random.normal(size=dim), random.normal(scale=0.5, size=(2, size))
 
-    def measure(xi: Array, x: Array, v: Array):
+    def measure(xi: Array, x: Array, v: Array) -> tuple[Array, Array]:
         total = momentum(xi, x, v)
         _, straight = jax.jvp(lambda xi, v: momentum(xi, x, v), (jnp.zeros(dim), jnp.zeros(size)), (xi, v))
         return jnp.max(jnp.abs(total - straight)), jnp.max(jnp.abs(total))

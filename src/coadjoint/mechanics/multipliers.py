@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics.rates import rates
 from coadjoint.mechanics.reactions import Independent, count, node_rate, node_rates, reaction, rows_of, site, solved
 from coadjoint.mechanics.state import State
@@ -49,7 +49,7 @@ def acceleration(system: System, state: State) -> Callable[[Array], Array]:
     at = site(state)
     phase, moving = rates(system, state)
 
-    def of_phase(mu, n, pi, a, t):
+    def of_phase(mu: Array, n: Array, pi: Array, a: Array, t: Scalar) -> Array:
         place = state.replace(mu=mu, n=n, pi=system.additional.project(system.group, n, pi), a=a, t=t)
         return node_rate(system, place)
 

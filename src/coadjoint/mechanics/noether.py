@@ -106,10 +106,10 @@ class KelvinNoether:
         if (chosen := self.K) is not None:
             require_float64(lambda c, a: chosen(c, V.view(group, a)), "𝒦", (self.c0, state.a))
 
-        def error(eta: Array, c0):
+        def error(eta: Array, c0: Array) -> Array:
             g = group.exp(eta)
 
-            def K(c, a: Array):
+            def K(c: Array, a: Array) -> Array:
                 return c if self.K is None else self.K(c, V.view(group, a))
 
             moved = K(space.act(group, g, c0), V.act(group, g, state.a))

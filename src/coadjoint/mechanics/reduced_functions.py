@@ -141,7 +141,7 @@ class ReducedFunctions:
         arguments = self._views(F, (n, s), a)
         return self.group_lagrangian(*arguments, h, **self.keywords(self.group_lagrangian, t, inputs, internal))
 
-    def _views(self, first, pair: tuple[Array, Array], a: Array) -> list[PyTree]:
+    def _views(self, first: PyTree, pair: tuple[Array, Array], a: Array) -> list[PyTree]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
         arguments = [first]
         if self.additional != TRIVIAL:
@@ -160,13 +160,13 @@ class ReducedFunctions:
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    def keywords(self, function: Callable[..., object], t: Scalar, held, internal: PyTree) -> dict[str, PyTree]:
+    def keywords(self, function: Callable[..., object], t: Scalar, held: PyTree, internal: PyTree) -> dict[str, PyTree]:
         """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
         known = inspect.signature(function).parameters
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
         return {key: value() for key, value in values.items() if keyword_only(known, key)}
 
-    def inputs_at(self, t: Scalar, held) -> PyTree:
+    def inputs_at(self, t: Scalar, held: PyTree) -> PyTree:
         """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
         return held if self.inputs is None else self.inputs.at(t, held)
 

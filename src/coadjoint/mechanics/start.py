@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class StartGiven:
 
 
 @contextmanager
-def starts_given(wanted: bool = True) -> Iterator[None]:
+def starts_given(wanted: bool = True) -> Generator[None]:
     """Inside this context `System.state` returns its arguments, or, with False, states again."""
     token = _given.set(wanted)
     try:
@@ -119,7 +119,7 @@ def _state_of(
     """n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17), and (μ, π) of (ξ, ν) or the other way round; `many` have a leading axis."""
     group, Q, V = system.places
 
-    def body(given: Checked, internal: PyTree, parameters) -> State:
+    def body(given: Checked, internal: PyTree, parameters: PyTree) -> State:
         here = replace_parameters(system, parameters)
         back = group.inverse(given.g)
         n, a = Q.act(group, back, given.q), V.act(group, back, given.a0)
@@ -246,7 +246,7 @@ def momentum_start(system: ReducedFunctions, state: State) -> State:
             'as in co.Variational(co.Cayley(), start="velocity"), or give the state its momenta.'
         )
 
-    def momenta(state, parameters):
+    def momenta(state: State, parameters: PyTree) -> tuple[Array, Array]:
         here = replace_parameters(system, parameters)
         return legendre(here, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
 
@@ -268,7 +268,7 @@ def with_own_momenta(system: ReducedFunctions, start: State) -> State:
     if count is not None and not many:
         start = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), start)
 
-    def begun(parameters, state: State) -> State:
+    def begun(parameters: PyTree, state: State) -> State:
         return momentum_start(replace_parameters(system, parameters), state)
 
     return evaluate(jax.vmap(begun, in_axes=(axes, 0)), parameters, start)

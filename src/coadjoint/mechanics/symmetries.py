@@ -57,14 +57,14 @@ def _slopes(system: System, state: State, eta: Array, y: Array) -> Array:
     xi, n, nu, t = y[:dim], y[dim : dim + wide], y[dim + wide : -1], state.t + y[-1]
     a = V.act(group, back, a0)
 
-    def values(n, a):
+    def values(n: Array, a: Array) -> Array:
         at = Site(n, a, t, state.inputs)
         held = [one.value(system, at) for one in system.constraints]
         own = system.reduced_lagrangian if system.hamiltonian is None else system.reduced_hamiltonian
         value = own(xi, n, nu, a, t, state.inputs, state.internal)
         return jnp.concatenate([value[None], *held])
 
-    def along(motion):
+    def along(motion: Array) -> Array:
         turned = V.infinitesimal(group, motion[:dim], a0)
         moved = Q.push(group, back, Q.act(group, g, n), motion[dim:])
         return jax.jvp(values, (n, a), (moved, -V.push(group, back, a0, turned)))[1]

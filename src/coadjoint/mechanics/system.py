@@ -131,7 +131,7 @@ class System(ReducedFunctions, Portable):
         parameters = parameters_from(parameters)
         require_plain(name, units, verify)
         given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]
-        values = {
+        values: dict[str, PyTree] = {
             "group": group,
             "lagrangian": lagrangian,
             "additional": on_links(group, space_from(additional, "additional")),

@@ -7,7 +7,7 @@ are not traced for this check.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
@@ -36,7 +36,7 @@ _known: ContextVar[bool] = ContextVar("known", default=False)
 
 
 @contextmanager
-def functions_known(known: bool) -> Iterator[None]:
+def functions_known(known: bool) -> Generator[None]:
     """Inside this context, if `known`, all functions are the library's own, unchanged: pure, and in float64."""
     token = _known.set(known)
     try:
@@ -46,7 +46,7 @@ def functions_known(known: bool) -> Iterator[None]:
 
 
 @contextmanager
-def in_words(what: str, arguments: tuple[object, ...] = ()) -> Iterator[None]:
+def in_words(what: str, arguments: tuple[object, ...] = ()) -> Generator[None]:
     """Turn every error inside a user's function, or by JAX about it, into a LagrangianError of one sentence."""
     try:
         yield

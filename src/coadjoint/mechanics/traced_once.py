@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
@@ -20,7 +20,7 @@ _traced: ContextVar[Traced | None] = ContextVar("traced", default=None)
 
 
 @contextmanager
-def tracing_once(known: Traced | None = None) -> Iterator[None]:
+def tracing_once(known: Traced | None = None) -> Generator[None]:
     """Inside, functions that are marked `traced_once` are traced once for each kind of arguments.
 
     known: collects the traces, and shares them with other blocks that are given the same dictionary. The functions of a

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate, traced
@@ -27,7 +27,7 @@ REACHES = (1.0, 1e-3)
 """The reaches of the random points; the second is used if derivatives at the first are not finite."""
 
 
-def require_coupling(system: System, equations: Callable[..., object], state: State, how: Coupled) -> None:
+def require_coupling(system: System, equations: Callable[..., Array], state: State, how: Coupled) -> None:
     """Raise ArgumentError if an equation of a step has unknowns of a link that it is not paired with.
 
     equations: the residual of the step, a function of (system, state, h, z).
@@ -42,13 +42,13 @@ def require_coupling(system: System, equations: Callable[..., object], state: St
     eta, z, v = 0.3 * random.normal(size=system.group.dim), random.normal(size=m), random.normal(size=m)
     h = np.float64(0.1)
 
-    def residual(eta: Array, z):
+    def residual(eta: Array, z: Array) -> Array:
         g = system.group.exp(eta)
         back = system.group.inverse(g)
         here = state.replace(a=system.advected.act(system.group, back, state.a), memory=None)
         return equations(system, here, h, z)
 
-    def compared(eta: Array, z, v: Array):
+    def compared(eta: Array, z: Array, v: Array) -> PyTree:
         along = jnp.concatenate([how.seeds(), v[None]])
         columns = jax.vmap(lambda v: jax.jvp(lambda z: residual(eta, z), (z,), (v,))[1])(along)
         lower, diagonal, upper = how.placed(columns[:-1])
@@ -81,7 +81,7 @@ def require_coupling(system: System, equations: Callable[..., object], state: St
         return
     link = int(np.argmax(per_link))
 
-    def of_link(eta: Array, z):
+    def of_link(eta: Array, z: Array) -> Array:
         _, pull = jax.vjp(lambda z: residual(eta, z), z)
         weights = np.zeros((how.count, sum(how.sizes)))
         weights[link] = random.normal(size=sum(how.sizes))

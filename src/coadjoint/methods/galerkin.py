@@ -158,7 +158,9 @@ class Galerkin(Method, Step):
         nodes = [self._node(system, record, theta[i], omega[i], x[i], v[i], a, t[i]) for i in range(self.degree)]
         return _Curve(first, last, group.inverse(start), x_first, x_first + h * (rule.b @ v), a, nodes)
 
-    def _node(self, system: System, record: State, theta, omega, x: Array, v: Array, a: Array, t: Scalar) -> _Node:
+    def _node(
+        self, system: System, record: State, theta: Array, omega: Array, x: Array, v: Array, a: Array, t: Scalar
+    ) -> _Node:
         group, Q, V = system.places
         tau = self.difference_map
         back = tau.tau(group, -theta)

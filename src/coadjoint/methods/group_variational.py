@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Element
@@ -147,7 +147,7 @@ def _velocity(system: System, F: Element, h: Scalar) -> Array:
 def _require_regular(step: Step, system: System, state: State, h: Scalar) -> None:
     """Raise LagrangianError if the derivative of (ξ, y) ↦ (μ_k, π_k) is singular at the first increment."""
 
-    def derivative(state, parameters, h: Scalar):
+    def derivative(state: State, parameters: PyTree, h: Scalar) -> Array:
         z = step.guess(system, state, h)
         return jax.jacfwd(lambda z: step.residual(system, state, h, z))(z)
 

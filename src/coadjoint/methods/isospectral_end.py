@@ -64,10 +64,10 @@ def correction(
     unit = jnp.where(unit > 0, unit, 1.0)  # single precision has no small numbers
     forces = epsilon * slopes[0], epsilon * slopes[1]
 
-    def moved_by(rest):
+    def moved_by(rest: Array) -> Moves:
         return Moves(*(part.astype(off.dtype) for part in moves(system, *forces, rest, 1.0, precision)))
 
-    def size_of(rest):
+    def size_of(rest: Array) -> Array:
         return jnp.max(unit * largest(rest, rows) / until)
 
     def advance(now: _Correction) -> _Correction:
@@ -92,5 +92,5 @@ def valued(value: Array, other: Array) -> Array:
 
 
 @valued.defjvp
-def _valued_slope(primals, tangents):
+def _valued_slope(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
     return valued(*primals), tangents[1]

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import Cayley, DifferenceMap
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -181,13 +181,13 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
     """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""
     group, Q, _ = system.places
 
-    def momenta(state, parameters, h: Scalar):
+    def momenta(state: State, parameters: PyTree, h: Scalar) -> tuple[Array, Array]:
         here = replace_parameters(system, parameters)
         over = advanced(here, state.replace(mu=None), h)
         state = state.with_course(over.internal, over.internal_mean, over.internal_end, over.internal_due)
         z = step.guess(here, state, fraction * h)
 
-        def mismatch(p):
+        def mismatch(p: Array) -> Array:
             pi = Q.tangent(group, state.n, p[group.dim :])
             return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), fraction * h, z)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -79,7 +79,7 @@ _current: ContextVar[str | None] = ContextVar("current", default=None)
 
 
 @contextmanager
-def as_read(version: str) -> Iterator[None]:
+def as_read(version: str) -> Generator[None]:
     """A context in which functions are unchanged since this version was read from them, just before."""
     token = _current.set(version)
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import jax
@@ -73,7 +73,7 @@ class Named:
         return [(jax.tree_util.GetAttrKey(key), self._values[key]) for key in keys], keys
 
     @classmethod
-    def tree_unflatten(cls, keys, values):
+    def tree_unflatten(cls, keys: tuple[str, ...], values: Iterable[object]) -> Named:
         return _made(cls, dict(zip(keys, values, strict=True)))
 
 

@@ -27,7 +27,7 @@ def traced(*values: object) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
 
 
-def evaluate(function: Callable, *args: object) -> PyTree:
+def evaluate(function: Callable[..., PyTree], *args: object) -> PyTree:
     """function(*args) with NumPy leaves; floats count as float64.
 
     `function` is pure and traceable by JAX, `args` are PyTrees of arrays. A primitive without a rule here sends the
@@ -38,7 +38,7 @@ def evaluate(function: Callable, *args: object) -> PyTree:
     return tabulate(function, *args)(*args)
 
 
-def tabulate(function: Callable, *args: object) -> Callable:
+def tabulate(function: Callable[..., PyTree], *args: object) -> Callable[..., PyTree]:
     """`function` traced once at the shapes of `args`: a callable for many values of the same shapes.
 
     Control flow that depends on values stays alive. ValueError if a later call has other shapes or structure.
