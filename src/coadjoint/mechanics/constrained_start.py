@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +20,7 @@ from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_float64
+from coadjoint.texts import Table
 
 EPS = float(np.finfo(float).eps)
 
@@ -111,7 +111,7 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
     return {"places": places, "rate": (jnp.abs(node.rate), size), "mobility": node.mobility}
 
 
-def _surveyed_links(system: ReducedFunctions, state: State) -> dict[str, Any]:
+def _surveyed_links(system: ReducedFunctions, state: State) -> Table:
     """`_surveyed` of many links, relative to the largest n, a, ξ and ν, without A M⁻¹Aᵀ."""
     at, node = site(state), inverse_legendre.velocities(system, state)
     size = 1e-3 + largest(state.n, state.a)

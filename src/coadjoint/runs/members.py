@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
     from coadjoint.runs.run_file import RunFile
 
-Maker = Callable[[dict[str, Any], dict[str, Any]], tuple[Any, Any]]
+Maker = Callable[[Table, Table], tuple[Any, Any]]
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ class RunFile(Runnable):
     """
 
     system: SystemSection
-    parameters: dict[str, Any] = field(default_factory=dict)
-    initial: dict[str, Any] = field(default_factory=dict)
+    parameters: Table = field(default_factory=dict)
+    initial: Table = field(default_factory=dict)
     SECTIONS: ClassVar = {"system": SystemSection, "method": MethodSection, "run": RunSection, "output": OutputSection}
     FREE: ClassVar = ("parameters", "initial")
     NEEDED: ClassVar = ("system", "run")

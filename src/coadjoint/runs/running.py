@@ -48,7 +48,7 @@ class Written:
 
     run: Any
     folder: Path
-    summary: dict[str, Any]
+    summary: Table
     failure: str | None = None
     before: bool = False
     compared: bool = False

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.arrays import PyTree
+from coadjoint.texts import Table
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
@@ -23,5 +24,5 @@ class Setup:
     start: State
     inputs: PyTree = None
     until: Any = None
-    attributes: dict[str, Any] = field(default_factory=dict)
+    attributes: Table = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)

@@ -18,7 +18,7 @@ import copy
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -49,7 +49,7 @@ class Known(NamedTuple):
     state: State
     warnings: list[str]
     program: StepProgram
-    watching: dict[str, Any]
+    watching: Table
 
 
 class Reading(NamedTuple):
@@ -71,7 +71,7 @@ _readings: OrderedDict[tuple[PyTree, ...], Reading] = OrderedDict()
 _known: OrderedDict[tuple[PyTree, ...], Known] = OrderedDict()
 
 
-_verdicts: OrderedDict[tuple[PyTree, ...], dict[str, Any]] = OrderedDict()
+_verdicts: OrderedDict[tuple[PyTree, ...], Table] = OrderedDict()
 
 
 _lock = threading.Lock()

@@ -157,7 +157,7 @@ def _same(one: Any, other: Any) -> bool:
 
 def _layout(sweep: Sweep, plan: Mapping[str, Any]) -> Table:
     """The arrays of the store: numbers, outcomes, results, and nodes if they are kept."""
-    n, found = sweep.members, dict[str, Any]()
+    n, found = sweep.members, Table()
     for name, values in sweep.design[0].items():
         dims = (f"{name}_{axis}" for axis in range(values.ndim - 1))
         found[name] = (("member", *dims), values.shape, "float64", {"swept": 1})

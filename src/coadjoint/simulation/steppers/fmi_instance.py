@@ -25,12 +25,13 @@ from coadjoint.errors import CoadjointError
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.file import to_bytes
 from coadjoint.simulation.steppers.stepping import load_stepper, opened
+from coadjoint.texts import Table
 
 FILE = "stepper.step"
 """The saved stepper among the resources of a unit."""
 
 
-_held: list[dict[str, Any]] = []
+_held: list[Table] = []
 
 
 def hold(names: dict[str, object]) -> None:

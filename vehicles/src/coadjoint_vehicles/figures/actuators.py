@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +11,11 @@ from matplotlib.figure import Figure
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.style import COLUMN, WANTED, canvas
+from coadjoint.texts import Table
 from coadjoint_vehicles.figures.motions import draw_components, finish, key
 from coadjoint_vehicles.logs.records import VehicleRecords
 
-_LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
+_LIMIT: Table = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
 _SHOWN = {"rad": (180 / np.pi, "°"), "m³": (1e3, "L"), "1/s": (60.0, "rpm"), "us": (1.0, "µs")}
 """The factor and the unit of figures, by SI unit."""
 _LONGEST = 16

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,6 +19,7 @@ from coadjoint.extending import player_page as page
 from coadjoint.extending import scene_of_runs as scene
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.style import COLOURS, canvas, style
+from coadjoint.texts import Table
 from coadjoint_vehicles.figures.navigation import draw_depth, draw_track
 from coadjoint_vehicles.logs.records import VehicleRecords
 
@@ -92,7 +92,7 @@ class _Vehicle:
         self.figure, self.log, self.time, self.number = figure, VehicleRecords(run.dataset), run.time, number
         self.panels = figure.axes[:2]
         self.label = run.label if number else ""
-        look: dict[str, Any] = {"color": COLOURS[run.place % len(COLOURS)]}
+        look: Table = {"color": COLOURS[run.place % len(COLOURS)]}
         self.paths = [axes.add_line(Line2D([], [], animated=True, **look)) for axes in self.panels]
         self.arrows = [axes.add_line(Line2D([], [], animated=True, markersize=13, **look)) for axes in self.panels]
         self.text = figure.text(0.5, 0.985, "", ha="center", va="top", fontsize=9, animated=True)

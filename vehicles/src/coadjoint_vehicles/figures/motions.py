@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +13,7 @@ from matplotlib.textpath import TextPath
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry, tell_apart
 from coadjoint.plotting.style import COLOURS, COLUMN, DASHES, canvas, time_axis
+from coadjoint.texts import Table
 from coadjoint_vehicles.figures.navigation import draw_wanted
 from coadjoint_vehicles.logs.records import VehicleRecords
 
@@ -92,7 +92,7 @@ def draw_components(axes: Axes, run: Entry, values: np.ndarray, first: int = 0) 
         axes.plot(run.time[kept], series[kept], **{"linewidth": 0.9, **run.line, **_look(component)})
 
 
-def _look(component: int) -> dict[str, Any]:
+def _look(component: int) -> Table:
     """The colour of a component; beyond the last colour with a dash, too."""
     round_, place = divmod(component, len(COLOURS))
     return {"color": COLOURS[place], **({"linestyle": DASHES[round_ % len(DASHES)]} if round_ else {})}

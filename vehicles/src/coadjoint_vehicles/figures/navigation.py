@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 
 from coadjoint.plotting.entries import Entry, fewest
 from coadjoint.plotting.style import COLUMN, WANTED, canvas, legend, time_axis
+from coadjoint.texts import Table
 from coadjoint_vehicles.logs.records import VehicleRecords
 
 
@@ -51,7 +51,7 @@ def draw_track(axes: Axes, runs: Sequence[Entry], way_points: np.ndarray | None 
         axes.plot(path[:, 1], path[:, 0], label=_label(runs, run, "track"), **run.look)
     for log in logs:
         axes.plot(log.position[0, 1], log.position[0, 0], "o", color="black", markersize=4, zorder=3)
-    ends: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 4, "linestyle": "none", "zorder": 3}
+    ends: Table = {"marker": "x", "color": "black", "markersize": 4, "linestyle": "none", "zorder": 3}
     if not any(run.crowd > 1 for run in runs):
         for log in logs:
             axes.plot(log.position[-1, 1], log.position[-1, 0], **ends)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.texts import Table
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.airfoil import Airfoil
 from coadjoint_vehicles.parts.fin import Fin
@@ -23,7 +24,7 @@ SLENDER = 0.12
 """Diameter by length where neither is given."""
 
 
-def geometry(vehicle: Vehicle) -> dict[str, Any]:
+def geometry(vehicle: Vehicle) -> Table:
     """The shapes of a vehicle as plain data, for the attributes of its runs.
 
     size: its length, m. shapes: the fixed parts, as `coadjoint.plotting.scene.Shape`. moving: the parts that do,
@@ -31,14 +32,14 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
     """
     size, hull = _hull(vehicle)
     width = float(hull.get("diameter", size * SLENDER))
-    found: dict[str, Any] = {"size": size, "shapes": [hull], "moving": []}
+    found: Table = {"size": size, "shapes": [hull], "moving": []}
     for part in vehicle.parts:
         for item in _part(part, size, width):
             found["moving" if "motion" in item else "shapes"].append(item)
     return found
 
 
-def _hull(vehicle: Vehicle) -> tuple[float, dict[str, Any]]:
+def _hull(vehicle: Vehicle) -> tuple[float, Table]:
     """The length, m, and the shape of the hull: a box, a torpedo with a diameter, else an ellipsoid of its inertia."""
     middle = _list(vehicle.center_of_buoyancy)
     sides = (vehicle.length, vehicle.width, vehicle.height)
@@ -65,7 +66,7 @@ def _semi_axes(vehicle: Vehicle) -> np.ndarray:
     return axes * np.cbrt(3 * float(vehicle.volume) / (4 * np.pi) / np.prod(axes))
 
 
-def _part(part: Any, size: float, width: float) -> Iterator[dict[str, Any]]:
+def _part(part: Any, size: float, width: float) -> Iterator[Table]:
     if isinstance(part, (Fin, Airfoil)):
         yield from _fin(part, size, width)
     elif isinstance(part, Propeller):
@@ -90,7 +91,7 @@ def _part(part: Any, size: float, width: float) -> Iterator[dict[str, Any]]:
         }
 
 
-def _fin(part: Fin | Airfoil, size: float, width: float) -> Iterator[dict[str, Any]]:
+def _fin(part: Fin | Airfoil, size: float, width: float) -> Iterator[Table]:
     """One plate, or a pair on both sides of the hull where the fin's place is on the middle line."""
     place, normal = np.asarray(part.position, dtype=float), np.asarray(part.normal, dtype=float)
     span = np.cross(normal, AHEAD)
@@ -110,7 +111,7 @@ def _fin(part: Fin | Airfoil, size: float, width: float) -> Iterator[dict[str, A
             yield {"shape": shape, **look, "motion": "hinge", "variable": f"internal_{part.name}"}
 
 
-def _thrusters(part: Thrusters, size: float) -> Iterator[dict[str, Any]]:
+def _thrusters(part: Thrusters, size: float) -> Iterator[Table]:
     """A duct and a jet each; of an allocation matrix on the lines of its thrusts, nearest to the origin."""
     if part.allocation is None:
         places, ways = np.asarray(part.positions), np.asarray(part.directions)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.descriptions.elements import Element
+from coadjoint.texts import Table
 from coadjoint_vehicles.importing.report import LOOKS as SEEN
 from coadjoint_vehicles.importing.report import Left, Report, Taken
 from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
@@ -28,7 +28,7 @@ class Draft:
 
     name: str
     source: str
-    body: dict[str, Any] = field(default_factory=dict)
+    body: Table = field(default_factory=dict)
     elements: int = 0
     """How many elements of included files were read."""
     parts: list[Part] = field(default_factory=list)

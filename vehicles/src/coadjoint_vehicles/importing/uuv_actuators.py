@@ -20,7 +20,7 @@ SAMPLES = 201
 """Rows of a curve that has to be tabulated."""
 
 
-class Thruster(NamedTuple):
+class UuvThruster(NamedTuple):
     """A thruster in forward, starboard, down; curve: as Thrusters takes it; limits of its command, rad/s."""
 
     number: int
@@ -42,7 +42,7 @@ def thrusters(
 ) -> None:
     """The thrusters of their plugins, as one part for those whose curves are of one kind and whose lags are alike."""
     found = sorted((_thruster(draft, plugin, links, joints, poses) for plugin in plugins), key=lambda one: one.number)
-    groups: dict[Any, list[Thruster]] = {}
+    groups: dict[Any, list[UuvThruster]] = {}
     for one in found:
         shape = one.curve if one.curve[0] == "table" else one.curve[0]
         groups.setdefault((shape, one.limit is None, one.lag), []).append(one)
@@ -55,7 +55,7 @@ def thrusters(
         )
 
 
-def add_thrusters(draft: Draft, name: str, group: list[Thruster]) -> None:
+def add_thrusters(draft: Draft, name: str, group: list[UuvThruster]) -> None:
     """A part of thrusters whose curves are of one kind and whose lags are alike."""
     first = group[0]
     place, where = places(one.plugin for one in group), places(one.origin for one in group)
@@ -86,7 +86,7 @@ def _thruster(
     links: dict[str, DescribedLink],
     joints: list[DescribedJoint],
     poses: dict[str, Placement],
-) -> Thruster:
+) -> UuvThruster:
     name = text_in(plugin, "linkName")
     link = link_named(links, name, plugin)
     if link.name not in poses:
@@ -111,7 +111,7 @@ def _thruster(
     lag = _lag(draft, plugin)
     identifier = int(number_in(plugin, "thrusterID", 0.0))
     at = link.element if joint is None else joint.element.first("origin") or joint.element
-    return Thruster(identifier, where * draft.flip, direction * draft.flip, curve, limit, lag, plugin, at)
+    return UuvThruster(identifier, where * draft.flip, direction * draft.flip, curve, limit, lag, plugin, at)
 
 
 def _share(plugin: Element, tag: str) -> float:
