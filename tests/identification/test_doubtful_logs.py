@@ -11,8 +11,8 @@ from tests.torpedo import NOISE
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.identification import Log, identify, synthetic_log
-from coadjoint.identification.commands import require_current
+from coadjoint.identification import Log, identify, merged, synthetic_log
+from coadjoint.identification.commands import with_current
 from coadjoint_vehicles import Craft, load
 from coadjoint_vehicles.logs import read_log, write_log
 from coadjoint_vehicles.water import UniformWater
@@ -41,23 +41,55 @@ def table(drift, tmp_path):
     return tmp_path / "drift.csv"
 
 
-def test_a_current_that_the_model_lacks_is_an_error_which_says_how_to_seek_it(drift, table):
-    craft, start, _ = drift
+def test_a_current_that_the_model_lacks_is_sought_as_well(drift, table):
+    craft, _, _ = drift
     log = read_log(table)
     np.testing.assert_allclose(np.stack(list(log.current.values())).T, np.tile(CURRENT, (len(log), 1)))
-    with pytest.raises(
-        ArgumentError, match=r"a current of 0\.18 m/s .*water\.velocity\[0\].*ignore=\[\"current_north\""
-    ):
-        identify(craft.system, log, start=start, parameters=["hull.axial_drag"], dt=0.05)
+    sought, (note,) = with_current(craft.system, log, ["hull.axial_drag"], [])
+    assert sought == ["hull.axial_drag", "water.velocity[0]", "water.velocity[1]"]
+    assert "a current of 0.18 m/s" in note and "water.velocity[0] and water.velocity[1] are estimated as well" in note
+    sinking = replace(log, current={**log.current, "down": log.current["down"] + 0.05})
+    assert with_current(craft.system, sinking, ["hull"], [])[0][-1] == "water.velocity[2]"
+
+
+def test_a_current_that_is_not_steady_is_an_error_which_says_how_to_seek_it(drift, table):
+    craft, start, _ = drift
+    log = read_log(table)
+    turning = replace(log, current={**log.current, "east": 0.2 * np.sin(log.time)})
+    words = r"a current of 0\.2\d* m/s .*the water of the model moves at 0, 0, 0 m/s.*process_noise.*ignore=\["
+    with pytest.raises(ArgumentError, match=words):
+        identify(craft.system, turning, start=start, parameters=["hull.axial_drag"], dt=0.05)
 
 
 @pytest.mark.long
-def test_a_current_that_is_sought_is_found(drift, table):
+def test_a_current_that_the_log_has_is_found_from_two_runs(drift, table):
     craft, start, _ = drift
-    sought = ["hull.axial_drag", "water.velocity[0]", "water.velocity[1]"]
-    found = identify(craft.system, read_log(table), start=start, parameters=sought, dt=0.05)
-    for name, value in zip(sought, (0.42, *CURRENT[:2]), strict=True):
+    log = read_log(table)
+    halves = [log.between(0.0, 5.9), log.between(6.0, 12.0)]
+    found = identify(craft.system, halves, start=start, parameters=["hull.axial_drag"], dt=0.05)
+    assert found.segments == 2
+    for name, value in zip(
+        ("hull.axial_drag", "water.velocity[0]", "water.velocity[1]"), (0.42, *CURRENT[:2]), strict=True
+    ):
         assert abs(found[name].value - value) < 1e-4
+    assert any("are estimated as well" in sentence for sentence in found.warnings)
+
+
+def test_merged_logs_stand_in_a_row_with_a_break_between_them(drift, table):
+    log = read_log(table)
+    first, second = log.between(0.0, 4.9), log.between(3.0, 8.0)
+    lacking = replace(second, columns={name: value for name, value in second.columns.items() if name != "u"})
+    both = merged([first, lacking])
+    assert both.breaks == (len(first),) and len(both) == len(first) + len(second)
+    assert np.allclose(np.diff(both.time), 0.1)
+    assert np.array_equal(both.columns["depth"], np.concatenate([first.columns["depth"], second.columns["depth"]]))
+    assert np.all(np.isnan(both.columns["u"][len(first) :])) and np.all(np.isfinite(both.columns["u"][: len(first)]))
+    assert np.array_equal(both.inputs["rudder"][len(first) :], second.inputs["rudder"])
+    assert [len(one) for one in both.stretches()] == [len(first), len(second)]
+    with pytest.raises(ArgumentError, match="log 2 has none and the first"):
+        merged([first, replace(second, inputs={})])
+    with pytest.raises(ArgumentError, match="must be a Log, or a list of them"):
+        merged([])
 
 
 @pytest.mark.parametrize("end", ["csv", "mcap"])
@@ -74,17 +106,15 @@ def test_the_current_of_a_run_is_in_its_log_whatever_the_format(drift, tmp_path,
     assert not read_log(tmp_path / f"drift.{end}", ignore=[f"current_{name}" for name in log.current]).current
 
 
-def test_a_current_that_the_model_has_or_that_is_left_out_is_no_error(drift, table):
+def test_a_current_that_the_model_has_or_that_is_left_out_is_not_sought(drift, table):
     craft, _, _ = drift
     log, still = read_log(table), craft.system
     same = still.replace(water={"velocity": CURRENT})
     calm = replace(log, current={name: 0 * values for name, values in log.current.items()})
-    with pytest.raises(ArgumentError, match="the water of the model moves at 0, 0, 0 m/s"):
-        require_current(still, log, ["hull"], [])
-    require_current(same, log, ["hull"], [])
-    require_current(still, calm, ["hull"], [])
-    require_current(still, log, ["water.velocity[0]"], [])
-    require_current(still, log, ["hull"], ["water.velocity"])
+    assert with_current(same, log, ["hull"], []) == (["hull"], [])
+    assert with_current(still, calm, ["hull"], []) == (["hull"], [])
+    assert with_current(still, log, ["water.velocity[0]"], []) == (["water.velocity[0]"], [])
+    assert with_current(still, log, ["hull"], ["water.velocity"]) == (["hull"], [])
     assert not read_log(table, ignore=["current_north", "current_east", "current_down"]).current
 
 

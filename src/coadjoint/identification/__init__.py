@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from coadjoint.identification.channels import seen as seen
     from coadjoint.identification.estimation import identify as identify
     from coadjoint.identification.log import Log as Log
+    from coadjoint.identification.log import merged as merged
     from coadjoint.identification.result import Identification as Identification
     from coadjoint.identification.synthetic import synthetic_log as synthetic_log
     from coadjoint.identification.unknowns import Estimate as Estimate

@@ -55,32 +55,55 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
         )
 
 
-def require_current(system: System, log: Log, parameters: Sequence[str], process_noise: Sequence[str]) -> None:
-    """Raise ArgumentError if the log holds a current that the model lacks, unless it is estimated."""
+def with_current(
+    system: System, log: Log, parameters: Sequence[str], process_noise: Sequence[str]
+) -> tuple[list[str], list[str]]:
+    """The unknowns with the water's velocity where the log holds a current that the model lacks, and a note on it.
+
+    Raises ArgumentError where the model has no such velocity, or where the current is not steady.
+    """
+    sought = list(parameters)
     if not log.current or any("water" in name for name in (*parameters, *process_noise)):
-        return
+        return sought, []
     names = ("north", "east", "down")
     logged = np.stack([log.current.get(name, np.zeros(len(log))) for name in names])
-    speed = float(np.sqrt(np.nanmean(np.sum(logged**2, axis=0))))
     water = getattr(system.parameters, "water", None) if system.parameters and "water" in system.parameters else None
     velocity = getattr(water, "velocity", None) if isinstance(water, Named) and "velocity" in water else None
-    if speed < STILL or (water is not None and velocity is None):
-        return
+    if _size(logged) < STILL or (water is not None and velocity is None):
+        return sought, []
     known = np.zeros(3) if velocity is None else np.resize(np.append(np.asarray(velocity, float), 0.0), 3)
-    off = float(np.sqrt(np.nanmean(np.sum((logged - known[:, None]) ** 2, axis=0))))
-    if off < max(STILL, SAME * speed):
-        return
+    least = max(STILL, SAME * _size(logged))
+    if _size(logged - known[:, None]) < least:
+        return sought, []
+    mean = np.nanmean(logged, axis=1)
+    steady = _size(logged - mean[:, None]) < least
+    if velocity is None or not steady:
+        raise ArgumentError(_lacking(log, logged, known, velocity is not None))
+    count = 3 if abs(mean[2] - known[2]) >= STILL else 2
+    found = [f"water.velocity[{k}]" for k in range(min(count, np.size(velocity)))]
+    said = f"{', '.join(found[:-1])} and {found[-1]}"
+    return [*sought, *found], [
+        f"The log holds a current of {_size(logged):.2g} m/s, which the water of the model lacks: {said} are estimated "
+        "as well."
+    ]
+
+
+def _size(velocity: np.ndarray) -> float:
+    """The root mean square of velocities (3, n)."""
+    return float(np.sqrt(np.nanmean(np.sum(velocity**2, axis=0))))
+
+
+def _lacking(log: Log, logged: np.ndarray, known: np.ndarray, sought: bool) -> str:
+    """The sentence on a current that cannot be estimated as one velocity."""
     mean = ", ".join(f"{value:.2g}" for value in np.nanmean(logged, axis=1))
     columns = ", ".join(f'"current_{name}"' for name in log.current)
     seek = (
-        'estimate it, as "water.velocity[0]" and "water.velocity[1]" among `parameters`, or '
-        'process_noise=["water.velocity"] '
-        "if it is not steady; "
-        if velocity is not None
+        'it is not steady: estimate it by process_noise=["water.velocity"], '
+        if sought
         else "the model needs a velocity of the water that can be estimated; "
     )
-    raise ArgumentError(
-        f"The log holds a current of {speed:.2g} m/s (north, east, down: {mean} m/s on average), but the water of the "
-        f"model moves at {', '.join(f'{value:.2g}' for value in known)} m/s, and the parameters would take up the "
-        f"difference: {seek}or leave the columns out when the log is read, ignore=[{columns}]."
+    return (
+        f"The log holds a current of {_size(logged):.2g} m/s (north, east, down: {mean} m/s on average), but the water "
+        f"of the model moves at {', '.join(f'{value:.2g}' for value in known)} m/s, and the parameters would take up "
+        f"the difference; {seek}or leave the columns out when the log is read, ignore=[{columns}]."
     )

@@ -13,9 +13,9 @@ from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.arguments import require_arguments
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
-from coadjoint.identification.commands import require_commands, require_current
+from coadjoint.identification.commands import require_commands, with_current
 from coadjoint.identification.fitting import fitted
-from coadjoint.identification.log import Log
+from coadjoint.identification.log import Log, merged
 from coadjoint.identification.log_checks import wild
 from coadjoint.identification.problem import setting
 from coadjoint.identification.process_noise_model import wandering
@@ -34,7 +34,7 @@ from coadjoint.simulation.progress import Progress
 @deferred_interrupts()
 def identify(
     system: System,
-    log: Log,
+    log: Log | Sequence[Log],
     *,
     start: State,
     parameters: Sequence[str],
@@ -61,9 +61,11 @@ def identify(
     min ½ Σ ((y_i − y(t_i; p, starts))/σ)² over the parameters p and over the start of every segment of the log, by
     Levenberg–Marquardt with exact derivatives through every step. Covariance is (JᵀJ)⁻¹ with the starts eliminated.
 
-    log: a Log, as of `co.vehicles.logs.read_log`. start: a state of the system, for the quantities that the log lacks:
-    the advected parameters, the internal state. parameters: names of arrays (their nonzero entries) or entries,
-    ["damping", "added_mass[1,1]"], or several that are equal, "rudder.area = stern_planes.area"; the search starts from
+    log: a Log, as of `co.vehicles.logs.read_log`, or several of one system, which are fitted together, each from its
+    own start, as `merged` puts them in a row. A steady current that they hold and the model lacks is estimated. start:
+    a state of the system, for the quantities that the log lacks: the advected parameters, the internal state.
+    parameters: names of arrays (their nonzero entries) or entries, ["damping", "added_mass[1,1]"], or several that are
+    equal, "rudder.area = stern_planes.area"; the search starts from
     the values of the system. noise: standard deviations in SI units by column, or for position, attitude, velocity,
     rates; those not given are estimated from the residuals. measured: functions of the state for columns that are not
     those of a vehicle. segment: s; None takes the log as one run from one start; by default 10 s, and None where an
@@ -87,6 +89,7 @@ def identify(
     estimate is found.
     """
     method = Midpoint() if method is None else method
+    log = log if isinstance(log, Log) else merged(log)
     require_arguments(system, log, start, method)
     checks.number(level, "level", above=0.0, below=1.0)
     for name, value in {"settle": settle, "longest_delay": longest_delay}.items():
@@ -101,7 +104,8 @@ def identify(
     checks.choice(between, "between", get_args(Between))
     progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
-    require_current(system, log, parameters, process_noise)
+    parameters, noted = with_current(system, log, parameters, process_noise)
+    log = replace(log, notes=(*log.notes, *noted))
     if named := wild(log.time, log.columns, log.units):
         raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {named[0]}")
     system, moved = wandering(system, process_noise)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -128,6 +128,8 @@ class Log:
         """The log of some samples."""
         groups = self.columns, self.inputs, self.actual, self.current
         columns, inputs, actual, current = ({k: v[here] for k, v in part.items()} for part in groups)
+        # A column may be silent in all of them, as in a run without its sensor.
+        columns, current = ({k: v for k, v in part.items() if np.any(~np.isnan(v))} for part in (columns, current))
         first = np.cumsum(here)[list(self.breaks)] - here[list(self.breaks)]
         breaks = tuple(int(k) for k in first if 0 < k < here.sum())
         return Log(
@@ -142,6 +144,60 @@ class Log:
     def __repr__(self) -> str:
         driven = f", driven by {', '.join(self.inputs)}" if self.inputs else ""
         return f"<Log of {len(self)} samples over {self.duration:g} s: {', '.join(self.columns)}{driven}>"
+
+
+def merged(logs: Sequence[Log]) -> Log:
+    """Logs of one system in a row, each after the last sample of the one before it and with a break between them.
+
+    Columns that some of them lack are missing there; inputs must be the same in all. Raises ArgumentError for logs that
+    differ in inputs, in the units of a column or in the places of sensors.
+    """
+    found = list(logs)
+    if not found or not all(isinstance(one, Log) for one in found):
+        raise ArgumentError(f"Argument `log` must be a Log, or a list of them, but is {logs!r:.60}.")
+    first, units = found[0], {}
+    for number, one in enumerate(found, start=1):
+        if set(one.inputs) != set(first.inputs):
+            raise ArgumentError(
+                f"Logs that are fitted together must have the same inputs, but log {number} has "
+                f"{', '.join(one.inputs) or 'none'} and the first {', '.join(first.inputs) or 'none'}."
+            )
+        for name, unit in one.units.items():
+            if units.setdefault(name, unit) != unit:
+                raise ArgumentError(f"`{name}` is in {units[name]} in one log and in {unit} in log {number}.")
+        if one.positions != first.positions:
+            raise ArgumentError(f"The sensors of log {number} have other places, `positions`, than those of the first.")
+    times, breaks, end, count = [], [], first.time[0] - first.interval, 0
+    for one in found:
+        times.append(one.time - one.time[0] + end + one.interval)
+        breaks += [count] * (count > 0) + [count + k for k in one.breaks]
+        end, count = times[-1][-1], count + len(one)
+
+    def joined(group: str, names: Iterable[str]) -> dict[str, np.ndarray]:
+        parts = [getattr(one, group) for one in found]
+        missing = [np.full(len(one), np.nan) for one in found]
+        return {
+            name: np.concatenate([part.get(name, none) for part, none in zip(parts, missing, strict=True)])
+            for name in names
+        }
+
+    def all_of(group: str) -> list[str]:
+        return list(dict.fromkeys(name for one in found for name in getattr(one, group)))
+
+    actual = [name for name in first.actual if all(name in one.actual for one in found)]
+    steps = {one.step for one in found}
+    return Log(
+        np.concatenate(times),
+        joined("columns", all_of("columns")),
+        joined("inputs", first.inputs),
+        units,
+        tuple(dict.fromkeys(note for one in found for note in one.notes)),
+        steps.pop() if len(steps) == 1 else None,
+        joined("actual", actual),
+        first.positions,
+        tuple(breaks),
+        joined("current", all_of("current")),
+    )
 
 
 def _numbers(values: object, name: str) -> np.ndarray:

@@ -417,3 +417,21 @@ def test_a_system_knows_the_units_of_the_parameters_of_its_craft():
         "mass": "kg", "inertia": "kg m²", "rudder.area": "m²", "propeller.lag": "s", "hull.axial_drag": "1"
     }  # fmt: skip
     assert dict(Craft(remus()).system.units)["water.velocity"] == "m/s" and "added_mass" not in units
+
+
+def test_a_vehicle_takes_its_buoyancy_in_the_place_of_its_volume():
+    from dataclasses import replace
+    from inspect import signature
+
+    body = {"name": "float", "mass": 30.0, "inertia": (0.5, 0.5, 0.5), "added_mass": (17, 17, 17, 0, 0, 0)}
+    made = Vehicle(**body, buoyancy=330.0, fluid_density=1000.0, gravity=9.8)
+    assert made.buoyancy == pytest.approx(330.0) and made.volume == pytest.approx(330.0 / 9800)
+    assert replace(made, mass=31.0).buoyancy == pytest.approx(330.0)
+    assert Vehicle(**body, volume=0.03).buoyancy == pytest.approx(0.03 * 1026 * 9.81)
+    assert "buoyancy" in signature(Vehicle).parameters
+    with pytest.raises(ArgumentError, match="`volume` or `buoyancy`"):
+        Vehicle(**body, buoyancy=330.0, volume=0.03)
+    with pytest.raises(ArgumentError, match="gravity is 0"):
+        Vehicle(**body, buoyancy=330.0, gravity=0.0)
+    with pytest.raises(ArgumentError, match="`buoyancy` must be positive"):
+        Vehicle(**body, buoyancy=-1.0)

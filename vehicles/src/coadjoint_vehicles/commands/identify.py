@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 class Identify:
     """Find parameters of a vehicle from a log: `coadjoint identify remus_100 log.csv --parameters hull added_mass`."""
 
-    BEGINS: ClassVar[str] = "Reading {log}."
+    BEGINS: ClassVar[str] = "Reading the logs."
 
     vehicle: tyro.conf.Positional[str]
     """A vehicle that is shipped, or a TOML file of your own."""
-    log: tyro.conf.Positional[Path]
-    """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or a bag of ROS or of ArduPilot."""
+    logs: tyro.conf.Positional[tuple[Path, ...]]
+    """CSV files with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or bags of ROS or of ArduPilot;
+    several are fitted together."""
     parameters: tuple[str, ...]
     """The unknowns: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
     axes: Literal["NED/FRD", "ENU/FLU"] | None = None
@@ -71,7 +72,7 @@ class Identify:
     """Print JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.identification import identify
+        from coadjoint.identification import identify, merged
         from coadjoint_vehicles.files.registry import load_vehicle
         from coadjoint_vehicles.logs import read_log
         from coadjoint_vehicles.model.craft import Craft
@@ -81,9 +82,12 @@ class Identify:
         craft = Craft(load_vehicle(self.vehicle))
         given = {"topics": self.topics, "sensors": self.sensors, "partial": self.partial}
         options = {name: value for name, value in given.items() if value}
-        log = read_log(
-            self.log, axes=self.axes, ignore=self.ignore, jumps=self.jumps, unsorted=self.unsorted, **options
-        )
+        if not self.logs:
+            raise ArgumentError(
+                "Which log? Give its file after the vehicle, as in coadjoint identify remus_100 log.csv."
+            )
+        read = {"axes": self.axes, "ignore": self.ignore, "jumps": self.jumps, "unsorted": self.unsorted, **options}
+        log = merged([read_log(path, **read) for path in self.logs])
         begun = {part.name: log.first(part.name) for part in craft.vehicle.commanded}
         actuators = {name: value for name, value in begun.items() if value is not None}
         found = identify(

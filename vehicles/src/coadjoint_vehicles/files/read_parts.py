@@ -92,6 +92,12 @@ def read_controller(section: Section, parts: set[str]) -> Any:
         given = section.given[field.name]
         if known is not None and known.words:
             values[field.name] = section.text(field.name, None, known.words)
+        elif isinstance(given, str) and known is not None:
+            unit = "SI" if known.dimension is None else known.dimension.si
+            raise section.fail(
+                f'{field.name} must be numbers with their unit, as in {field.name} = {{ value = …, unit = "{unit}", '
+                f'source = "…" }}, but is {given!r}.'
+            )
         elif isinstance(given, str) or (isinstance(given, list) and all(isinstance(name, str) for name in given)):
             values[field.name] = _named_parts(section, field.name, given, parts)
         else:

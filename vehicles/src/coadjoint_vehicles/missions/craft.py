@@ -14,9 +14,11 @@ from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import Setup
 from coadjoint.mechanics.members import Each, count_members
-from coadjoint.sections import in_si
+from coadjoint.models.quantities import vector as three
+from coadjoint.sections import Key, in_si, keys
 from coadjoint.texts import Table
-from coadjoint.units import split_name
+from coadjoint.units import ending, split_name
+from coadjoint.units import in_si as in_si_units
 from coadjoint_vehicles.figures.shapes import BOTTOM, GEOMETRY, geometry
 from coadjoint_vehicles.logs.headers import inside
 from coadjoint_vehicles.missions.electric import supply
@@ -122,11 +124,45 @@ def _controller(section: Mapping[str, Any], vehicle: Any) -> Any:
         )
     cls = CONTROLLERS[kind] if kind else type(vehicle.controller)
     known = [f.name for f in fields(cls)]
+    given = {name: _plain(name, value, cls) for name, value in given.items()}
     values = in_si("controller", given, known, {**dict.fromkeys(known), **dimensions(cls)})
     try:
         return cls(**values) if kind else replace(vehicle.controller, **values)
     except TypeError as error:
         raise ArgumentError(f"Section [controller]: {str(error).split('() ')[-1]}.") from error
+
+
+def _plain(name: str, value: Any, cls: type) -> Any:
+    """A value of [controller] as it stands, or that of { value = …, unit = "…" } in SI units.
+
+    Raises ArgumentError for a text or for one number where numbers are expected, with the formats that hold.
+    """
+    declared = keys(cls).get(name)
+    if declared is None or declared.words:
+        return value
+    if isinstance(value, dict):
+        unit, dimension = value.get("unit", "SI"), declared.dimension
+        if not {"value"} <= set(value) <= {"value", "unit", "source", "note"}:
+            raise ArgumentError(f"[controller] {name} must be {_formats(name, declared)}, but is {value!r:.60}.")
+        return (
+            value["value"] if unit == "SI" or dimension is None else in_si_units(value["value"], unit, dimension, name)
+        )
+    if isinstance(value, (str, bool)) or (declared.check is three and np.ndim(value) == 0):
+        raise ArgumentError(f"[controller] {name} must be {_formats(name, declared)}, but is {value!r:.60}.")
+    return value
+
+
+def _formats(name: str, declared: Key) -> str:
+    """How a value of [controller] may be written."""
+    numbers = "[1.0, 0.0, 0.0]" if declared.check is three else "1.0"
+    said = "three numbers" if declared.check is three else "a number"
+    if declared.dimension is None:
+        return f"{said} in SI units, as in {name} = {numbers}"
+    unit = declared.dimension.si
+    return (
+        f"{said} in SI units, {unit}, or with a unit, as in {name}{ending(unit)} = {numbers} or {name} = "
+        f'{{ value = {numbers}, unit = "{unit}" }}'
+    )
 
 
 def _start(file: MissionSections, units: Mapping[str, str]) -> Table:

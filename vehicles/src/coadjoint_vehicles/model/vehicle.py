@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import wraps
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -44,7 +46,8 @@ class Vehicle:
 
     mass: m, kg. inertia: I_c of the bare body about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
     about O, (6, 6) or its diagonal, order surge, sway, heave, roll, pitch, yaw. center_of_mass, center_of_buoyancy:
-    from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
+    from O, (3,) m. volume: m³, or in its place buoyancy: B, N; by default the volume of m in water of `fluid_density`
+    (kg/m³): neutrally buoyant. length,
     diameter, or width and height of a hull that is not round: m. parts: their names are different. sensors: theirs,
     too. controller: the one that it is shipped with.
     provenance: Quantity by key, such as "body.mass" or "rudder.area". sources: a citation by the key of a source.
@@ -84,10 +87,14 @@ class Vehicle:
             object.__setattr__(self, "volume", self.mass / self.fluid_density)
         _require_inside(self)
 
-    @property
-    def buoyancy(self) -> PyTree:
-        """B = ρ V g, N."""
-        return self.fluid_density * self.volume * self.gravity
+    if TYPE_CHECKING:
+        buoyancy: Measured = measured(u.FORCE, positive, default=None)
+    else:
+
+        @property
+        def buoyancy(self) -> PyTree:
+            """B = ρ V g, N."""
+            return self.fluid_density * self.volume * self.gravity
 
     def part(self, name: str) -> Part:
         """The part of this name; raises ArgumentError."""
@@ -104,6 +111,29 @@ class Vehicle:
         """The parts that a controller may set."""
         return tuple(part for part in self.parts if part.command is not None)
 
+
+def _floated(init: Callable[..., None]) -> Callable[..., None]:
+    """The constructor of a vehicle that takes `buoyancy` in the place of `volume`: V = B/(ρ g)."""
+    usual = {one.name: one.default for one in fields(Vehicle)}
+
+    @wraps(init)
+    def made(self: Vehicle, *, buoyancy: object = None, **given: Any) -> None:
+        if buoyancy is not None:
+            if given.get("volume") is not None:
+                raise ArgumentError("A vehicle takes `volume` or `buoyancy`: leave one of them out.")
+            density, gravity = (given.get(name, usual[name]) for name in ("fluid_density", "gravity"))
+            if not traced(gravity) and np.size(gravity) == 1 and gravity == 0:
+                raise ArgumentError("Argument `buoyancy` is in N, but gravity is 0: give `volume`.")
+            given["volume"] = positive(buoyancy, "buoyancy") / (density * gravity)
+        init(self, **given)
+
+    known = signature(init)
+    extra = Parameter("buoyancy", Parameter.KEYWORD_ONLY, default=None)
+    made.__signature__ = known.replace(parameters=[*known.parameters.values(), extra])  # pyright: ignore[reportAttributeAccessIssue, reportFunctionMemberAccess]
+    return made
+
+
+Vehicle.__init__ = _floated(Vehicle.__init__)
 
 BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
 """The numbers of the body, by their names among the parameters of a craft."""
