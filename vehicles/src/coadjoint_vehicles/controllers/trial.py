@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -56,7 +56,7 @@ class Trial(Cruise):
     astern: Measured = measured(None, default=None)
     length: Measured = measured(u.LENGTH, positive, default=None)
 
-    def fitted(self, vehicle: Any) -> Trial:
+    def fitted(self, vehicle: PyTree) -> Trial:
         """The controller for a vehicle, with the rudder order and the times that were left out."""
         made = super().fitted(vehicle)
         assert isinstance(made, Trial)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import Setup
@@ -91,7 +92,7 @@ def bottom_of_sensors(file: MissionSections) -> float | Bottom | None:
     return file.mission.bottom if grid is None else grid
 
 
-def _inputs(file: MissionSections, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> Table:
+def _inputs(file: MissionSections, vehicle: PyTree, commands: dict[str, str], wanted: dict[str, str]) -> Table:
     """The inputs of [mission], all that the controller wants among them."""
     inputs = file.mission.inputs({**commands, **wanted}, file.located)
     lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
@@ -102,7 +103,7 @@ def _inputs(file: MissionSections, vehicle: Any, commands: dict[str, str], wante
     return inputs
 
 
-def _controller(section: Mapping[str, Any], vehicle: Any) -> Any:
+def _controller(section: Mapping[str, Any], vehicle: PyTree) -> PyTree:
     """The controller of [controller]: that of `kind`, none with "none", or the vehicle's own with changes."""
     from coadjoint_vehicles.files.kinds import kinds
     from coadjoint_vehicles.model.measures import dimensions
@@ -132,7 +133,7 @@ def _controller(section: Mapping[str, Any], vehicle: Any) -> Any:
         raise ArgumentError(f"Section [controller]: {str(error).split('() ')[-1]}.") from error
 
 
-def _plain(name: str, value: Any, cls: type) -> Any:
+def _plain(name: str, value: PyTree, cls: type) -> PyTree:
     """A value of [controller] as it stands, or that of { value = …, unit = "…" } in SI units.
 
     Raises ArgumentError for a text or for one number where numbers are expected, with the formats that hold.
@@ -173,7 +174,7 @@ def _start(file: MissionSections, units: Mapping[str, str]) -> Table:
     return found
 
 
-def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
+def _actuators(given: PyTree, units: Mapping[str, str]) -> dict[str, np.ndarray]:
     """Where actuators start, by part, in SI units."""
     checks.instance(given, "[initial] actuators", dict, "a table, as in { propeller_rpm = 900 }")
     found = {}

@@ -117,7 +117,7 @@ def _floated(init: Callable[..., None]) -> Callable[..., None]:
     usual = {one.name: one.default for one in fields(Vehicle)}
 
     @wraps(init)
-    def made(self: Vehicle, *, buoyancy: object = None, **given: Any) -> None:
+    def made(self: Vehicle, *, buoyancy: object = None, **given: PyTree) -> None:
         if buoyancy is not None:
             if given.get("volume") is not None:
                 raise ArgumentError("A vehicle takes `volume` or `buoyancy`: leave one of them out.")
@@ -162,7 +162,7 @@ RESERVED = (*BODY, "controller", "water", "shear", "memory", "time", "faults", "
 """Words that are taken: no part may have them as its name."""
 
 
-def _different(parts: Any) -> tuple[Part, ...]:
+def _different(parts: PyTree) -> tuple[Part, ...]:
     found = tuple(parts)
     names = set()
     for part in found:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -75,7 +74,7 @@ class DataSheet:
         return loaded, np.interp(commands, self.commands, self.currents_at(loaded))
 
 
-def sagged(current: Callable[[Any], Any], voltage: PyTree, resistance: PyTree, numbers: ModuleType) -> PyTree:
+def sagged(current: Callable[[PyTree], PyTree], voltage: PyTree, resistance: PyTree, numbers: ModuleType) -> PyTree:
     """V of V = V₀ − R J(V), by the secant through V₀ and V₀ − R J(V₀): exact where J is linear in V.
 
     current: J, A, of the voltage. voltage: V₀, without load, V. resistance: R, Ω. numbers: numpy or jax.numpy.

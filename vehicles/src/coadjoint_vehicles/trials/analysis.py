@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.trials import merits
 from coadjoint_vehicles.trials.merits import Merit
@@ -85,7 +86,7 @@ class TrialResult:
         )
 
 
-def analyse(recorded: Any) -> TrialResult:
+def analyse(recorded: PyTree) -> TrialResult:
     """The figures of merit of a standard manoeuvre: a run or dataset of a mission with `trial`, or a `Track`.
 
     Turning circle: advance, transfer, tactical diameter, steady radius. Zigzag: overshoots, initial turning, period.

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.checks import choice
 from coadjoint.errors import ArgumentError
+from coadjoint.texts import Table
 from coadjoint_vehicles.controllers.manoeuvres import MANOEUVRES, TRIAL
 from coadjoint_vehicles.logs.records import VehicleRecords
 
@@ -153,7 +153,7 @@ def of_trial(dataset: xarray.Dataset) -> bool:
     return TRIAL in dataset.attrs and "member" not in dataset.dims
 
 
-def _turned(log: VehicleRecords, told: Mapping[str, Any]) -> np.ndarray:
+def _turned(log: VehicleRecords, told: Table) -> np.ndarray:
     """The actual δ_R: of the fins' angles the part along their shares in turning."""
     shares = np.asarray(told["shares"], dtype=float)
     columns = [log.actuators[name].actual.reshape(len(log.time), -1) for name in dict.fromkeys(told["fins"])]
