@@ -214,7 +214,7 @@ def unmentioned(before: object, now: object, changes: str) -> list[str]:
     old, new = flat(before), flat(now)
     words = set(re.findall(r"\w+", changes))
     other = [path for path, leaf in old.items() if new.get(path) != leaf]
-    return [path for path in other if not {part for part in path.split("/")[2:] if part != "()"} & words]
+    return [path for path in other if path.removesuffix("/()").rpartition("/")[2] not in words]
 
 
 def text(found: Mapping[str, Any]) -> str:

@@ -31,9 +31,10 @@ def test_the_file_is_the_public_interface() -> None:
 
 def test_what_is_gone_or_changed_must_be_named() -> None:
     before = {"names": {"co": {"f": "(a)", "g": "(b)", "A": {"()": "(x)", "m": "(self)"}}}, "dataset": ["q", "mu"]}
-    now = {"names": {"co": {"f": "(a, b=1)", "A": {"()": "(y)", "m": "(self)"}, "new": "()"}}, "dataset": ["q"]}
-    assert interface.unmentioned(before, now, "- `f` takes `b`; `A` takes y.") == ["/names/co/g", "/dataset/mu"]
-    assert interface.unmentioned(before, now, "- `f`, `A`, `g` and mu.") == []
+    now = {"names": {"co": {"f": "(a, b=1)", "A": {"()": "(y)"}, "new": "()"}}, "dataset": ["q"]}
+    text = "- `co.f` takes `b`; `co.A` takes y."
+    assert interface.unmentioned(before, now, text) == ["/names/co/g", "/names/co/A/m", "/dataset/mu"]
+    assert interface.unmentioned(before, now, "- `f`, `A`, `A.m`, `g` and mu.") == []
     assert interface.unmentioned(before, before, "") == []
 
 
