@@ -47,7 +47,8 @@ def test_joints_of_a_chain_are_unknowns_of_its_links():
     step = Rattle(co.Midpoint())
     found = step.structure(chain(8))
     assert isinstance(found, Coupled) and found.sizes == (3, 3, 3)
-    assert "factors" not in found.words
+    assert "factors" not in found.words and found.native
+    assert not step.structure(chain(13)).native
     more = co.Holonomic(lambda n, a: n[0] @ n[0] - 1.0)
     assert isinstance(step.structure(chain(8, more=more)), Dense)
 
@@ -56,9 +57,10 @@ def test_joints_of_a_chain_are_unknowns_of_its_links():
 @pytest.mark.parametrize("count", [7, 24])
 def test_a_chain_by_blocks_moves_as_by_a_dense_matrix_and_stays_together(count):
     runs = []
-    for coupling in ("chain", "all"):
+    for coupling, backend in (("chain", "auto"), ("all", "xla")):
         system = chain(count, coupling)
-        run = co.simulate(system, leaning(system), dt=0.002, steps=20, monitors=False, accuracy=False, save_every=20)
+        quiet = {"monitors": False, "accuracy": False, "backend": backend}
+        run = co.simulate(system, leaning(system), dt=0.002, steps=20, save_every=20, **quiet)
         runs.append(run.final)
         gap = evaluate(lambda s, system=system: system.constraints[0].value(system, reactions.site(s)), run.final)
         assert np.abs(gap).max() < 1e-14 * count

@@ -49,11 +49,19 @@ class Reactions:
     independent: tuple[int, ...] | None = field(default=None, metadata={"static": True})
 
 
+WRITTEN = 1000
+"""Links times the square of a link's unknowns, up to which native code takes a chain of joints: 12 links on SO(3)."""
+
+
 @dataclass(frozen=True)
 class _Joined(Coupled):
     """Links with the multipliers of their joints, of which the round-off eps |n|/h grows with the square of N."""
 
-    near, rests = 1e-5, True
+    near, rests, multipliers = 1e-5, True, True
+
+    @property
+    def native(self) -> bool:
+        return self.layout.width == 1 and self.count * sum(self.sizes) ** 2 <= WRITTEN
 
     @property
     def words(self) -> str:
@@ -91,9 +99,9 @@ class Rattle(Step):
     def structure(self, system: System) -> Structure:
         """That of the base with the multipliers of joints as further unknowns of links; each step computes factors."""
         if not isinstance(self.base.structure(system), Coupled):
-            return Dense()
+            return Dense(multipliers=True)
         found = structure(system.places, tuple(one.size for one in system.constraints))
-        return _Joined(found.count, found.sizes, found.pairs) if isinstance(found, Coupled) else found
+        return _Joined(found.count, found.sizes, found.pairs) if isinstance(found, Coupled) else Dense(True)
 
     def damping_rate(self, system: System) -> float:
         return self.base.damping_rate(system)

@@ -11,7 +11,8 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.expressions.collection import Collector
-from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.expressions.expression import MAX_NODES_OF_MULTIPLIERS, Expr, Graph
+from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import MAX_UNKNOWNS, Program, Stage
@@ -111,7 +112,7 @@ def plan(
     """
     if not all(stage.structure.native for stage in program.stages):
         raise Structured
-    tracer = Tracer()
+    tracer = Tracer(Graph(MAX_NODES_OF_MULTIPLIERS) if any(map(_held, program.stages)) else None)
     graph = tracer.graph
     p = _specialise(graph, tracer.symbols("p", parameters), pattern)
     s, h = tracer.symbols("s", state), tracer.symbols("h", 0.0)
@@ -182,12 +183,12 @@ def _stage(
     """The parts of a `StagePlan` before `advance`, and the arguments of `advance`: z and `sound`."""
     graph = tracer.graph
     guess = tracer.trace(stage.guess, p, state, h)
-    if guess.ndim != 1 or (guess.size > MAX_UNKNOWNS and isinstance(stage.structure, Dense)):
+    if guess.ndim != 1 or (guess.size > MAX_UNKNOWNS and isinstance(stage.structure, Dense) and not _held(stage)):
         raise Untraceable("guess", f"a stage has {guess.size} unknowns, more than {MAX_UNKNOWNS}")
     unknowns = tracer.symbols(f"z{number}.", guess)
     residual = tracer.trace(stage.residual, p, state, h, unknowns)
     equations = collect(flat(residual))
-    plan_of_newton = scheme(graph, list(unknowns), list(guess), equations, changing, collect)
+    plan_of_newton = scheme(graph, list(unknowns), list(guess), equations, changing, collect, _held(stage))
     solution = tracer.symbols(f"w{number}.", guess)
     for i, value in plan_of_newton.settled.items():
         solution[i] = value
@@ -208,6 +209,11 @@ def _stage(
     well = graph.apply("lt", graph.zero, sound)
     accepted = [graph.select(well, found, start) for found, start in zip(solution, guess, strict=True)]
     return traced, nodes(accepted, solution.shape), np.asarray(sound)
+
+
+def _held(stage: Stage) -> bool:
+    """Whether there are multipliers of constraints among the unknowns."""
+    return isinstance(stage.structure, (Dense, Coupled)) and stage.structure.multipliers
 
 
 def _collected(collect: Collector, tree: PyTree) -> Any:

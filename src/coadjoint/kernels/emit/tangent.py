@@ -59,7 +59,12 @@ def tangent(plan: StepPlan, active: Sequence[int]) -> StepTangent:
         n = range(len(residual))
         matrix = [[rows[i].get(j, graph.zero) for j in n] for i in n]
         symbols = [graph.symbol(f"z{number}.{i}°") for i in n]
-        systems.append((linear_solve(graph, matrix, directional(graph, residual, along), changing), symbols))
+        systems.append(
+            (
+                linear_solve(graph, matrix, directional(graph, residual, along), changing, stage.scheme.multipliers),
+                symbols,
+            )
+        )
         along.update(zip(stage.solution, symbols, strict=True))
         changing.update(symbols)
     record_dot = directional(graph, plan.record, along)

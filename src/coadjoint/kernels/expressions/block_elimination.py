@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.elimination import Matrix, dot
 from coadjoint.kernels.expressions.expression import Expr, Graph
+
+Pivots = Callable[[Graph, Matrix], list[int]]
+"""Which unknowns of a matrix are eliminated first, up to three."""
 
 CANCELLATION = 1e-4
 """A pivot block whose determinant loses more digits than this is not used: pivoted elimination takes over."""
@@ -35,24 +38,24 @@ class Changing:
 
 def guarded_solve(graph: Graph, matrix: Matrix, right: Sequence[Expr]) -> list[Expr]:
     """x with matrix x = right, of a system that no permutation splits; with pivots where a pivot block is not sound."""
-    quick, safe = solve(graph, matrix, list(right), Changing(set()))
+    quick, safe = solve(graph, matrix, list(right), sparse_pivots)
     return graph.guarded(quick, safe, matrix, list(right))
 
 
-def solve(graph: Graph, a: Matrix, b: list[Expr], changing: Changing) -> tuple[list[Expr], Expr]:
+def solve(graph: Graph, a: Matrix, b: list[Expr], pivots: Pivots) -> tuple[list[Expr], Expr]:
     """x with a x = b by elimination in blocks of up to three, and whether the pivot blocks were sound."""
     n = len(a)
     if n <= 3:
         return elimination.solve(graph, a, [b])[0], graph.true
-    first = _pivots(graph, a, changing)
+    first = pivots(graph, a)
     k = len(first)
     order = [*first, *(i for i in range(n) if i not in first)]
     moved = [[a[i][j] for j in order] for i in order]
-    values, sound = _eliminate(graph, moved, [b[i] for i in order], k, changing)
+    values, sound = _eliminate(graph, moved, [b[i] for i in order], k, pivots)
     return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound
 
 
-def _pivots(graph: Graph, a: Matrix, changing: Changing) -> list[int]:
+def steady_pivots(changing: Changing, graph: Graph, a: Matrix) -> list[int]:
     """Unknowns to eliminate first: a block that never changes, such as a mass matrix, is inverted once in a run."""
     changing.mark(x for row in a for x in row)
     dependent = changing.nodes
@@ -64,23 +67,41 @@ def _pivots(graph: Graph, a: Matrix, changing: Changing) -> list[int]:
     return chosen or list(range(2 if len(a) == 4 else 3))
 
 
-def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, changing: Changing) -> tuple[list[Expr], Expr]:
+def sparse_pivots(graph: Graph, a: Matrix) -> list[int]:
+    """Unknowns to eliminate first: those with a pivot whose elimination couples the fewest others (minimum degree).
+
+    Multipliers have no pivot before the unknowns that they couple are eliminated.
+    """
+    n, zero = range(len(a)), graph.zero
+    near = [{j for j in n if a[i][j] is not zero or a[j][i] is not zero} - {i} for i in n]
+    open_ = [i for i in n if a[i][i] is not zero]
+    if not open_:
+        return list(n[:3])
+    chosen = [min(open_, key=lambda i: len(near[i]))]
+    while len(chosen) < 3:
+        reached = set().union(*(near[i] for i in chosen))
+        further = [j for j in open_ if j in reached and j not in chosen]
+        if not further:
+            break
+        chosen.append(min(further, key=lambda j: len(reached | near[j])))
+    return sorted(chosen)
+
+
+def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, pivots: Pivots) -> tuple[list[Expr], Expr]:
     """Solve with the leading k×k block as pivot."""
-    n = len(a)
     corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
     inverse = elimination.inverse(graph, corner)
     # The Schur complement of the corner, and its right side.
     first = [dot(graph, row, b[:k]) for row in inverse]
     across = [[dot(graph, row, column) for column in zip(*right, strict=True)] for row in inverse]
-    columns = list(zip(*across, strict=True))
-    rest = [
-        row[k:]
-        if all(x is graph.zero for x in row[:k])
-        else [graph.sub(row[k + j], dot(graph, row[:k], columns[j])) for j in range(n - k)]
-        for row in a[k:]
-    ]
+    columns = {j: c for j, c in enumerate(zip(*across, strict=True)) if any(x is not graph.zero for x in c)}
+    rest = [list(row[k:]) for row in a[k:]]
+    for left, row in zip(rest, a[k:], strict=True):
+        if any(x is not graph.zero for x in row[:k]):
+            for j, column in columns.items():
+                left[j] = graph.sub(left[j], dot(graph, row[:k], column))
     left = [graph.sub(b[k + i], dot(graph, row[:k], first)) for i, row in enumerate(a[k:])]
-    tail, sound = solve(graph, rest, left, changing)
+    tail, sound = solve(graph, rest, left, pivots)
     head = [graph.sub(x, dot(graph, row, tail)) for x, row in zip(first, across, strict=True)]
     return [*head, *tail], graph.apply("and", sound, _sound(graph, corner))
 

@@ -19,6 +19,9 @@ from coadjoint.kernels.untraceable import TooLarge
 MAX_NODES = 125_000
 """A larger program would compile for minutes; it goes to XLA instead."""
 
+MAX_NODES_OF_MULTIPLIERS = 200_000
+"""The same for programs with multipliers of constraints, whose matrices are sparse."""
+
 
 TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite"))
 """Operations whose results are true or false."""
@@ -61,9 +64,10 @@ class Expr:
 
 
 class Graph:
-    """All expressions of one program; the methods build nodes."""
+    """All expressions of one program; the methods build nodes, up to `limit`."""
 
-    def __init__(self) -> None:
+    def __init__(self, limit: int = MAX_NODES) -> None:
+        self.limit = limit
         self._table: dict[tuple, Expr] = {}
         self._count = 0
         self.zero = self.constant(0.0)
@@ -75,8 +79,8 @@ class Graph:
         key = (op, value, type(value), *args)
         node = self._table.get(key)
         if node is None:
-            if self._count > MAX_NODES:
-                raise TooLarge(MAX_NODES)
+            if self._count > self.limit:
+                raise TooLarge(self.limit)
             node = self._table[key] = Expr(op, args, value, self._count)
             self._count += 1
         return node

@@ -105,6 +105,9 @@ class Coupled:
 
     limit = f"{MOST} Newton iterations"
     many_small = True
+    multipliers = False
+    """Whether some unknowns are not in their own equations."""
+
     near = NEAR
     """Increments below this, relative, may be round-off."""
 

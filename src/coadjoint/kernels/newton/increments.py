@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from coadjoint.kernels.expressions import block_elimination
-from coadjoint.kernels.expressions.block_elimination import Changing
+from coadjoint.kernels.expressions.block_elimination import Changing, steady_pivots
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.expressions.elimination import Matrix, dot
 from coadjoint.kernels.expressions.expression import Expr, Graph, reachable, substitute
@@ -84,7 +85,7 @@ class Scheme:
     Rows that are affine in unknowns which only they determine are solved by one increment at the guess, `first`, if
     there are any; `settled` maps those unknowns to the symbols of their values. The loop runs over the others, those
     in `looped`: `loop` is Newton's increment at the symbols z of the unknowns, J(z) δ = −r(z), and `chord` keeps its
-    matrix at later iterates y, whose symbols are `iterate`: J(z) δ = −r(y).
+    matrix at later iterates y, whose symbols are `iterate`: J(z) δ = −r(y). `multipliers`: see `scheme`.
     """
 
     first: Increment | None
@@ -93,6 +94,7 @@ class Scheme:
     loop: Increment | None = None
     chord: Increment | None = None
     iterate: list[Expr] = field(default_factory=list)
+    multipliers: bool = False
 
 
 def scheme(
@@ -102,15 +104,19 @@ def scheme(
     residual: Sequence[Expr],
     state: Sequence[Expr],
     collect: Callable[[list[Expr]], list[Expr]] = list,
+    multipliers: bool = False,
 ) -> Scheme:
     """Arrange Newton for residual(unknowns) = 0 from `guess`; expressions that depend on `state` change at every
-    step."""
+    step.
+
+    multipliers: whether there are unknowns that their own equations do not hold; these get pivots by elimination.
+    """
     changing = {*unknowns, *state}
     rows = forward(graph, residual, unknowns)
-    order = matching([list(row) for row in rows])
+    n = range(len(unknowns))
+    order = list(n) if multipliers else matching([list(row) for row in rows])
     if order is not None:
         residual, rows = [residual[i] for i in order], [rows[i] for i in order]
-    n = range(len(unknowns))
     parts = blocks([list(row) for row in rows]) if order is not None else [list(n)]
     affine = _affine(parts, rows, unknowns)
 
@@ -122,7 +128,7 @@ def scheme(
         k = len(chosen)
         jacobian = [entries[i * k : i * k + k] for i in range(k)]
         inside = [[place[i] for i in part] for part in parts if part[0] in place]
-        return _increment(graph, inside, jacobian, values, changing)
+        return _increment(graph, inside, jacobian, values, changing, multipliers)
 
     settled: dict[int, Expr] = {}
     first = None
@@ -133,12 +139,13 @@ def scheme(
         changing.update(settled.values())
     looped = [i for i in n if i not in settled]
     if not looped:
-        return Scheme(first, settled, looped)
+        return Scheme(first, settled, looped, multipliers=multipliers)
     known = {unknowns[i]: value for i, value in settled.items()}
     iterate = [graph.symbol(f"{unknowns[i].value}~") for i in looped]
     changing.update(iterate)
     later = {**known, **{unknowns[i]: symbol for i, symbol in zip(looped, iterate, strict=True)}}
-    return Scheme(first, settled, looped, increment(looped, known, known), increment(looped, known, later), iterate)
+    loop, chord = increment(looped, known, known), increment(looped, known, later)
+    return Scheme(first, settled, looped, loop, chord, iterate, multipliers)
 
 
 def _affine(parts: list[list[int]], rows: list[dict[int, Expr]], unknowns: Sequence[Expr]) -> set[int]:
@@ -153,27 +160,29 @@ def _affine(parts: list[list[int]], rows: list[dict[int, Expr]], unknowns: Seque
     return found
 
 
-def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Expr], changing: set[Expr]) -> Increment:
-    """δ with matrix δ = −right, in the order that its zeros allow."""
+def linear_solve(
+    graph: Graph, matrix: Matrix, right: Sequence[Expr], changing: set[Expr], multipliers: bool
+) -> Increment:
+    """δ with matrix δ = −right, in the order that its zeros allow; multipliers: as in `scheme`."""
     rows = [[j for j, x in enumerate(row) if x is not graph.zero] for row in matrix]
-    order = matching(rows)
+    order = list(range(len(right))) if multipliers else matching(rows)
     if order is None:
-        return _increment(graph, [list(range(len(right)))], matrix, right, changing)
+        return _increment(graph, [list(range(len(right)))], matrix, right, changing, multipliers)
     parts = blocks([rows[i] for i in order])
-    return _increment(graph, parts, [matrix[i] for i in order], [right[i] for i in order], changing)
+    return _increment(graph, parts, [matrix[i] for i in order], [right[i] for i in order], changing, multipliers)
 
 
 def _increment(
-    graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Expr], changing: set[Expr]
+    graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Expr], changing: set[Expr], sparse: bool
 ) -> Increment:
-    marked = Changing(changing)
+    pivots = block_elimination.sparse_pivots if sparse else partial(steady_pivots, Changing(changing))
     delta: list[Expr] = [graph.zero] * len(residual)
     right = [graph.neg(r) for r in residual]
     safe = graph.true
     solved: list[int] = []
     for part in parts:
         b = [graph.sub(right[i], _known(graph, jacobian[i], delta, solved)) for i in part]
-        values, sound = block_elimination.solve(graph, [[jacobian[i][j] for j in part] for i in part], b, marked)
+        values, sound = block_elimination.solve(graph, [[jacobian[i][j] for j in part] for i in part], b, pivots)
         safe = graph.apply("and", safe, sound)
         for i, value in zip(part, values, strict=True):
             delta[i] = value

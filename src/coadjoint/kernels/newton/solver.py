@@ -32,7 +32,12 @@ class Root(NamedTuple):
 
 @dataclass(frozen=True)
 class Dense:
-    """The structure of equations that all unknowns may enter: Newton's method with the full Jacobian, `solve`."""
+    """The structure of equations that all unknowns may enter: Newton's method with the full Jacobian, `solve`.
+
+    multipliers: whether some unknowns are not in their own equations, as the multipliers of constraints.
+    """
+
+    multipliers: bool = False
 
     native = True
     limit = f"{MAX_ITERATIONS} Newton iterations"

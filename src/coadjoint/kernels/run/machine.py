@@ -17,6 +17,9 @@ from coadjoint.kernels.untraceable import Untraceable
 _RECIPE = "1"
 """Changes whenever `object_code` would make other code of the same assembly."""
 
+LONG = 10_000_000
+"""Characters of assembly from which code is made in a fifth of the time, which takes three times as long to run."""
+
 Made = TypeVar("Made")
 
 _lock = threading.Lock()
@@ -28,8 +31,8 @@ def optimised() -> bool:
     return os.environ.get("COADJOINT_OPTIMIZE") != "0"
 
 
-def _target() -> llvm.TargetMachine:
-    """This machine's processor, at the highest level of optimisation or at none."""
+def _target(plain: bool = False) -> llvm.TargetMachine:
+    """This machine's processor, at the highest level of optimisation or at none, as for `plain` instructions."""
     global _ready
     with _lock:
         if not _ready:
@@ -40,14 +43,14 @@ def _target() -> llvm.TargetMachine:
     return target.create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
-        opt=3 if optimised() else 0,
+        opt=3 if optimised() and not plain else 0,
         jit=True,
     )
 
 
 def object_code(assembly: str) -> bytes:
-    """Machine code of a module."""
-    machine = _target()
+    """Machine code of a module; a long one gets plain instructions, since choosing the best would take a minute."""
+    machine = _target(len(assembly) > LONG)
     module = llvm.parse_assembly(assembly if optimised() else _as_written(assembly))
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
