@@ -179,7 +179,7 @@ def test_the_reaction_of_a_propeller_turns_about_its_own_axis():
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", ["geometry", "matrix", "table"])
-def test_allocated_commands_give_the_wrench_or_its_direction_where_thrusters_saturate(kind):
+def test_allocated_commands_give_the_wrench_or_the_directions_of_its_force_and_torque(kind):
     part = {
         "geometry": rexrov(),
         "matrix": Thrusters("thrusters", {"linear": 40.0}, allocation=BLUEROV_TAM, limit=1.0),
@@ -193,11 +193,35 @@ def test_allocated_commands_give_the_wrench_or_its_direction_where_thrusters_sat
             low, high = part.limit
             assert np.all(u >= low - 1e-9) and np.all(u <= high + 1e-9)
             given = evaluate(lambda u, p: part.matrix(p) @ part.thrusts(u, p), u, own(part))
-            share = given @ wrench / (wrench @ wrench)
-            np.testing.assert_allclose(given, share * wrench, atol=1e-9 * size)
+            parts = slice(3), slice(3, 6)
+            force, turn = (given[i] @ wrench[i] / (wrench[i] @ wrench[i]) for i in parts)
+            np.testing.assert_allclose(given, np.repeat([force, turn], 3) * wrench, atol=1e-9 * size)
             saturated = np.any(np.isclose(u, low, rtol=1e-9) | np.isclose(u, high, rtol=1e-9))
-            assert share == pytest.approx(1.0, rel=1e-9) or (share < 1 and saturated)
+            assert turn == pytest.approx(1.0, rel=1e-9) or (turn < 1 and saturated)
+            assert force == pytest.approx(1.0, rel=1e-9) or (force < 1 and saturated)
+            share = min(force, turn)
     assert share < 0.8  # The largest were out of reach.
+
+
+def test_where_thrusters_saturate_attitude_comes_before_position():
+    """Ahead at 400 N and a turn of 6 N m, of which clipping or one scale for all would leave a part."""
+    part = Thrusters("thrusters", {"linear": 50.0}, allocation=BLUEROV_TAM, limit=1.0)
+    B, wrench = np.asarray(part.nominal_matrix), np.array([400.0, 0, 0, 0, 0, 6.0])
+    given = B @ evaluate(part.thrusts, part.allocate(wrench), own(part))
+    np.testing.assert_allclose(given[1:], wrench[1:], atol=1e-9)
+    assert 100 < given[0] < 0.9 * 4 * 0.707 * 50
+    free = np.linalg.pinv(B) @ wrench
+    assert (B @ np.clip(free, -50, 50))[5] < 5.9
+    turned = B @ evaluate(part.thrusts, part.allocate([0, 0, 0, 0, 0, 100.0]), own(part))
+    np.testing.assert_allclose(turned, [0, 0, 0, 0, 0, 4 * 0.1888 * 50], atol=1e-9)
+
+
+def test_thrusters_that_push_one_way_turn_by_what_they_push_together():
+    pair = {"positions": [[0, 0.5, 0], [0, -0.5, 0]], "directions": [[1, 0, 0]] * 2}
+    part = Thrusters("pair", {"linear": 1.0}, limit=(0.0, 10.0), **pair)
+    np.testing.assert_allclose(part.allocate([12.0, 0, 0, 0, 0, -2.0]), [8, 4], atol=1e-12)
+    np.testing.assert_allclose(part.allocate([40.0, 0, 0, 0, 0, -2.0]), [10, 6], atol=1e-9)
+    np.testing.assert_allclose(part.allocate([-5.0, 0, 0, 0, 0, 0]), [0, 0], atol=1e-9)
 
 
 def test_a_wrench_that_no_thrusters_give_becomes_the_nearest_that_they_do():

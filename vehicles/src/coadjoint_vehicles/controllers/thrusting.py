@@ -44,7 +44,7 @@ class Thrusting(Controller):
     W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
     turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
     parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate` along the axes that the thrusters
-    control, and keeps its direction where one of them is at its limit.
+    control, and where one of them is at its limit the force is scaled down before the torque.
     """
 
     thrusters: str | None = None

@@ -13,6 +13,8 @@ from coadjoint.arrays import Array
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LEAST_AUTHORITY = 5e-3
 """The part of the largest singular value below which a direction is uncontrollable: data have three digits."""
+SHARES = (1.0, 0.5, 0.0)
+"""The parts of the allowed force with which the torque is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +74,30 @@ class Allocator:
         return found
 
     def thrusts(self, wrench: Array) -> Array:
-        """f, (n,) N, for a wrench (6,), N and N m, scaled down alike where a thruster is beyond its limits."""
-        f = jnp.asarray(self.inverse) @ wrench
+        """f, (n,) N, for a wrench (6,), N and N m; beyond the limits attitude comes before position.
+
+        f = s f_T + r f_F, with f_T the thrusts for the torque and f_F those for the force. From a common scale of both,
+        or from all, half or none of the force that the limits allow by itself, s grows as far as they allow, to 1; the
+        largest s counts, and then r grows, to 1. So torque and force keep their directions, and thrusters that push
+        one way turn by what they push together.
+        """
+        turn, push = (jnp.asarray(self.inverse[:, axes]) @ wrench[axes] for axes in (slice(3, 6), slice(3)))
         if not np.all(np.isfinite(self.low) & np.isfinite(self.high)):
-            return f
-        most = jnp.where(f > 0, self.high, self.low)
-        room = jnp.where(f == 0, 1.0, most / jnp.where(f == 0, 1.0, f))
-        return jnp.minimum(1.0, jnp.min(room)) * f
+            return turn + push
+        none = jnp.zeros(len(self.low))
+        both, allowed = self._most(turn + push, none), self._most(push, none)
+        s = r = jnp.zeros(())
+        for begin, share in ((both, both), *((0.0, part * allowed) for part in SHARES)):
+            found = jnp.minimum(1.0, begin + self._most(turn, begin * turn + share * push))
+            s, r = jnp.where(found > s, found, s), jnp.where(found > s, share, r)
+        r = jnp.minimum(1.0, r + self._most(push, s * turn + r * push))
+        return s * turn + r * push
+
+    def _most(self, along: Array, base: Array) -> Array:
+        """The largest s ≤ 1 with base + s along within the limits, for a base that is within them."""
+        end = jnp.where(along > 0, self.high, self.low)
+        room = jnp.where(along == 0, 1.0, (end - base) / jnp.where(along == 0, 1.0, along))
+        return jnp.clip(jnp.min(room), 0.0, 1.0)
 
     def lost(self, wrench: Array, thrusts: Array) -> Array:
         """W − B f, (6,), along the controllable axes, and 0 along the others."""

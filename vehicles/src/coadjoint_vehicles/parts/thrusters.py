@@ -192,10 +192,10 @@ class Thrusters(Part):
     def allocate(self, wrench: object) -> Array:
         """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m, along the axes that the thrusters control.
 
-        Thrusts of least |f| with B f = w along these axes (`parts.allocator`); if one of them exceeds the limit of its
-        thruster, all are scaled down alike, f ← s f with s = min_i f_i^max/f_i, so that the wrench keeps its
-        direction. Computed with the numbers of the part as it was made, as software on board is. Raises ArgumentError
-        for another shape.
+        Thrusts of least |f| with B f = w along these axes (`parts.allocator`). If one of them exceeds the limit of its
+        thruster attitude comes before position: first the force is scaled down, then the torque, each without change of
+        its direction. Computed with the numbers of the part as it was made, as software on board is. Raises
+        ArgumentError for another shape.
         """
         return evaluate(self._allocated, vector(wrench, "wrench", 6))
 
