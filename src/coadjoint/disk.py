@@ -118,6 +118,35 @@ def _remove_all(path: Path) -> None:
         path.unlink()
 
 
+def require_file(path: Path) -> None:
+    """Raise FileError unless there is such a file."""
+    if not os.path.isfile(path):  # no error for names that no file can have
+        raise FileError(f"There is no file {path}.")
+
+
+def require_folder(path: Path) -> None:
+    """Raise FileError unless there is such a folder."""
+    if not os.path.isdir(path):
+        raise FileError(f"There is no folder {path}.")
+
+
+def require_home(path: Path) -> None:
+    """Raise FileError unless there is a folder in which a file of this name can be written."""
+    if not path.parent.is_dir():
+        raise FileError(f"The folder {path.parent} does not exist: make it first.")
+
+
+@contextmanager
+def reading(path: Path, what: str = "file") -> Iterator[None]:
+    """A block that reads a file: an OSError in it becomes a FileError, with `what` the file is in the sentence."""
+    try:
+        yield
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
+
+
 @contextmanager
 def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary neighbour to write to, which takes the name `path` when the block ends well and is gone if not.
@@ -125,8 +154,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises FileError where the folder does not exist or cannot be written to.
     """
     target = Path(path)
-    if not target.parent.is_dir():
-        raise FileError(f"The folder {target.parent} does not exist: make it first.")
+    require_home(target)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
         yield temporary

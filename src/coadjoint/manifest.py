@@ -24,6 +24,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from coadjoint import disk
+from coadjoint.disk import reading
 from coadjoint.errors import CoadjointError, FileError, error_line, shown
 
 MANIFEST = "manifest.json"
@@ -103,11 +104,8 @@ class Manifest:
         entry = self._listed(name)
         self.require_size(name, None if data is None else len(data))
         if data is None and len(entry) == 2:
-            try:
-                with self.path(name).open("rb") as file:
-                    found = hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError as error:
-                raise FileError(f"The file {self.folder / name} cannot be read: {error.strerror}.") from error
+            with reading(self.folder / name), self.path(name).open("rb") as file:
+                found = hashlib.file_digest(file, "sha256").hexdigest()
         else:
             data = self.path(name).read_bytes() if data is None else data
             found = digest(data, *entry[2:]) if len(entry) == 2 or sums_up(data) else None

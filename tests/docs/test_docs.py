@@ -20,7 +20,7 @@ from coadjoint.runs import run_file
 from coadjoint.sections import in_file, keys
 from coadjoint.sweeps.file import ResultsSection, SweepSection
 from coadjoint.sweeps.numbers import NormalSection, RangeSection, ValuesSection
-from coadjoint_vehicles.files.bodies import BodySection
+from coadjoint_vehicles.files.file import BodySection
 from coadjoint_vehicles.files.kinds import kinds
 
 matplotlib.use("Agg")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from coadjoint.errors import FileError
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
-from coadjoint.texts import LARGEST_SUMMARY, Table, read_table, text_of
+from coadjoint.texts import LARGEST_SUMMARY, Table, file_text, read_table, text_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.saved import SavedRun
@@ -33,12 +33,7 @@ def figures_asked(source: Path) -> list[str] | None:
     file = source / RUN_FILE
     if not file.is_file():
         return None
-    try:
-        output = read_table(text_of(file), file).get("output", {})
-    except FileError:
-        raise
-    except (OSError, ValueError) as error:
-        raise FileError(f"The file {file} cannot be read: {error}.") from error
+    output = read_table(file_text(file), file).get("output", {})
     found = output.get("figures") if isinstance(output, dict) else None
     return found if isinstance(found, list) and found else None
 

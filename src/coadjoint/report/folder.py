@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from coadjoint import disk
+from coadjoint.disk import require_folder
 from coadjoint.errors import FileError
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
 from coadjoint.report.companion_files import companions
@@ -213,8 +214,7 @@ def kept_inputs(run_file: Path) -> dict[str, Path]:
 @contextmanager
 def held(folder: Path) -> Iterator[Claim]:
     """An output folder that holds any run; raises FileError where there is none."""
-    if not folder.is_dir():
-        raise FileError(f"There is no folder {folder}.")
+    require_folder(folder)
     found = held_manifest(folder)
     if found is None:
         require_free(folder, "")

@@ -74,8 +74,7 @@ class Recording:
         target = run_path(path)
         if target.exists() and not overwrite:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
-        if not target.parent.is_dir():
-            raise FileError(f"The folder {target.parent} does not exist: make it first.")
+        disk.require_home(target)
         text = self._text(target.suffix.lower(), options)
         temporary = beside(target)
         try:

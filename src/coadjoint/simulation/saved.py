@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from coadjoint.disk import require_file
 from coadjoint.errors import ArgumentError, FileError, printable, shown
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.sealed import readable
@@ -101,8 +102,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
         from coadjoint.simulation.store_reader import saved_dataset
 
         return SavedRun(saved_dataset(source.absolute()), system)
-    if not os.path.isfile(source):
-        raise FileError(f"There is no file {source}.")
+    require_file(source)
     _require_listed(source)
     try:
         if not _begins(source, HDF5) or not readable(source):

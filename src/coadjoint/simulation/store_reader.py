@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray
 
+from coadjoint.disk import reading, require_folder
 from coadjoint.errors import FileError
 from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, as_written
 from coadjoint.simulation import configuration
@@ -66,8 +67,7 @@ def saved_dataset(folder: Path) -> xarray.Dataset:
 
 def require_run(folder: Path) -> None:
     """Raise FileError if a folder holds no run, or one that an older version wrote."""
-    if not folder.is_dir():
-        raise FileError(f"There is no folder {folder}.")
+    require_folder(folder)
     if (folder / MANIFEST).exists():
         return
     if (folder / OLD_CHECKPOINT).exists() and (folder / CONFIGURATION).exists():
@@ -120,10 +120,8 @@ def read_configuration(manifest: Manifest) -> tuple[Table, dict[str, np.ndarray]
 
 def _read(manifest: Manifest, name: str) -> tuple[Table, dict[str, np.ndarray]]:
     manifest.require(name)
-    try:
+    with reading(manifest.folder / name):
         return configuration.unpacked(manifest.path(name))
-    except OSError as error:
-        raise FileError(f"The file {manifest.folder / name} cannot be read: {error.strerror or error}.") from error
 
 
 def _require_held(manifest: Manifest, opened: Mapping[str, Any], count: int) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray
 
+from coadjoint.disk import require_folder
 from coadjoint.errors import FileError, error_line
 from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED, Manifest
@@ -94,8 +95,7 @@ def load_sweep(folder: Path | str) -> SweepResults:
     folder: its path. Raises FileError if there is none.
     """
     path = Path(folder)
-    if not path.is_dir():
-        raise FileError(f"There is no folder {path}.")
+    require_folder(path)
     held = held_manifest(path)
     if held is None or not isinstance(held.facts.get("sweep"), dict):
         raise FileError(f"The folder {path} holds no sweep.")

@@ -26,6 +26,7 @@ from zarr.storage import MemoryStore
 
 from coadjoint import disk
 from coadjoint.archives import stored_arrays
+from coadjoint.disk import reading
 from coadjoint.errors import FileError
 from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.report.folder import UNFINISHED
@@ -200,10 +201,8 @@ class Statistics:
 
     def __init__(self, folder: Path, number: int):
         path = folder / UNFINISHED / SHARDS / _shard(number)
-        try:
+        with reading(path):
             data = path.read_bytes()
-        except OSError as error:
-            raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
         damaged = FileError(f"The file {path} is damaged: the same command again recomputes it.")
         if hashlib.sha256(data[32:]).digest() != data[:32]:
             raise damaged

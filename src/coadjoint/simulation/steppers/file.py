@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from coadjoint.archives import stored_array
+from coadjoint.disk import require_home
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.run.machine import is_for_this_machine, processor
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain, to_plain
@@ -45,8 +46,7 @@ def save(path: str | os.PathLike[str], overwrite: bool, content_of: Callable[[Pa
     target = named_file(path)
     if target.exists() and not overwrite:
         raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
-    if not target.parent.is_dir():
-        raise FileError(f"The folder {target.parent} does not exist: make it first.")
+    require_home(target)
     content = content_of(target)
     temporary = target.parent / f".{target.name}.{secrets.token_hex(4)}"
     try:

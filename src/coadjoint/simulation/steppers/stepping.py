@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.arrays import PyTree
+from coadjoint.disk import reading
 from coadjoint.errors import ArgumentError, FileError, Interrupted, shown, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.lanes import of_lanes
@@ -271,10 +272,8 @@ def load_stepper(path: str | os.PathLike[str]) -> Stepping:
     FileError for another kind of file, and for one of a newer version.
     """
     path = named_file(path)
-    try:
+    with reading(path):
         content = path.read_bytes()
-    except OSError as error:
-        raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
     try:
         return opened(content)
     except FileError as error:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from coadjoint.cli import terminal
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.disk import require_home
+from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     from coadjoint.identification import Identification
@@ -77,8 +78,8 @@ class Identify:
         from coadjoint_vehicles.logs import read_log
         from coadjoint_vehicles.model.craft import Craft
 
-        if self.out is not None and not self.out.parent.is_dir():
-            raise FileError(f"The folder {self.out.parent} does not exist: make it first.")
+        if self.out is not None:
+            require_home(self.out)
         craft = Craft(load_vehicle(self.vehicle))
         given = {"topics": self.topics, "sensors": self.sensors, "partial": self.partial}
         options = {name: value for name, value in given.items() if value}

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from coadjoint.arrays import Array
-from coadjoint.errors import ArgumentError, FileError, warn
-from coadjoint.texts import Table, read_table, text_of
+from coadjoint import checks
+from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.errors import ArgumentError, warn
+from coadjoint.sections import key
+from coadjoint.texts import Table, file_text, read_table
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.added_masses import read_added_mass
-from coadjoint_vehicles.files.bodies import BodySection
+from coadjoint_vehicles.files.bodies import MEASURED
 from coadjoint_vehicles.files.checks import check
 from coadjoint_vehicles.files.read_parts import read_controller, read_part
 from coadjoint_vehicles.files.read_sensors import read_sensors
@@ -24,6 +27,34 @@ from coadjoint_vehicles.model.vehicle import Quantity, Vehicle
 SECTIONS = ("vehicle", "sources", "licences", "body", "added_mass", "part", "sensors", "controller")
 
 
+def _three(value: object, name: str) -> list[float]:
+    if not isinstance(value, list) or len(value) != 3 or any(isinstance(inner, list) for inner in value):
+        raise ArgumentError(f"{name} must be 3 numbers in brackets, but is {value}.")
+    return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodySection:
+    """The quantities of [body], of the hull without what parts hold; one of `volume` and `buoyancy`, or `neutral`."""
+
+    mass: Scalar = key("mass, without what parts hold", MEASURED["mass"], check=checks.positive)
+    inertia: PyTree = key("moments of inertia, three or three rows of three", MEASURED["inertia"])
+    center_of_mass: list[float] = key("centre of mass from the origin", MEASURED["center_of_mass"], check=_three)
+    center_of_buoyancy: list[float] = key(
+        "centre of buoyancy from the origin", MEASURED["center_of_buoyancy"], check=_three
+    )
+    fluid_density: Scalar = key("density of the water", MEASURED["fluid_density"], check=checks.positive)
+    gravity: Scalar = key("gravity", MEASURED["gravity"], check=checks.not_negative, default=9.81)
+    volume: Scalar | None = key(
+        "volume of the water displaced", MEASURED["volume"], check=checks.positive, default=None
+    )
+    buoyancy: Scalar | None = key("force of buoyancy", MEASURED["buoyancy"], check=checks.positive, default=None)
+    length: Scalar | None = key("length of the hull", MEASURED["length"], check=checks.positive, default=None)
+    diameter: Scalar | None = key("diameter of a round hull", MEASURED["diameter"], check=checks.positive, default=None)
+    width: Scalar | None = key("width of another hull", MEASURED["width"], check=checks.positive, default=None)
+    height: Scalar | None = key("height of another hull", MEASURED["height"], check=checks.positive, default=None)
+
+
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
     """The vehicle of a TOML file, in SI units and forward, starboard, down, with the provenance of every number.
 
@@ -31,7 +62,7 @@ def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
     values that a vehicle cannot have. Warns of doubtful values; `vehicle.warnings` lists them.
     """
     source = Path(path)
-    vehicle = vehicle_from_text(_text(source), str(source), source.parent)
+    vehicle = vehicle_from_text(file_text(source, "vehicle file"), str(source), source.parent)
     for sentence in vehicle.warnings:
         warn(f"{source.name}: {sentence}", stacklevel=2)
     return vehicle
@@ -110,8 +141,8 @@ def _body(body: Section, axes: border.Axes) -> Table:
     found = body.quantities(BodySection)
     if "gravity" not in body.given:
         body.book.provenance["body.gravity"] = Quantity(9.81, "m/s^2", "", "the value where a file gives none")
-    for key in ("center_of_mass", "center_of_buoyancy"):
-        found[key] = border.body_vector(found[key], axes)
+    for center in ("center_of_mass", "center_of_buoyancy"):
+        found[center] = border.body_vector(found[center], axes)
     found["inertia"] = _inertia(body, found["inertia"], axes, found["mass"], found["center_of_mass"])
     return found
 
@@ -186,18 +217,3 @@ def _tell_sources(book: Notebook) -> None:
     unused = [key for key in book.sources if key not in book.used and key not in notes]
     if unused:
         book.warn(f"[sources] has {', '.join(unused)}, which no number and no note names.")
-
-
-def _text(source: Path) -> str:
-    try:
-        return text_of(source)
-    except FileNotFoundError as error:
-        raise FileError(f"There is no vehicle file {source}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"The file {source} is not a text in UTF-8.") from error
-    except FileError:
-        raise
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"The vehicle file {source} cannot be read: {getattr(error, 'strerror', None) or error}."
-        ) from error

@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
+from coadjoint.disk import require_file
 from coadjoint.errors import FileError
 from coadjoint.extending import engine_of
 from coadjoint.models.quantities import positive
@@ -60,8 +61,7 @@ def capytaine_added_mass(
 def _dataset(source: Path) -> Any:
     import xarray
 
-    if not os.path.isfile(source):
-        raise FileError(f"There is no file {source}.")
+    require_file(source)
     try:
         with xarray.open_dataset(source.absolute(), engine=engine_of(source)) as opened:
             dataset = opened.load()

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.disk import require_file, require_folder
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint.models.quantities import not_negative
@@ -67,11 +68,9 @@ def import_vehicle(
     import runs no code of the files and opens no address.
     """
     source = Path(path)
-    if not source.is_file():
-        raise FileError(f"There is no file {source}.")
+    require_file(source)
     below = workspace_of(source) if folder is None else Path(folder)
-    if not below.is_dir():
-        raise FileError(f"There is no folder {below}.")
+    require_folder(below)
     xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
     root = xacro.read(source)
     draft = Draft(_name(root.attributes.get("name"), source), f"{source.name}, a file of another simulator")
@@ -108,8 +107,7 @@ def _read(root: Element, world: Element | None, below: Path, draft: Draft, sourc
 
 def _world(path: Path, draft: Draft) -> Element:
     """The <world> of a file of Gazebo; raises FileError."""
-    if not path.is_file():
-        raise FileError(f"There is no file {path}.")
+    require_file(path)
     root = read_elements(path, path.name)
     world = root.first("world") if root.tag == "sdf" else None
     if world is None:

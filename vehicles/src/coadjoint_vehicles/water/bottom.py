@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array
+from coadjoint.disk import require_file
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.extending import engine_of
 from coadjoint_vehicles.water.columns import read
@@ -78,8 +79,7 @@ class Bottom:
         import xarray
 
         source = Path(path)
-        if not source.is_file():
-            raise FileError(f"There is no file {source}.")
+        require_file(source)
         try:
             opened = xarray.open_dataset(source.absolute(), engine=engine_of(source, by_child=False))
         except FileError:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.disk import require_file
 from coadjoint.errors import ArgumentError, FileError, error_line
 from coadjoint.extending import logger
 
@@ -39,8 +40,7 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise ArgumentError(
             'A bottom of GeoTIFF needs tifffile, which is not installed: pip install "coadjoint-vehicles[maps]".'
         ) from error
-    if not path.is_file():
-        raise FileError(f"There is no file {path}.")
+    require_file(path)
     logger("tifffile")  # which logs names
     try:
         with tifffile.TiffFile(path) as opened:

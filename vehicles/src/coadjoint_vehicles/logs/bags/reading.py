@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from coadjoint.clocks import Choices, Jumps, Unsorted, require_choices
+from coadjoint.disk import reading
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
@@ -138,12 +139,8 @@ def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | 
             return topic in chosen
         return kind in TYPES or kind in ARDUPILOT or driven(topic, kind) is not None or (topic, kind) == CURRENT
 
-    try:
+    with reading(file, "log"):
         return _format(file).read(file, wanted, partial)
-    except OSError as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"The log {file} cannot be read: {error.strerror or error}.") from error
 
 
 def _taken(
