@@ -171,8 +171,7 @@ class ProblemData:
             raise ArgumentError("Argument `path_points` is where `path` holds inside steps: give `path`.")
 
     def _require_inputs(self) -> None:
-        if not isinstance(self.inputs, Mapping) or not all(isinstance(name, str) for name in self.inputs):
-            raise ArgumentError("Argument `inputs` must be a dictionary of name → co.control.Input(…).")
+        checks.mapping(self.inputs, "inputs", "a dictionary of name → co.control.Input(…)")
         chosen = any(isinstance(value, (Input, Profile)) for value in self.inputs.values()) or self.parameters
         if not chosen and not self.free_start:
             raise ArgumentError(

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, Scalar
+from coadjoint.checks import whole
 from coadjoint.difference_maps.secant import require_secant, secant, secant_dual
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
@@ -73,10 +74,7 @@ class EnergyMomentum(Method, HalfStepSquared):
 
     def __post_init__(self):
         super().__post_init__()
-        if isinstance(self.points, bool) or not isinstance(self.points, int) or not 1 <= self.points <= MAX_POINTS:
-            raise ArgumentError(
-                f"Argument `points` must be a whole number from 1 to {MAX_POINTS}, but is {self.points!r}."
-            )
+        whole(self.points, "points", most=MAX_POINTS)
         if self.start != "momentum":
             raise ArgumentError('EnergyMomentum starts from momenta: leave out start="velocity".')
 

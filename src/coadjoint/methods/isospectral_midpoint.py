@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, Scalar
+from coadjoint.checks import truth
 from coadjoint.difference_maps import Cayley
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.kernels.newton.fixed_point import FixedPoint
@@ -99,8 +100,7 @@ class IsospectralMidpoint(Method, FullStep):
             raise ArgumentError(
                 f"Argument `tolerance` must be a number over 0 and below 0.001, but is {shown(self.tolerance)}."
             )
-        if not isinstance(self.carry_g, bool):
-            raise ArgumentError(f"Argument `carry_g` must be True or False, but is {shown(self.carry_g)}.")
+        truth(self.carry_g, "carry_g")
         if self.start != "momentum":
             raise ArgumentError('co.IsospectralMidpoint starts from momenta: leave out start="velocity".')
 

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.checks import truth
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import power
@@ -60,8 +61,7 @@ class Variational(Method, FullStep):
 
     def __post_init__(self):
         super().__post_init__()
-        if not isinstance(self.symmetric, bool):
-            raise ArgumentError(f"Argument `symmetric` must be True or False, but is {shown(self.symmetric)}.")
+        truth(self.symmetric, "symmetric")
 
     @property
     def order(self) -> int:

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -19,6 +20,7 @@ from coadjoint.roots import brent
 from coadjoint.simulation.arguments import read_of
 
 Direction = Literal["rising", "falling", "both"]
+OF_THE_STATE = "a function of the state"
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,7 @@ class Event:
     direction: Direction = "both"
 
     def __post_init__(self) -> None:
-        if not callable(self.function):
-            raise LagrangianError(f"An event must be a function of the state, but is {shown(self.function)}.")
+        checks.function(self.function, "An event", OF_THE_STATE, LagrangianError)
         if not isinstance(self.direction, str) or self.direction not in get_args(Direction):
             raise ArgumentError(
                 f'Argument `direction` must be "rising", "falling" or "both", but is {shown(self.direction)}.'
@@ -51,9 +52,7 @@ def as_event(given: Event | Callable[[State], PyTree] | None, what: str = "Argum
     """The event for the value of `until`, or of a name in `events`."""
     if given is None or isinstance(given, Event):
         return given
-    if not callable(given):
-        raise LagrangianError(f"{what} must be a function of the state, but is {shown(given)}.")
-    return Event(given)
+    return Event(checks.function(given, what, OF_THE_STATE, LagrangianError))
 
 
 def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
