@@ -135,9 +135,12 @@ def _that_tell(changes: np.ndarray) -> np.ndarray:
 def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
     """t for which base − Σ t_i changes_i is definite, or as near to it as was found."""
 
+    def eigenvalues(t: np.ndarray | float) -> np.ndarray:
+        return np.linalg.eigvalsh(base - np.tensordot(np.atleast_1d(t), changes, 1))
+
     def margin(t: np.ndarray | float) -> float:
         """The smallest eigenvalue of ±form relative to the largest."""
-        values = np.linalg.eigvalsh(base - np.tensordot(np.atleast_1d(t), changes, 1))
+        values = eigenvalues(t)
         return float(max(values[0], -values[-1]) / max(np.max(np.abs(values)), 1e-300))
 
     zero = np.zeros(len(changes))
@@ -149,11 +152,14 @@ def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
     sizes = float(np.max(np.abs(base))) / np.maximum(each, max(1e-9 * float(np.max(each)), 1e-300))
     simplex = np.vstack([zero, np.diag(sizes)])
 
-    def lack(t: np.ndarray) -> float:
-        """−margin; points farther than FARTHEST count as the worst, or the search would never end."""
-        return -margin(t) if np.all(np.abs(t) <= FARTHEST * sizes) else 1.0
+    def lack(t: np.ndarray, sign: float) -> float:
+        """The largest eigenvalue of −sign · form, which is convex; none farther than FARTHEST, or it might not end."""
+        return float(np.max(-sign * eigenvalues(t))) if np.all(np.abs(t) <= FARTHEST * sizes) else np.inf
 
-    return minimize(lack, zero, method="Nelder-Mead", options={"initial_simplex": simplex}).x
+    # Each sign has its own search: the one that is nearer at first would hide the other.
+    options = {"initial_simplex": simplex}
+    found = (minimize(lack, zero, (sign,), method="Nelder-Mead", options=options).x for sign in (1.0, -1.0))
+    return max(found, key=margin)
 
 
 def _between(base: np.ndarray, change: np.ndarray) -> list[float]:
