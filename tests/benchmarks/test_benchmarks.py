@@ -98,9 +98,36 @@ def test_results_stay_out_of_the_repository():
     assert not (ROOT / "docs" / "measured").exists()
 
 
+def test_parts_on_a_gpu_go_on_after_one_that_fails_and_begin_none_that_would_end_too_late(capsys, monkeypatch):
+    gpu = importlib.import_module("benchmarks.gpu")
+    clock = iter([0.0, 1.0, 2.0, gpu.LIMIT + 1])
+
+    def fail() -> dict[str, float]:
+        raise ValueError("no room")
+
+    parts = [("first", 1, fail), ("second", 2, lambda: {"seconds": 0.5}), ("third", 3, fail)]
+    monkeypatch.setattr(gpu, "_parts", lambda small: parts)
+    monkeypatch.setattr(gpu.time, "perf_counter", lambda: next(clock))
+    gpu.main(True)
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    said = [{key: row[key] for key in row if key not in ("part", "size", "device")} for row in rows]
+    assert said == [{"failed": "ValueError: no room"}, {"seconds": 0.5}, {"left_out": f"after {gpu.LIMIT:g} s"}]
+
+
+def test_commands_are_timed_cold_and_repeated_from_the_checkout_of_each_python(monkeypatch):
+    commands, tables = importlib.import_module("benchmarks.commands"), importlib.import_module("benchmarks.tables")
+    code = "import os; assert 'cache' in os.environ['COADJOINT_CACHE'] and os.path.isdir('examples')"
+    monkeypatch.setattr(commands, "CASES", {"nothing": ["-c", code]})
+    found = commands.measure(True)
+    (seconds,) = found["nothing"].values()
+    assert len(seconds) == 2 and min(seconds) > 0
+    (table,) = tables.tables("commands", found)
+    assert table.rows[0][0] == "nothing" and " / " in table.rows[0][1]
+
+
 @pytest.mark.long
 def test_the_quick_form_of_the_command_runs(tmp_path: Path):
-    sections = ["one", "many_1", "gradients", "stepping", "instructions", "precision"]
+    sections = ["one", "many_1", "gradients", "stepping", "calls", "instructions", "precision"]
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks", "--quick", "--out", str(tmp_path), "--only", *sections],
         cwd=ROOT, capture_output=True, text=True, check=False,

@@ -50,17 +50,6 @@ COMMANDS: Registry[str] = Registry("COMMANDS")
 
 
 VEHICLES, RUN_FILE = "coadjoint_vehicles", "run.toml"
-WITHOUT_DASK = (
-    commands.Reproduce,
-    commands.Run,
-    commands.Resume,
-    commands.Plot,
-    commands.Info,
-    Compare,
-    Report,
-    View,
-)
-"""The commands that do not use dask by themselves."""
 
 OF_VEHICLES = ("identify", "import", "serve", "stability", "vehicles")
 """Commands of coadjoint-vehicles, which may not be installed."""
@@ -132,7 +121,8 @@ def _may_use_dask(command: object) -> bool:
 
     xarray imports dask, if it is installed, for half a second to see that no array is one of its arrays.
     """
-    if not isinstance(command, WITHOUT_DASK) or any(name.partition(".")[0] != VEHICLES for name in extensions()):
+    core = type(command).__module__.startswith("coadjoint.cli.")
+    if not core or isinstance(command, Sweep) or any(name.partition(".")[0] != VEHICLES for name in extensions()):
         return True
     named = getattr(command, "file", None) or Path(getattr(command, "folder", "")) / RUN_FILE
     try:
