@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from coadjoint_vehicles.axes import Axes
-    from coadjoint_vehicles.logs.bags.bag import Bag
-    from coadjoint_vehicles.logs.bags.dataflash_file import Dataflash
+    from coadjoint_vehicles.logs.bags.bag import Bag, TopicLog
 
 
 class BagFormat(NamedTuple):
@@ -25,7 +24,7 @@ class BagFormat(NamedTuple):
     function: str
     axes: Axes = "ENU/FLU"
 
-    def read(self, path: Path, wanted: Callable[[str, str], bool], partial: bool) -> Bag | Dataflash:
+    def read(self, path: Path, wanted: Callable[[str, str], bool], partial: bool) -> Bag | TopicLog:
         """The contents of a file of this format."""
         return getattr(import_module(self.module), self.function)(path, wanted, partial)
 

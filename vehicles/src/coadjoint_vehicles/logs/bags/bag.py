@@ -81,3 +81,20 @@ class Bag:
         if alone:
             self.keep(int(table[:, 1].sum()) + table.nbytes)
         self.blocks.setdefault(number, []).append(block.alone() if alone else block)
+
+
+@dataclass
+class TopicLog:
+    """The contents of a log whose topics, such as `ATT` and `IMU[0]` of ArduPilot, are `found` when it is read."""
+
+    path: str
+    found: dict[str, Topic] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def topics(self) -> dict[str, tuple[str, int]]:
+        """Type and number of messages of every topic."""
+        return {name: (topic.definition.name, len(topic)) for name, topic in self.found.items()}
+
+    def topic(self, name: str) -> Topic:
+        return self.found[name]

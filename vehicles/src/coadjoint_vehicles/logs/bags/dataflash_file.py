@@ -9,12 +9,13 @@ from __future__ import annotations
 import mmap
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from coadjoint.errors import FileError
+from coadjoint_vehicles.logs.bags.bag import TopicLog
 from coadjoint_vehicles.logs.bags.definitions import Definition, Field
 from coadjoint_vehicles.logs.bags.messages import Block, Topic, at_any_byte
 
@@ -58,24 +59,7 @@ class Format:
         return {name: _DIVISORS[letter] for name, letter in pairs if letter in _DIVISORS}
 
 
-@dataclass
-class Dataflash:
-    """The contents of an ArduPilot log: topics such as `ATT` and `IMU[0]`."""
-
-    path: str
-    found: dict[str, Topic] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-
-    def topics(self) -> dict[str, tuple[str, int]]:
-        """Type and number of messages of every topic."""
-        return {name: (topic.definition.name, len(topic)) for name, topic in self.found.items()}
-
-    def topic(self, name: str) -> Topic:
-        return self.found[name]
-
-
-def read_dataflash(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Dataflash:
+def read_dataflash(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> TopicLog:
     """A log of ArduPilot with the messages of those topics for which `wanted(topic, type)` is true.
 
     partial: without effect, since these files have no end that could be missing. Raises FileError for files that are
@@ -90,7 +74,7 @@ def read_dataflash(path: Path, wanted: Callable[[str, str], bool], partial: bool
         content = mmap.mmap(opened.fileno(), path.stat().st_size, access=mmap.ACCESS_READ)
     scan = _Scan(path, content)
     scan.all()
-    found = Dataflash(str(path))
+    found = TopicLog(str(path))
     if scan.strange > 600 + MOST_STRANGE * len(content):
         raise FileError(f"The log {path} is damaged: {scan.strange} of its {len(content)} bytes are not a message.")
     if scan.strange:

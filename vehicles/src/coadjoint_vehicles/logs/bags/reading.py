@@ -19,9 +19,8 @@ from coadjoint.identification.channels import VEHICLE
 from coadjoint.units import unit_of
 from coadjoint_vehicles.axes import Axes, space_axes
 from coadjoint_vehicles.logs.bags import BAG_FORMATS, BagFormat
-from coadjoint_vehicles.logs.bags.bag import Bag
+from coadjoint_vehicles.logs.bags.bag import Bag, TopicLog
 from coadjoint_vehicles.logs.bags.converted import WaterAbove
-from coadjoint_vehicles.logs.bags.dataflash_file import Dataflash
 from coadjoint_vehicles.logs.bags.declared import Declared, declared
 from coadjoint_vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint_vehicles.logs.bags.messages import Topic
@@ -131,7 +130,7 @@ def _format(file: Path) -> BagFormat:
     return BAG_FORMATS.get(file.suffix.lower(), BAG_FORMATS[".mcap"])
 
 
-def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | Dataflash:
+def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | TopicLog:
     """The bag in one file, by the end of its name, with the messages that are wanted."""
 
     def wanted(topic: str, kind: str) -> bool:
@@ -144,7 +143,7 @@ def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | 
 
 
 def _taken(
-    bags: list[Bag | Dataflash],
+    bags: list[Bag | TopicLog],
     wanted: Declared,
     chosen: Collection[str] | None,
     axes: Axes,
@@ -235,7 +234,7 @@ def _bare(command: CommandTopic | None, own: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _topics(bags: list[Bag | Dataflash]) -> list[Topic]:
+def _topics(bags: list[Bag | TopicLog]) -> list[Topic]:
     """The topics of all files of a bag, each with the messages of all of them."""
     found: dict[str, Topic] = {}
     for bag in bags:

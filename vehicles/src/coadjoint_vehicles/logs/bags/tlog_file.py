@@ -14,7 +14,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from coadjoint.errors import FileError, error_line
-from coadjoint_vehicles.logs.bags.dataflash_file import Dataflash, require_short
+from coadjoint_vehicles.logs.bags.bag import TopicLog
+from coadjoint_vehicles.logs.bags.dataflash_file import require_short
 from coadjoint_vehicles.logs.bags.definitions import Definition, Field
 from coadjoint_vehicles.logs.bags.messages import Block, Topic
 from coadjoint_vehicles.logs.bags.optional import library
@@ -33,7 +34,7 @@ LATEST = (2**63 - 1) // 1000
 """The last time whose nanoseconds an integer of 64 bits holds, µs; that of a packet with a later one is damaged."""
 
 
-def read_tlog(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Dataflash:
+def read_tlog(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> TopicLog:
     """Telemetry with the messages of those kinds for which `wanted(kind, kind)` is true, at the times of logging.
 
     Where several vehicles send messages of a kind, each has a topic, `ATTITUDE[1]` with the number of its system.
@@ -56,7 +57,7 @@ def read_tlog(path: Path, wanted: Callable[[str, str], bool], partial: bool = Fa
     if strange > MOST_STRANGE * count:
         raise FileError(f"The telemetry {path} is damaged: {strange} of {count} packets are none.")
     notes = [f"{strange} of {count} packets are damaged, and are passed over."] if strange else []
-    found = Dataflash(str(path), notes=notes)
+    found = TopicLog(str(path), notes=notes)
     for (kind, system), messages in rows.items():
         systems = sorted(other for name, other in rows if name == kind)
         topic = kind if len(systems) == 1 else f"{kind}[{system}]"
