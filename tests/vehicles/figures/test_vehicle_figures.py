@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray
 from matplotlib.colors import to_hex
+from matplotlib.ticker import FixedLocator
 from PIL import Image
 
 from coadjoint.errors import ArgumentError
@@ -187,6 +188,7 @@ def test_way_points_are_numbered_and_panels_share_their_times():
     assert numbers == {"1": (4.0, 3.0), "2": (6.0, 5.0)}
     ticks = [tuple(one.get_xticks()) for one in axes[1:]]
     assert len(set(ticks)) == 1 and len(ticks[0]) > 2
+    assert all(isinstance(one.xaxis.get_major_locator(), FixedLocator) for one in axes[1:])
 
 
 def test_an_axis_of_actuators_says_their_names_and_the_unit_of_files():

@@ -37,16 +37,20 @@ REACH = {"pitch_reach": 1.0, "heading_reach": 1.0, "fin_limit": 0.3, "thrust_lim
 LIMITED = {**REACH, "fin_limit": np.radians(15.0)}
 
 
-def orders(manoeuvre, headings, *, begin=1.0, period=1.0, **fields):
-    """(rudder order, propeller command) of each sample, of a controller that is fed these headings."""
-    made = Trial(manoeuvre=manoeuvre, begin=begin, period=period, allocation=MIXED, **GAINS, **REACH, **fields)
+def orders(manoeuvre, headings, *, begin=1.0, period=1.0, slower=0.0, **fields):
+    """(rudder order, propeller command) of each sample, of a controller that is fed these headings, and speeds that
+    fall by `slower` from sample to sample."""
+    made = Trial(
+        manoeuvre=manoeuvre, begin=begin, period=period, allocation=MIXED, **{**GAINS, "speed_gains": (5.0, 0, 0)},
+        **REACH, **fields,
+    )  # fmt: skip
     memory, found = made.memory(), []
     own = named(made.parameters())
     for k, heading in enumerate(headings):
         zero = np.zeros(3)
         inputs = named({"depth": 5.0, "heading": 0.0, "speed": 1.5})
         feedback = Feedback(
-            zero, np.array([1.5, 0, 0]), zero, zero, np.array([0.0, 0, 1]), np.array([1.0, 0, 0]),
+            zero, np.array([1.5 - slower * k, 0, 0]), zero, zero, np.array([0.0, 0, 1]), np.array([1.0, 0, 0]),
             zero[0], zero[0], heading, 5 + zero[0], zero[0], k * period, inputs, None,
         )  # fmt: skip
         commands, memory = evaluate(lambda f, m, o: made.steer(f, m, o, REMUS), feedback, named(memory), own)
@@ -60,6 +64,11 @@ def test_a_zigzag_reverses_where_the_heading_is_off_by_its_deviation_on_the_side
     # the course is the heading at the execute, 3°
     assert found[:, 0] == pytest.approx([0, 0.2, 0.2, 0.2, -0.2, -0.2, 0.2, 0.2, 0.2, 0.2])
     assert found[:, 1] == pytest.approx(15.0)
+
+
+def test_the_command_of_the_propulsion_stays_from_the_execute_on():
+    found = orders("turning_circle", np.zeros(5), rudder=0.2, begin=2.0, slower=0.1)
+    assert found[:, 1] == pytest.approx([15.0, 15.5, 16.0, 16.0, 16.0])
 
 
 def test_a_spiral_goes_down_and_up_in_equal_steps_and_a_pull_out_ends_midships():
