@@ -280,6 +280,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
     assert [now.deviations[name] < 0.4 for name in ("eta[1]", "eta[2]", "mu[1]", "mu[2]")] == [True] * 4
 
 
+@pytest.mark.cases(14)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [

@@ -36,6 +36,7 @@ def test_a_dissipation_function_of_degree_d_takes_d_times_itself(world, degree):
     assert power == pytest.approx(-degree * loss, rel=1e-13)
 
 
+@pytest.mark.long
 def test_a_quadratic_dissipation_function_is_linear_drag_in_a_run():
     p = co.Parameters(D=[[2.0, 0.5, 0.0], [0.5, 1.0, 0.2], [0.0, 0.2, 3.0]])
     by_hand = {"drag": lambda motion, p: co.Force(torque=-p.D @ motion.xi)}

@@ -164,6 +164,7 @@ def test_symmetrised_right_rectangle_is_the_left_right_pair():
     assert co.methods.Symmetrised(co.Midpoint()).order == 2
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_composed_run_keeps_momentum_and_its_order_of_energy(backend):

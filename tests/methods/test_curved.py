@@ -171,6 +171,7 @@ def test_another_chart_is_another_chart():
     np.testing.assert_allclose(np.linalg.norm(x + two), 1.0, atol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 @pytest.mark.parametrize(("q", "v"), [([0, 0, 1], [1, 0, 0]), ([0, 1, 0], [1, 0, 0]), ([0, 0, -1], [0.6, 0.8, 0])])

@@ -44,6 +44,7 @@ BACKENDS = pytest.mark.parametrize("run", [by_native, by_numpy], ids=["native", 
 RULES = pytest.mark.parametrize("method", [co.LeftRectangle(), co.Midpoint()], ids=["left", "midpoint"])
 
 
+@pytest.mark.long
 @pytest.mark.cases(2)
 @BACKENDS
 @RULES

@@ -82,6 +82,7 @@ def test_methods_are_found_by_their_names(tmp_path, written, title):
     assert method(file.method).title == title
 
 
+@pytest.mark.long
 def test_substeps_backwards_are_allowed_where_forces_dissipate(tmp_path):
     changes = ["system.factory=top.py:damped", "method.name=Suzuki4", "run.steps=2", "output.figures=false"]
     path = write(tmp_path, TOP)

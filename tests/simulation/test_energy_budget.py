@@ -103,6 +103,7 @@ def test_the_budget_is_on_the_card_in_the_dataset_and_in_the_summary():
     assert summary["energy_budget_error_max"] < 1e-4
 
 
+@pytest.mark.long
 def test_without_forces_nothing_is_accounted():
     system, start = pendulum()
     run = co.simulate(system, start, dt=0.01, steps=5)

@@ -26,6 +26,7 @@ def test_a_file_that_was_saved_is_read_without_a_child(written, monkeypatch):
     assert co.load(written).dataset.energy.shape == (200,)
 
 
+@pytest.mark.long
 def test_no_single_bit_changes_a_number_that_is_read(written, tmp_path):
     content, generator = written.read_bytes(), random.Random(20261123)
     before = co.load(written).dataset

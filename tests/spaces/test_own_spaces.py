@@ -94,6 +94,7 @@ def test_the_sentence_tells_class_member_deviation_and_remedy():
     )
 
 
+@pytest.mark.long
 def test_a_flipped_diamond_spoils_the_motion_and_shows_nowhere_on_the_card():
     """What the comparison is for: without it the card stands at round-off."""
 

@@ -47,6 +47,7 @@ def test_a_neutrally_buoyant_ellipsoid_conserves_impulse_and_moment_on_the_grid(
     assert run.relative_change("energy") <= {1: 1e-2, 2: 2e-4, 4: 1e-8}[method.order]
 
 
+@pytest.mark.long
 def test_the_impulse_of_a_heavy_body_is_not_conserved_so_that_the_test_can_fail():
     body = ENTRY.make(center_of_mass=(0.0, 0.0, 0.05))
     run = co.simulate(body, ENTRY.start(body), dt=0.02, duration=10.0, save_every=50)
@@ -54,6 +55,7 @@ def test_the_impulse_of_a_heavy_body_is_not_conserved_so_that_the_test_can_fail(
     assert largest(moment - moment[0]) > np.linalg.norm(moment[0])
 
 
+@pytest.mark.long
 def test_a_long_body_on_course_turns_across_it_at_munks_rate():
     """δ̈ = σ²δ, σ = u√((m₂ − m₁)m₁/(m₂J₆₆)), for heading and sway about steady motion at speed u, without weight."""
     speed, mass, added = 1.5, 31.029384975800244, np.array([0.8389, 29.4376, 29.4376, 0.0336, 3.4262, 3.4262])

@@ -31,6 +31,7 @@ def test_all_vehicles_are_listed_with_mass_length_parts_controller_and_source(ca
     assert [row["name"] for row in rows] == vehicles.names()
 
 
+@pytest.mark.long
 def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys) -> None:
     out = told(capsys, "show", "rexrov")
     for words in ("metacentric height  300 mm", "net weight          -263.5 N, it floats up", "terminal speed"):

@@ -168,6 +168,7 @@ heading_reach = { value = 10, unit = "deg" }
 """
 
 
+@pytest.mark.long
 def test_a_controller_in_a_vehicle_file_has_the_gains_that_it_gives_and_proposes_the_others():
     text = vehicle_text("remus_100")
     vehicle = vehicle_from_text(text[: text.index("[controller]")] + FILE, "mine.toml")

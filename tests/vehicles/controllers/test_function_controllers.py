@@ -122,6 +122,7 @@ class Confused(Controller):
         return {"rudder": 0.1 if feedback.depth > 2 else 0.0}, {}
 
 
+@pytest.mark.long
 def test_inputs_of_a_wrong_shape_are_told_by_name():
     craft = Craft(VEHICLE, controller=Cruise())
     with pytest.raises(

@@ -67,6 +67,7 @@ def test_a_run_warns_of_clipped_commands():
         assert any("is clipped to its limits" in sentence for sentence in run.warnings) is warns
 
 
+@pytest.mark.long
 def test_a_stepper_of_a_vehicle_warns_of_a_clipped_command():
     start = CRAFT.start(position=(0, 0, 9.0))
     made = co.Stepper(CRAFT.system, start, dt=0.05, inputs={"thrusters": eight(1500.0)}, accuracy=False)
