@@ -17,6 +17,8 @@ from coadjoint_vehicles import Craft, Vehicle
 from coadjoint_vehicles.files.file import vehicle_from_text
 from coadjoint_vehicles.files.writing import vehicle_to_toml
 from coadjoint_vehicles.parts import T200, Damping, Thrusters, force_curves
+from coadjoint_vehicles.parts.allocator import Allocator
+from coadjoint_vehicles.parts.bounded_thrusts import bounded
 from coadjoint_vehicles.parts.force_curves import ForceCurve
 from coadjoint_vehicles.parts.part import Flow
 from coadjoint_vehicles.parts.published_curves import force_curve
@@ -187,7 +189,7 @@ def test_allocated_commands_give_the_wrench_or_the_directions_of_its_force_and_t
     }[kind]
     random, share = np.random.default_rng(7), 1.0
     for size in (1e-3, 0.3, 30.0, 5000.0):
-        for _ in range(5):
+        for _ in range(3):
             wrench = random.normal(size=6) * size
             u = part.allocate(wrench)
             low, high = part.limit
@@ -201,6 +203,85 @@ def test_allocated_commands_give_the_wrench_or_the_directions_of_its_force_and_t
             assert force == pytest.approx(1.0, rel=1e-9) or (force < 1 and saturated)
             share = min(force, turn)
     assert share < 0.8  # The largest were out of reach.
+
+
+WEIGHTS = (1.0, 1, 1, 30, 30, 30)
+
+
+def layouts() -> dict[str, tuple[Any, Any, Any]]:
+    """Twenty layouts (B, lowest, highest): rounded, redundant, with one failed, and of one direction."""
+    random, found = np.random.default_rng(11), {}
+    for z in (0.0, 1e-3, 1e-2):
+        found[f"vectored {z}"] = (np.asarray(vectored(z).nominal_matrix), np.full(6, -50.0), np.full(6, 50.0))
+    for name, failed in (("heavy", []), ("one failed", [2]), ("another failed", [6])):
+        B = BLUEROV_TAM.copy()
+        B[:, failed] = 0.0
+        found[name] = (B, np.full(8, -40.0), np.full(8, 50.0))
+    found["one way"] = (BLUEROV_TAM, np.array([0, 0, -40, -40, 0, -40, -40, -40.0]), np.full(8, 50.0))
+    for k in range(13):
+        n = int(random.integers(3, 11))
+        places, ways = random.normal(size=(n, 3)) * 0.4, random.normal(size=(n, 3))
+        ways /= np.linalg.norm(ways, axis=1)[:, None]
+        low = -random.uniform(10, 60, n)
+        low[random.integers(0, n, k % 3)] = 0.0
+        found[f"random {k}"] = (np.vstack([ways.T, np.cross(places, ways).T]), low, random.uniform(10, 60, n))
+    return found
+
+
+def against_least_squares(names: Any, count: int) -> float:
+    """The largest error of wrenches, relative, against bounded-variable least squares of SciPy."""
+    from scipy.optimize import lsq_linear
+
+    random, worst = np.random.default_rng(12), 0.0
+    for name in names:
+        B, low, high = layouts()[name]
+        allocator = Allocator(B, low, high, weights=np.array(WEIGHTS))
+        kept, units = allocator.kept, allocator.units
+        wrenches = random.normal(size=(count, 6)) * units * 10 ** random.uniform(0, 3.5, (count, 1))
+        with co.float64():
+            found = np.asarray(jax.jit(jax.vmap(allocator.thrusts))(jnp.asarray(wrenches)))
+        A = (np.array(WEIGHTS) / units)[kept, None] * B[kept]
+        for wrench, f in zip(wrenches, found, strict=True):
+            y = (np.array(WEIGHTS) / units)[kept] * wrench[kept]
+            best = lsq_linear(A, y, (low, high), method="bvls", tol=1e-15, max_iter=1000).x
+            assert np.all(f >= low) and np.all(f <= high)
+            worst = max(worst, np.abs(B[kept] @ (f - best)).max() / max(np.abs(wrench).max(), 1.0))
+    return worst
+
+
+def test_with_weights_the_thrusts_are_bounded_least_squares():
+    """By the conditions of Karush, Kuhn and Tucker: a gradient of 0, or out of the limits where a thrust is at one."""
+    B = np.array([[1.0, 1, 0.3], [0.5, -0.5, 0.1]])
+    low, high = np.array([0.0, -3, -2]), np.array([4.0, 5, 2])
+    A = np.array([1.0, 30.0])[:, None] * B
+    f0 = np.linalg.pinv(A) @ np.array([20.0, 30.0])
+    f = evaluate(lambda f0: bounded(A, f0, low, high), f0)
+    gradient = A.T @ A @ (f0 - f)
+    assert np.all(f >= low) and np.all(f <= high) and np.any(f == high)
+    pushed = np.where(f == high, np.minimum(gradient, 0), np.where(f == low, np.maximum(gradient, 0), gradient))
+    np.testing.assert_allclose(pushed, 0.0, atol=1e-9)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("layout", range(20))
+def test_with_weights_many_random_wrenches_are_bounded_least_squares(layout):
+    assert against_least_squares([list(layouts())[layout]], 500) < 1e-9
+
+
+@pytest.mark.long
+def test_weighted_allocation_is_the_same_in_native_code_and_by_xla():
+    part = vectored(1e-3, axis_weights=WEIGHTS, limit=8.0)
+
+    def keep(feedback: Any, p: Any) -> dict[str, Any]:
+        force = jnp.concatenate([-40.0 * (feedback.position - 1.0), -9.0 * feedback.omega])
+        return {"thrusters": part.allocate(force)}
+
+    craft = Craft(vehicle(part, damping=(5.0,) * 6), controller=keep)
+    ends = [
+        co.simulate(craft.system, craft.start(), dt=0.05, steps=60, backend=backend).final.q
+        for backend in ("native", "xla")
+    ]
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-10)
 
 
 def test_where_thrusters_saturate_attitude_comes_before_position():
@@ -264,12 +345,13 @@ def test_an_axis_that_comes_with_another_is_left_to_the_vehicle_and_the_other_ge
 def test_each_thruster_may_have_its_own_curve_and_limits_and_is_written_and_read_so():
     part = Thrusters(
         "pair", {"quadratic": ([2.0, 1.0], [1.0, 0.5])}, positions=[[0, 1, 0], [0, -1, 0]],
-        directions=[[1, 0, 0]] * 2, limit=[[-3.0, 0.0], [3.0, 5.0]],
+        directions=[[1, 0, 0]] * 2, limit=[[-3.0, 0.0], [3.0, 5.0]], axis_weights=WEIGHTS,
     )  # fmt: skip
     np.testing.assert_allclose(evaluate(part.thrusts, np.array([-2.0, 2.0]), own(part)), [-4, 4])
     np.testing.assert_array_equal(part.extremes, [[-9, 0], [18, 25]])
     again: Any = vehicle_from_text(vehicle_to_toml(vehicle(part))).part("pair")
     np.testing.assert_array_equal(again.limit, part.limit)
+    np.testing.assert_array_equal(again.axis_weights, WEIGHTS)
     np.testing.assert_array_equal(again.curve.ahead, [2, 1])
     with pytest.raises(co.errors.ArgumentError, match="one for each of the 3"):
         Thrusters("three", part.curve, positions=np.eye(3), directions=np.eye(3))
@@ -363,6 +445,7 @@ WRONG = {
     "must be one number or have shape .1,.": {"torque": [0.1, 0.2]},
     "must leave something": {"dead_band": 1.0, "limit": 1.0},
     "`lag` .* at least 0": {"lag": -0.1},
+    "must be positive, but is .0.0": {"axis_weights": (0.0, 1, 1, 1, 1, 1)},
     "largest command, .lowest": {"limit": (1.0, 2.0)},
 }
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array
+from coadjoint_vehicles.parts.bounded_thrusts import bounded, independent
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LEAST_AUTHORITY = 5e-3
@@ -26,12 +27,16 @@ class Allocator:
     value is below `least_authority` of the largest is an uncontrollable direction. For each of them the axis of its
     largest entry is left out. The others get what they ask for, and what comes with it along that axis, such as the
     pitch of thrusters below the centre of mass, is left to the vehicle.
+
+    weights: (6,) of the axes, torques divided by L: within the limits the thrusts have least Σ_j (w_j (B f − W)_j)²
+    over the controllable axes, of several the least |f|. None: force gives way before torque, each along its direction.
     """
 
     matrix: np.ndarray
     low: np.ndarray
     high: np.ndarray
     least_authority: float = LEAST_AUTHORITY
+    weights: np.ndarray | None = None
 
     @cached_property
     def units(self) -> np.ndarray:
@@ -84,6 +89,8 @@ class Allocator:
         turn, push = (jnp.asarray(self.inverse[:, axes]) @ wrench[axes] for axes in (slice(3, 6), slice(3)))
         if not np.all(np.isfinite(self.low) & np.isfinite(self.high)):
             return turn + push
+        if self.weights is not None:
+            return self._least_squares(turn + push, self.weights)
         none = jnp.zeros(len(self.low))
         both, allowed = self._most(turn + push, none), self._most(push, none)
         s = r = jnp.zeros(())
@@ -92,6 +99,16 @@ class Allocator:
             s, r = jnp.where(found > s, found, s), jnp.where(found > s, share, r)
         r = jnp.minimum(1.0, r + self._most(push, s * turn + r * push))
         return s * turn + r * push
+
+    def _least_squares(self, free: Array, weights: np.ndarray) -> Array:
+        """The thrusts within the limits whose wrench is nearest to that of the free ones."""
+        scaled = self.matrix[self.kept] / self.units[self.kept, None]
+        A = weights[self.kept, None] * scaled / np.linalg.norm(scaled, 2)
+        found = jnp.zeros(len(self.low))
+        for axes, thrusters in independent(A):
+            f = bounded(A[np.ix_(axes, thrusters)], free[thrusters], self.low[thrusters], self.high[thrusters])
+            found = found.at[thrusters].set(f)
+        return found
 
     def _most(self, along: Array, base: Array) -> Array:
         """The largest s ≤ 1 with base + s along within the limits, for a base that is within them."""

@@ -21,7 +21,7 @@ from coadjoint.spaces import Named
 from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY, Allocator
 from coadjoint_vehicles.parts.force_curves import Polynomial
-from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, share
+from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, numbers, share
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
 from coadjoint_vehicles.parts.published_curves import force_curve
 
@@ -47,7 +47,9 @@ class Thrusters(Part):
     default the ends of a table. lag: τ, s, none if left out. effectiveness: e_i, the part of its force that a thruster
     has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, also in the model of software on board, unless
     the parameter is replaced. least_authority: the part of the largest singular value of the scaled B below which
-    `allocate` takes a direction as uncontrollable. Raises ArgumentError for impossible values.
+    `allocate` takes a direction as uncontrollable. axis_weights: w of surge … yaw, with which `allocate` finds the
+    least squares within the limits (`parts.allocator`); by default force gives way before torque. Raises ArgumentError
+    for impossible values.
     """
 
     kind: ClassVar[str] = "thrusters"
@@ -63,6 +65,7 @@ class Thrusters(Part):
     density: Measured = measured(u.DENSITY, positive, default=None)
     effectiveness: Measured = measured(u.NUMBER, None, default=1.0)
     least_authority: Measured = measured(u.NUMBER, share, default=LEAST_AUTHORITY)
+    axis_weights: Measured = measured(u.NUMBER, numbers(6), default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,6 +75,10 @@ class Thrusters(Part):
             raise ArgumentError(
                 f"Argument `curve{of}` must have one number for all thrusters or one for each of the {self.count}, but "
                 f"has {', '.join(map(str, sorted(self.curve.counts)))}."
+            )
+        if self.axis_weights is not None and not np.all(self.axis_weights > 0):
+            raise ArgumentError(
+                f"Argument `axis_weights{of}` must be positive, but is {np.asarray(self.axis_weights).tolist()}."
             )
         self.set(limit=self._limits(of), effectiveness=self._effectiveness(of))
         if self.limit is not None:
@@ -142,7 +149,7 @@ class Thrusters(Part):
 
     def parameters(self) -> dict[str, PyTree]:
         found = {**super().parameters(), "curve": self.curve.parameters()}
-        return {name: value for name, value in found.items() if name != "least_authority"}
+        return {name: value for name, value in found.items() if name not in ("least_authority", "axis_weights")}
 
     def matrix(self, own: Named) -> Array:
         """B, (6, n), from the geometry or as given, of thrusters that have all or a part of their force."""
@@ -194,8 +201,8 @@ class Thrusters(Part):
 
         Thrusts of least |f| with B f = w along these axes (`parts.allocator`). If one of them exceeds the limit of its
         thruster attitude comes before position: first the force is scaled down, then the torque, each without change of
-        its direction. Computed with the numbers of the part as it was made, as software on board is. Raises
-        ArgumentError for another shape.
+        its direction; with `axis_weights` the weighted least squares count. Computed with the numbers of the part as it
+        was made, as software on board is. Raises ArgumentError for another shape.
         """
         return evaluate(self._allocated, vector(wrench, "wrench", 6))
 
@@ -205,7 +212,7 @@ class Thrusters(Part):
     @cached_property
     def allocator(self) -> Allocator:
         """The allocation of wrenches to its thrusters, with the numbers of the part as it was made."""
-        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority)
+        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority, self.axis_weights)
 
     @property
     def nominal(self) -> Named:
