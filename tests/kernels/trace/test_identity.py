@@ -14,6 +14,7 @@ import pytest
 
 import coadjoint as co
 import coadjoint_vehicles
+from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.trace import library
 from coadjoint.kernels.trace.identity import Shapes, Traced, identity
 from coadjoint.mechanics.identity import parts
@@ -36,6 +37,9 @@ def test_equal_objects_of_the_library_have_one_identity_and_others_another():
         co.Linear([0.0, 1.0], [1.0, 2.0]),
         at_bottom(10.0),
         at_bottom(11.0),
+        *({0}, {0, 1}, functools.partial(at_bottom, 1.0), functools.partial(at_bottom, 2.0)),
+        *(co.Midpoint().require_fit, co.LeftRectangle().require_fit, StatusFlag.DUE, StatusFlag.FAILED),
+        *(np, np.linalg, np.sin, np.cos),
         *(0, 0.0, -0.0, False, None, "0", b"0", (0,), [0], {0: 0}, np.zeros(1), np.zeros((1, 1)), np.zeros(1, int)),
     ]
     digests = [identity(one).digest for one in different]
