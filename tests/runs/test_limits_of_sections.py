@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from coadjoint import units as u
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.runs import run_file
+from coadjoint.runs.members import _arrays
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.sections import in_si, read
@@ -198,3 +201,23 @@ def test_a_table_is_the_one_that_its_text_is_read_as():
         "run": {"dt": 0.1, "a b": {"c": 1, "d e": False}}, "with-dash_1": {"ü": 1},
     }  # fmt: skip
     assert tomllib.loads(to_toml(table)) == table and to_toml({}) == "\n"
+
+
+@pytest.mark.parametrize(("asked", "drawn"), [(True, None), (["energy"], ["energy"]), (False, "none")])
+def test_the_figures_of_a_run_are_those_that_its_file_names_or_all(monkeypatch, asked, drawn):
+    names: list[object] = ["none"]
+
+    def save(datasets, folder, chosen, form):
+        names[:] = [chosen]
+        return ["energy.png"]
+
+    monkeypatch.setattr("coadjoint.plotting.plots.save_figures", save)
+    file = SimpleNamespace(output=SimpleNamespace(figures=asked, format="png"))
+    found = run_file.RunFile.results(file, Path("out"), SimpleNamespace(dataset=None))  # type: ignore[arg-type]
+    assert found == ({}, [] if drawn == "none" else ["energy.png"]) and names == [drawn]
+
+
+def test_arguments_of_a_start_become_arrays_by_element_and_by_name():
+    found = _arrays({"a": [1, 2], "b": ([1.0, 2.0], 3.0), "c": None, "d": (1.0, 2.0)})
+    assert found["a"].tolist() == [1.0, 2.0] and found["c"] is None and found["d"].shape == (2,)
+    assert isinstance(found["b"], tuple) and found["b"][0].shape == (2,) and found["b"][1].shape == ()
