@@ -106,6 +106,17 @@ def test_a_pull_out_gives_the_time_constant_and_the_rate_that_is_left():
     assert found["residual_rate"] == pytest.approx(np.degrees(left), rel=1e-4)
 
 
+def test_a_rate_that_falls_and_comes_back_after_midships_has_no_time_constant():
+    """As of a vehicle that is unstable on a straight course and goes on turning."""
+    time = np.arange(0.0, 60.0, 0.1)
+    after = np.maximum(time - 20.0, 0.0)
+    rate = np.where(after > 0, 0.09 - 0.04 * np.exp(-after / 3), 0.1)
+    heading = np.concatenate([[0.0], np.cumsum(0.05 * (rate[1:] + rate[:-1]))])
+    found = analyse(track("pull_out", time, heading, np.where(time < 20.0, DELTA, 0.0), rate=rate))
+    assert found["residual_rate"] == pytest.approx(np.degrees(0.09), rel=1e-3)
+    assert "decay_time" not in found.merits
+
+
 def test_the_loop_of_a_spiral_is_that_of_a_vehicle_with_two_steady_turns():
     orders = np.radians([10, 5, 0, -5, -10, -5, 0, 5, 10, 10])
     rates = np.array([4, 3, 2, 1, -4, -3, -2, -1, 4, 4]) / 100

@@ -19,6 +19,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, named
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
+from coadjoint.spaces import Named
 from coadjoint_vehicles import Command, Craft, Part, Vehicle
 from coadjoint_vehicles.controllers import Trial
 from coadjoint_vehicles.controllers.allocation import Allocation
@@ -69,6 +70,20 @@ def test_a_zigzag_reverses_where_the_heading_is_off_by_its_deviation_on_the_side
 def test_the_command_of_the_propulsion_stays_from_the_execute_on():
     found = orders("turning_circle", np.zeros(5), rudder=0.2, begin=2.0, slower=0.1)
     assert found[:, 1] == pytest.approx([15.0, 15.5, 16.0, 16.0, 16.0])
+
+
+def test_a_run_does_not_warn_of_the_limits_that_a_trial_orders():
+    def fins(manoeuvre):
+        made = Trial(manoeuvre=manoeuvre, rudder=0.2, allocation=MIXED, **GAINS, **REACH)
+        rule = Craft(REMUS, controller=made).rule
+        nodes = 20
+        value = Named(stern_planes=np.zeros(nodes), rudder=np.zeros(nodes), propeller=np.zeros(nodes))
+        ends = {name: np.full(nodes, ends[1]) for name, ends in rule.limits(Craft(REMUS).parameters).items()}
+        told = rule.concluded([Named(controller=Named(value=value), **ends)], Craft(REMUS).parameters)
+        return {name for name in ends if any(f"`{name}`" in sentence for sentence in told)}
+
+    assert fins("turning_circle") == {"stern_planes", "propeller"}
+    assert fins("stop") == {"stern_planes", "rudder"}
 
 
 def test_a_spiral_goes_down_and_up_in_equal_steps_and_a_pull_out_ends_midships():

@@ -86,6 +86,14 @@ class Trial(Cruise):
         fixed = ("steps", "length")
         return {name: value for name, value in super().parameters().items() if name not in fixed}
 
+    @property
+    def ordered_to_limits(self) -> tuple[str, ...]:
+        """The fins that turn, or of a stop the propulsion."""
+        assert self.allocation is not None
+        column = 3 if self.manoeuvre == "stop" else 2
+        shares = np.asarray(self.allocation.matrix)[:, column]
+        return tuple(name for name, share in zip(self.allocation.names, shares, strict=True) if share)
+
     def attributes(self) -> dict[str, str]:
         """The manoeuvre and the share of each fin in turning, from which `trials.analyse` reads a run."""
         assert self.allocation is not None

@@ -155,7 +155,8 @@ class Rule(InternalRule):
         """A sentence for each part that the controller keeps at its limits for more than a tenth of the time."""
         if self.controller is None or traced(p):
             return []
-        return list(saturated(self.vehicle.commanded, self.command_limits(p), stretches))
+        parts = [part for part in self.vehicle.commanded if part.name not in self.controller.ordered_to_limits]
+        return list(saturated(parts, self.command_limits(p), stretches))
 
     def report(self, motion: NodeMotion, p: PyTree) -> dict[str, PyTree]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.

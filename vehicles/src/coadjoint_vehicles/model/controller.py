@@ -86,6 +86,11 @@ class Controller(Numbers, ABC):
         """Its internal state, such as integrals, at the start."""
         return {}
 
+    @property
+    def ordered_to_limits(self) -> tuple[str, ...]:
+        """The parts that it keeps at their limits on purpose, of which no run warns; by default none."""
+        return ()
+
     def attributes(self) -> dict[str, str]:
         """Attributes of the datasets of its missions, by name; by default none."""
         return {}

@@ -168,7 +168,7 @@ def stop(track: Track) -> dict[str, Merit]:
 def pull_out(track: Track) -> dict[str, Merit]:
     """The rate that is left after the rudder is put midships, the time constant of its decay; K and T.
 
-    T = Δψ/(r₀ − r_end) of T ṙ + r = r_end, over the time after midships.
+    T = Δψ/(r₀ − r_end) of T ṙ + r = r_end, over the time after midships; left out where the rate does not decay so.
     """
     over = np.flatnonzero((track.order == 0) & (np.arange(len(track.time)) > track.first))
     if len(over) < 10:
@@ -179,10 +179,12 @@ def pull_out(track: Track) -> dict[str, Merit]:
     left = (track.heading[late[-1]] - track.heading[late[0]]) / (track.time[late[-1]] - track.time[late[0]])
     duration = track.time[-1] - track.time[begin]
     fallen = track.heading[-1] - track.heading[begin] - left * duration
+    decay = float(fallen / (rate[begin] - left)) if rate[begin] != left else 0.0
+    decayed = {"decay_time": Merit(decay, "s", "time constant of the rate")} if decay > 0 else {}
     return {
         "rate_before": Merit(float(np.degrees(rate[begin])), "°/s", "when the rudder is put midships"),
         "residual_rate": Merit(float(np.degrees(left)), "°/s", "at the end; 0 of a vehicle that holds its course"),
-        "decay_time": Merit(float(fallen / (rate[begin] - left)), "s", "time constant of the rate"),
+        **decayed,
         **_response(track),
     }
 
