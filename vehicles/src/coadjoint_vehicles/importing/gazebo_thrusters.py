@@ -68,6 +68,7 @@ def _part(draft: Draft, name: str, group: list[Thruster]) -> None:
     first, where, origins = group[0], places(one.plugin for one in group), places(one.origin for one in group)
     given = np.array([one.numbers for one in group], dtype=float)
     value = given[0] if first.kind == "table" else shared(given.T)
+    value = value[0] if first.kind == "linear" else value
     draft.take(f"{name}.curve.{first.kind}", value, "SI", where)
     more: Table = {}
     if first.dead_band:
@@ -82,7 +83,7 @@ def _part(draft: Draft, name: str, group: list[Thruster]) -> None:
     draft.parts.append(
         Thrusters(
             name,
-            curve={first.kind: value if first.kind != "linear" else value[0]},
+            curve={first.kind: value},
             unit=first.unit,
             positions=draft.take(
                 f"{name}.positions", np.array([one.position for one in group]) * draft.flip, "m", origins
