@@ -42,7 +42,7 @@ linkage = Mechanism(
     name="Bricard's linkage",
 )
 start = linkage.state()
-run = co.simulate(linkage.system, start, dt=0.005, duration=duration, accuracy=False, backend="xla")
+run = co.simulate(linkage.system, start, dt=0.005, duration=duration, accuracy=False)
 print(run)
 
 R, centre = run.records.g, run.records.q.reshape(-1, 5, 3)

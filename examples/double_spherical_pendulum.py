@@ -53,7 +53,7 @@ def off_cone(x):
     return g * t[1] - rate**2 * (l1 * s[0] + l2 * s[1]), (m1 + m2) * g * t[0] - m2 * g * t[1] - m1 * rate**2 * l1 * s[0]
 
 
-given = {"dt": 0.01, "duration": duration, "method": co.Suzuki4(co.Midpoint()), "backend": "xla"}
+given = {"dt": 0.01, "duration": duration, "method": co.Suzuki4(co.Midpoint())}
 cone = co.simulate(pendulum.system, begun(fsolve(off_cone, (0.9, 1.0)), rate), **given)
 run = co.simulate(pendulum.system, begun((1.2, -0.9), 1.5), **given)
 print(run)

@@ -117,3 +117,63 @@ def disk() -> Mechanism:
     body = Body(mass=2.0, inertia=(THIN, THIN, THICK), position=center, rotation=R)
     wheel = Joint("rolling", "ground", "disk", at=center, axis=R[:, 2], radius=RADIUS, normal=(0, 0, 1))
     return Mechanism(bodies={"disk": body}, joints={"wheel": wheel})
+
+
+CRANK = {"rr": 0.007, "ra": 0.00092, "d": 0.028, "da": 0.0115}
+ANDREWS = {  # β, Θ, γ, Φ, δ, Ω, ε, rad, at the start and at 0.03 s
+    "start": (
+        -0.0617138900142764496, 0.0, 0.455279819163070380, 0.222668390165885885, 0.487364979543842550,
+        -0.222668390165885885, 1.23054744454982119,
+    ),
+    "end": (
+        15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948, 0.5244099658805304,
+        0.5347301163226948, 1.048080741042263,
+    ),
+}  # fmt: skip
+
+
+def andrews() -> Mechanism:
+    """Andrews' squeezer: seven bodies on ten hinges in the plane, a spring and a motor, without gravity.
+
+    Numbers: Schiehlen, Multibody Systems Handbook (1990); the reference at 0.03 s is that of the Test Set for Initial
+    Value Problem Solvers (Mazzia and Magherini, Bari), by PSIDE with tolerances of 1e-14.
+    """
+    beta, theta, gamma, phi, delta, omega, epsilon = ANDREWS["start"]
+
+    def ray(length, angle):
+        return length * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+    def side(length, angle):
+        return length * np.array([np.sin(angle), -np.cos(angle), 0.0])
+
+    O, A, B, C = np.zeros(3), np.array([-0.06934, -0.00227, 0]), np.array([-0.03635, 0.03273, 0]), [0.014, 0.072, 0]
+    pin = ray(CRANK["rr"], beta)
+    P = pin - ray(CRANK["d"], beta + theta)
+    E, F = A + ray(0.04, delta), A + side(0.04, epsilon)
+    masses = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)
+    moments = (2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5)
+    centers = (
+        ray(CRANK["ra"], beta),
+        pin - ray(CRANK["da"], beta + theta),
+        B + side(0.01874, gamma) + ray(0.01043, gamma),
+        E + side(0.02 - 0.01421, phi + delta),
+        A + ray(0.02308, delta) - side(0.00916, delta),
+        F + ray(0.02 - 0.01421, omega + epsilon),
+        A + side(0.01228, epsilon) - ray(0.00449, epsilon),
+    )
+    bodies = {
+        f"K{k + 1}": Body(mass=m, inertia=(J, J, J), position=x)
+        for k, (m, J, x) in enumerate(zip(masses, moments, centers, strict=True))
+    }
+    ends = {
+        "crank": ("ground", "K1", O), "pin": ("K1", "K2", pin), "B": ("ground", "K3", B), "P3": ("K2", "K3", P),
+        "P4": ("K2", "K4", P), "P6": ("K2", "K6", P), "E": ("K5", "K4", E), "A5": ("ground", "K5", A),
+        "F": ("K7", "K6", F), "A7": ("ground", "K7", A),
+    }  # fmt: skip
+    joints = {
+        key: Joint("revolute", one, other, at=at, axis=(0, 0, 1), motor=True if key == "crank" else None)
+        for key, (one, other, at) in ends.items()
+    }
+    D = B + ray(0.02, gamma) + side(0.018, gamma)
+    joints["spring"] = Joint("strut", "ground", "K3", at=C, to=D, stiffness=4530.0, rest=0.07785)
+    return Mechanism(bodies=bodies, joints=joints, gravity=(0, 0, 0))

@@ -60,7 +60,6 @@ SCRIPTS = {
     "examples/falling_chain.py": ["falling_chain"],
     "examples/rattleback.py": ["rattleback"],
     "examples/snakeboard.py": ["snakeboard"],
-    "examples/double_spherical_pendulum.py": ["double_spherical_pendulum"],
     "examples/vehicle_in_current.py": ["vehicle_in_current"],
     "examples/remus_mission.py": ["remus_mission"],
 }  # fmt: skip

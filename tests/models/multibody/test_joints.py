@@ -79,6 +79,22 @@ def test_turns_are_counted_by_the_mean_speed():
     assert counted(t, wrapped, speed) == pytest.approx(angle, abs=1e-12)
 
 
+def test_a_strut_holds_nothing_and_its_spring_and_motor_act_along_it():
+    """½k(l − l₀)², l̇ = d·ḋ/l, and the virtual work of its force."""
+    strut = Joint("strut", "ground", "rod", at=(0.3, 0, 0), to=(0, 0, -ARM), stiffness=7.0, motor=True)
+    made = Mechanism(bodies={"rod": rod(position=(0, 0, -ARM))}, joints={"strut": strut})
+    assert made.system.constraints == ()
+    R, x, v = np.asarray(co.attitude.zyx(0.2, 0.1, -0.3)), np.array([0.1, 0.4, -0.6]), np.array([0.5, -1, 2])
+    state = made.state(poses={"rod": (R, x)}, velocities={"rod": v})
+    length, rest = np.linalg.norm(x - [0.3, 0, 0]), np.hypot(0.3, ARM)
+    turned = made.joint_data(state)
+    assert float(turned.strut) == pytest.approx(length, abs=1e-15)
+    assert float(turned.strut_speed) == pytest.approx((x - [0.3, 0, 0]) @ v / length, abs=1e-15)
+    bond, p = made.bonds["strut"], made.system.parameters
+    energy = evaluate(lambda s: bond.spring(s.named.n, s.named.a, p), state)
+    assert energy == pytest.approx(3.5 * (length - rest) ** 2, abs=1e-14)
+
+
 WRONG = {
     "no body": (lambda: Mechanism(bodies={}, joints={}), "at least one body"),
     "a body that is a number": (lambda: Mechanism(bodies={"a": 1.0}, joints={}), "must be a dictionary of names and"),
@@ -112,6 +128,10 @@ WRONG = {
     "points that coincide": (
         lambda: hung(rope=Joint("distance", "ground", "rod", at=(0, 0, 0), to=(0, 0, 0))),
         "must be apart",
+    ),
+    "a strut of no length": (
+        lambda: hung(strut=Joint("strut", "ground", "rod", at=(0, 0, 0), to=(0, 0, 0))),
+        "points of a `strut` joint must be apart",
     ),
     "a disk that lies flat": (
         lambda: hung(wheel=Joint("rolling", "ground", "rod", at=(0, 0, 1), axis=(0, 0, 1), normal=(0, 0, 1), radius=1)),

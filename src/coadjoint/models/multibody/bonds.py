@@ -106,13 +106,13 @@ class Bond(Portable):
     def coordinates(self, n: Array, a: PyTree, p: PyTree) -> Array:
         """The joint's coordinates, (k,): an angle, rad, from −π to π, a distance, m."""
         d, C = self._relative(n, a, p)
-        found = {"angle": jnp.arctan2(C[1, 0], C[0, 0]), "distance": d[2]}
+        found = {"angle": jnp.arctan2(C[1, 0], C[0, 0]), "distance": d[2], "length": jnp.sqrt(d @ d)}
         return jnp.stack([found[name] for name in KINDS[self.kind].coordinates])
 
     def speeds(self, xi: Array, nu: Array, n: Array, a: PyTree, p: PyTree) -> Array:
         """The rates of the coordinates, (k,), rad/s and m/s."""
-        spin, drift = self._twist(xi, nu, n, a, p)
-        found = {"angle": spin[2], "distance": drift[2]}
+        (spin, drift), d = self._twist(xi, nu, n, a, p), self._relative(n, a, p)[0]
+        found = {"angle": spin[2], "distance": drift[2], "length": d @ drift / jnp.sqrt(d @ d)}
         return jnp.stack([found[name] for name in KINDS[self.kind].coordinates])
 
     def spring(self, n: Array, a: PyTree, p: PyTree) -> Scalar:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from coadjoint.mechanics.system import System
 
-UNITS = {"angle": ("rad", "rad/s"), "distance": ("m", "m/s")}
+UNITS = {"angle": ("rad", "rad/s"), "distance": ("m", "m/s"), "length": ("m", "m/s")}
 
 
 class BodyMotions(NamedTuple):
@@ -100,7 +100,7 @@ def _moving(nodes: Mapping[str, np.ndarray], p: PyTree) -> BodyMotions:
 
 
 def _coordinates(bond: Bond, own: Named, bodies: BodyMotions) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """The angle and the distance along the axis, with their rates, (time,) each."""
+    """The angle, the distance along the axis and the length between the points, with their rates, (time,) each."""
     i, j = bond.first, bond.second
     R, x, omega, v = bodies
     A, B = (R[:, link] @ np.array(axes) for link, axes in zip((i, j), bond.axes, strict=True))
@@ -108,7 +108,11 @@ def _coordinates(bond: Bond, own: Named, bodies: BodyMotions) -> dict[str, tuple
     there = x[:, j] + s - x[:, i]
     C = np.einsum("tki,tkj->tij", A, B)
     drift = v[:, j] + np.cross(omega[:, j], s) - v[:, i] - np.cross(omega[:, i], there)
+    d = there - R[:, i] @ own.first
+    if bond.kind == "strut":
+        length = np.linalg.norm(d, axis=1)
+        return {"length": (length, np.sum(d * drift, axis=1) / length)}
     return {
         "angle": (np.arctan2(C[:, 1, 0], C[:, 0, 0]), np.sum(axis * (omega[:, j] - omega[:, i]), axis=1)),
-        "distance": (np.sum(axis * (there - R[:, i] @ own.first), axis=1), np.sum(axis * drift, axis=1)),
+        "distance": (np.sum(axis * d, axis=1), np.sum(axis * drift, axis=1)),
     }

@@ -48,6 +48,7 @@ KINDS = {
     "screw": Kind((0, 1), PARALLEL, ("angle",), needs=("at", "axis", "pitch"), takes=DRIVES, ratio="screw"),
     "gear": Kind((), needs=("teeth",), ratio="gear"),
     "rolling": Kind((), needs=("at", "radius", "normal"), takes=("axis",), ratio="contact"),
+    "strut": Kind((), (), ("length",), needs=("at", "to"), takes=DRIVES),
 }
 """Every kind of joint by its word."""
 
@@ -68,13 +69,14 @@ class Joint:
     zero. The second body turns and slides relative to the first, "ground" or the name of a body.
 
     Arguments:
-        kind: fixed, revolute, prismatic, cylindrical, planar, spherical, universal, distance, screw, gear or rolling.
+        kind: fixed, revolute, prismatic, cylindrical, planar, spherical, universal, distance, screw, gear,
+            rolling or strut, which holds nothing: a spring, a damper or a motor between two points.
         first, second: names of bodies, or "ground"; of a gear those of two joints that turn, or slide.
         at: the joint's point, (3,), m; of `rolling` the wheel's centre.
         axis: the direction about or along which it moves, (3,); of `planar` the normal of the plane; of `universal` the
             axis on the first body; of `rolling` the axis of the disk, by default none: a ball.
         across: of `universal`, the axis on the second body, (3,), at a right angle to `axis`.
-        to: of `distance`, the point on the second body, (3,), m.
+        to: of `distance` and `strut`, the point on the second body, (3,), m.
         length: of `distance`, m, by default that of the reference configuration.
         pitch: of `screw`, the advance in a turn, m; negative of a left-handed screw.
         teeth: of `gear`, (z₁, z₂) with z₁θ₁ + z₂θ₂ = 0, of angles or distances; both positive of wheels with external
@@ -82,7 +84,8 @@ class Joint:
         radius: of `rolling`, m.
         normal: of `rolling`, that of the plane of the first body, (3,), towards the wheel.
         stiffness, rest: a spring ½k(x − x₀)² at the coordinate x of the joint, the angle, rad, or the distance, m;
-            N m/rad or N/m. x − x₀ of an angle is taken within half a turn.
+            N m/rad or N/m. x − x₀ of an angle is taken within half a turn; x of a strut is its length, x₀ by default
+            that of the reference configuration.
         damping: a damper −cẋ there, N m s or N s/m.
         motor: whether the input of the joint's name acts there, N m or N.
 

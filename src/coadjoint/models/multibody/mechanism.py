@@ -106,7 +106,7 @@ class Mechanism:
         if joint.kind == "gear":
             kinds = [self.joints[end].kind for end in (joint.first, joint.second)]
             first, second = (KINDS[kind].coordinates[:1] for kind in kinds)
-            if not first or first != second:
+            if first not in (("angle",), ("distance",)) or first != second:
                 raise ArgumentError(
                     f"{what} couples two joints with an angle or two that slide, but `{joint.first}` is {kinds[0]} and "
                     f"`{joint.second}` {kinds[1]}."
@@ -158,12 +158,13 @@ class Mechanism:
             if lean < 1e-6:
                 raise ArgumentError("The axis of a rolling disk must not be along the normal: the disk lies flat.")
             first = joint.at - own["radius"] * lean * joint.normal
+        apart = float(np.linalg.norm(second - first))
+        if joint.kind in ("distance", "strut") and not apart:
+            raise ArgumentError(f"The points of a `{joint.kind}` joint must be apart: take a spherical joint.")
         if joint.kind == "distance":
-            own["length"] = np.linalg.norm(second - first) if joint.length is None else joint.length
-            if own["length"] == 0:
-                raise ArgumentError("The points of a `distance` joint must be apart: take a spherical joint.")
+            own["length"] = apart if joint.length is None else joint.length
         if joint.stiffness is not None:
-            own["rest"] = joint.rest or 0.0
+            own["rest"] = (apart if joint.kind == "strut" else 0.0) if joint.rest is None else joint.rest
         return {"first": R.T @ (first - x), "second": S.T @ (second - y), **own}
 
     def _system(self, held: Mapping[str, Constraint]) -> System:
@@ -173,6 +174,8 @@ class Mechanism:
         forces |= {f"{bond.name}_motor": bond.motor for bond, joint in joints if joint.motor}
         constraints: dict[str, Constraint] = {}
         for bond, joint in joints:
+            if joint.kind == "strut":
+                continue
             if joint.kind == "rolling":
                 constraints[f"{bond.name}_contact"] = Holonomic(bond.gap)
                 constraints[bond.name] = Nonholonomic(bond.rolling)
@@ -249,7 +252,7 @@ class Mechanism:
     def freedoms(self, state: State) -> int:
         """The number of independent velocities at a state: 6N less the rank of all rows of constraints."""
         free = 6 * len(self.bodies)
-        if not self.joints:
+        if not self.system.constraints:
             return free
         independent = checked_start(self.system, state)
         return free - (count(self.system) if independent is None else len(independent))

@@ -20,6 +20,8 @@ Twist = tuple[np.ndarray, np.ndarray]
 """The angular velocity and the velocity of the mass centre, (3,) each, in space."""
 
 
+FREE = ("gear", "rolling", "distance", "strut")
+"""Kinds along which no body is placed."""
 GIVEN = ("coordinates", "speeds", "poses", "rates", "velocities")
 WORDS = "a dictionary of names and values"
 
@@ -64,8 +66,10 @@ class Placing:
         for body, pose in poses.items():
             self.places[body], self.twists[body] = self._posed(body, pose), (np.zeros(3), np.zeros(3))
         followed = self._follow()
-        rigid = len(followed) == len(mechanism.joints) and not poses
-        self.needs_projection = bool(mechanism.joints) and not (rigid and not rates and not velocities)
+        holding = [key for key, joint in mechanism.joints.items() if joint.kind != "strut"]
+        held = any(mechanism.joints[key].kind == "strut" for key in (*coordinates, *speeds))
+        rigid = len(followed) == len(holding) and not poses and not held
+        self.needs_projection = bool(holding or held) and not (rigid and not rates and not velocities)
 
     @property
     def coordinates_and_speeds(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
@@ -124,7 +128,7 @@ class Placing:
         """Place all bodies; the joints along which they are placed."""
         joints, followed = self.mechanism.joints, set()
         given = {key for found in self.placed for key in found}
-        order = [key for key in joints if joints[key].kind not in ("gear", "rolling", "distance")]
+        order = [key for key in joints if joints[key].kind not in FREE]
         order.sort(key=lambda key: key not in given)
         while True:
             along = next((key for key in order if self._reached(joints[key]) == 1), None)
