@@ -229,3 +229,15 @@ def test_an_optimal_motion_of_a_pinned_body_is_a_run():
     found = problem.solve().run
     assert np.abs(found.final.g - co.attitude.zyx(0.3, 0, 0)).max() < 1e-9
     assert found.extrema["constraint_gap"][1] < 1e-14
+
+
+def test_a_stepper_of_redundant_constraints_keeps_the_rows_of_its_start():
+    """Two blades at one place: the second follows from the first."""
+    blade = co.Nonholonomic(lambda: [[0, 0, 1]])
+    sleigh = co.System(
+        co.SE2(), lambda xi: 0.5 * xi @ xi + 0.3 * xi[0] * xi[2], constraints={"one": blade, "two": blade}
+    )
+    with pytest.warns(UserWarning, match="1 follow from the others"):
+        stepper = co.Stepper(sleigh, sleigh.state(xi=[1.2, -0.5, 0]), dt=0.05)
+    stepper.step(n=3)
+    assert abs(stepper.state.xi[2]) < 1e-15 and stepper.state.xi[0] > 1.2

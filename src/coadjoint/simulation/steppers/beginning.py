@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -22,6 +23,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
+from coadjoint.methods.rattle import kept
 from coadjoint.methods.step import in_records
 
 Shapes = dict[str, tuple[int, ...]]
@@ -61,6 +63,7 @@ class Beginning:
     ):
         self.skeleton, self.method, self.h, self.members, self.by_xla = skeleton, method, h, members, by_xla
         self.state, self.constants, self.held = layout(like), layout(constants), like.inputs
+        self.independent = None if kept(like) is None else like.memory.independent
         self._tabulated: dict[Layout, Callable[..., PyTree]] = {}
 
     def rows(self, state: State, parameters: np.ndarray) -> np.ndarray:
@@ -91,7 +94,10 @@ class Beginning:
             system = replace_parameters(self.skeleton, constants.system)
             if self.method.start != "velocity":
                 state = with_own_momenta(system.driven(None), state)
-            return self.carrying(self.method.begin(system, state.replace(inputs=held), self.h))
+            begun = self.method.begin(system, state.replace(inputs=held), self.h)
+            if self.independent is not None:  # found by numbers, which a trace does not have
+                begun = begun.replace(memory=replace(begun.memory, independent=self.independent))
+            return self.carrying(begun)
 
         given = constants, starts, held
         form = layout(given)
