@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_map
 from coadjoint.groups.overrides import members
+from coadjoint.kernels.trace.evaluate import evaluate
 from own_members import broken, changed, flipped, result_scaled, scaled, sentence_of, short
 from systems import GROUPS, MAPS
 
@@ -124,3 +126,26 @@ def test_maps_that_ship_pay_nothing(monkeypatch):
     monkeypatch.setattr("coadjoint.difference_maps.axioms.require_map", lambda *_: pytest.fail("compared"))
     for name in ("cayley", "exponential", "squared", "pade"):
         begin(MAPS[name])
+
+
+class Sometimes(DifferenceMap):
+    """The exponential, but for half of all ξ, where it leaves the group."""
+
+    def _tau(self, group, xi):
+        return group.exp(xi) * jnp.where(xi[0] > 0, 1.0 + 1e-3 * xi[1], 1.0)
+
+
+def test_a_map_that_leaves_the_group_for_some_elements_alone_does_not_fit():
+    with pytest.raises(co.errors.GroupError, match="leaves the algebra by"):
+        Sometimes().require_fit(co.SO3())
+
+
+@pytest.mark.parametrize("tau", [co.Cayley(), co.Exponential()], ids=repr)
+def test_a_map_on_an_opposite_group_is_that_on_the_group_and_so_is_its_inverse(tau):
+    group, xi = co.SO3(), np.array([0.3, -0.2, 0.5])
+    opposite = co.groups.Opposite(group)
+    found, known, back = evaluate(
+        lambda xi: (tau.tau(opposite, xi), tau.tau(group, xi), tau.inverse(opposite, tau.tau(group, xi))), xi
+    )
+    np.testing.assert_array_equal(found, known)
+    np.testing.assert_allclose(back, xi, atol=1e-14)
