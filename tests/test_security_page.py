@@ -39,6 +39,7 @@ WRITES = ("write_log", "write_mcap")
 KNOWN = {
     "cli/start.py": {"exec"},  # of an empty text
     "cli/viewing.py": {"webbrowser"},
+    "kernels/run/compiled.py": {"pickle"},  # of the sealed cache of this user
     "runs/factory.py": {"spec_from_file_location"},
     "sealed.py": {"subprocess"},  # a child that reads netCDF
     "simulation/lock.py": {"socket"},  # the name of this machine

@@ -57,24 +57,23 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
 
 def with_current(
     system: System, log: Log, parameters: Sequence[str], process_noise: Sequence[str]
-) -> tuple[list[str], list[str]]:
+) -> tuple[Sequence[str], list[str]]:
     """The unknowns with the water's velocity where the log holds a current that the model lacks, and a note on it.
 
     Raises ArgumentError where the model has no such velocity, or where the current is not steady.
     """
-    sought = list(parameters)
-    if not log.current or any("water" in name for name in (*parameters, *process_noise)):
-        return sought, []
+    if not log.current or isinstance(parameters, str) or any("water" in name for name in (*parameters, *process_noise)):
+        return parameters, []
     names = ("north", "east", "down")
     logged = np.stack([log.current.get(name, np.zeros(len(log))) for name in names])
     water = getattr(system.parameters, "water", None) if system.parameters and "water" in system.parameters else None
     velocity = getattr(water, "velocity", None) if isinstance(water, Named) and "velocity" in water else None
     if _size(logged) < STILL or (water is not None and velocity is None):
-        return sought, []
+        return parameters, []
     known = np.zeros(3) if velocity is None else np.resize(np.append(np.asarray(velocity, float), 0.0), 3)
     least = max(STILL, SAME * _size(logged))
     if _size(logged - known[:, None]) < least:
-        return sought, []
+        return parameters, []
     mean = np.nanmean(logged, axis=1)
     steady = _size(logged - mean[:, None]) < least
     if velocity is None or not steady:
@@ -82,7 +81,7 @@ def with_current(
     count = 3 if abs(mean[2] - known[2]) >= STILL else 2
     found = [f"water.velocity[{k}]" for k in range(min(count, np.size(velocity)))]
     said = f"{', '.join(found[:-1])} and {found[-1]}"
-    return [*sought, *found], [
+    return [*parameters, *found], [
         f"The log holds a current of {_size(logged):.2g} m/s, which the water of the model lacks: {said} are estimated "
         "as well."
     ]

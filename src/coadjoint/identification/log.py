@@ -152,9 +152,12 @@ def merged(logs: Sequence[Log]) -> Log:
     Columns that some of them lack are missing there; inputs must be the same in all. Raises ArgumentError for logs that
     differ in inputs, in the units of a column or in the places of sensors.
     """
-    found = list(logs)
+    found = list(logs) if isinstance(logs, (list, tuple)) else []
     if not found or not all(isinstance(one, Log) for one in found):
-        raise ArgumentError(f"Argument `log` must be a Log, or a list of them, but is {logs!r:.60}.")
+        raise ArgumentError(
+            "Argument `log` must be a Log, as co.vehicles.logs.read_log(path) and co.identification.synthetic_log(run) "
+            f"make, or a list of them, but is {logs!r:.60}."
+        )
     first, units = found[0], {}
     for number, one in enumerate(found, start=1):
         if set(one.inputs) != set(first.inputs):

@@ -133,7 +133,7 @@ class RungeKutta(Method, Step):
 
     @property
     def tables(self) -> list[np.ndarray]:
-        """`rows` as arrays (factors, stages before)."""
+        """`rows` as arrays of shape (factors, stages before)."""
         return [np.array([[*row, *[0.0] * (i - len(row))] for row in rows], float) for i, rows in enumerate(self.rows)]
 
     def rate(self, group: LieGroup, argument: Array, xi: Array) -> Array:

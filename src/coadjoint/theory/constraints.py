@@ -82,7 +82,7 @@ def with_reactions(system: System, records: State, forces: Impulse, h: Scalar) -
 
 
 def off_nodes(system: System, record: State) -> tuple[Array, Array, Array]:
-    """φ of the holonomic constraints of a node, A·(ξ, ν) − b of all, and (ξ, ν) of its momenta."""
+    """φ of the holonomic constraints of a node, (m,), A·(ξ, ν) − b of all, (rows,), and (ξ, ν) of its momenta."""
     at, (xi, nu, _) = site(record), inverse_legendre.velocities(system, record)
     places = [one.value(system, at) for one in system.constraints if one.holonomic]
     return jnp.concatenate([jnp.zeros(0), *places]), rate(system, at, xi, nu), jnp.concatenate([xi, nu])

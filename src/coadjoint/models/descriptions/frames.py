@@ -30,7 +30,7 @@ class Placement(NamedTuple):
         return Placement(self.R.T, -self.R.T @ self.r)
 
     def place(self, point: np.ndarray) -> np.ndarray:
-        """R x + r."""
+        """R x + r of a point, (3,) both."""
         return self.R @ point + self.r
 
 

@@ -18,7 +18,10 @@ ROUNDED = 1e-3
 
 @dataclass(eq=False)
 class DescribedLink:
-    """A link: its mass, kg, centre of mass and inertia about it, in the link's axes; None for missing values."""
+    """A link: its mass, kg, centre of mass and inertia about it, in the link's axes; None for missing values.
+
+    center: (3,), m. inertia: (3, 3), kg m².
+    """
 
     name: str
     element: Element
@@ -35,6 +38,7 @@ class DescribedLink:
 class DescribedJoint:
     """A joint: axis and origin in the axes of the child.
 
+    axis: (3,).
     lower, upper: rad or m. effort, velocity: the largest, N m or N, rad/s or m/s. damping, friction: N m s or N s/m,
     N m or N. mimic: the joint that it follows, with the multiplier and the offset.
     """
@@ -57,7 +61,10 @@ class DescribedJoint:
 
 
 class JoinedLinks(NamedTuple):
-    """Links as one body in the axes of the base link: mass, centre from its origin, inertia about the centre."""
+    """Links as one body in the axes of the base link: mass, centre from its origin, inertia about the centre.
+
+    center: (3,), m. inertia: (3, 3), kg m².
+    """
 
     mass: float
     center: np.ndarray
