@@ -88,7 +88,7 @@ def test_merged_logs_stand_in_a_row_with_a_break_between_them(drift, table):
     assert [len(one) for one in both.stretches()] == [len(first), len(second)]
     with pytest.raises(ArgumentError, match="log 2 has none and the first"):
         merged([first, replace(second, inputs={})])
-    with pytest.raises(ArgumentError, match="must be a Log, or a list of them"):
+    with pytest.raises(ArgumentError, match="make, or a list of them, but is"):
         merged([])
 
 
