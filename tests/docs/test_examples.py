@@ -258,7 +258,7 @@ def test_a_remotely_operated_vehicle_finds_the_tide_and_holds_its_station(run_ex
     assert found["settled"].max() < 0.025 < 0.3 < np.linalg.norm(found["off"][0])  # m
     assert np.max(np.abs(found["known"][-20:, :2] - found["truth"][-20:, :2])) < 0.08  # of 0.3 m/s
     assert set(found["steering"].record.statuses) == {"solved"}
-    assert np.min(found["thrusts"]) >= found["low"] and np.max(found["thrusts"]) <= found["high"]
+    assert np.all(found["thrusts"] >= found["low"]) and np.all(found["thrusts"] <= found["high"])
     assert Path("rov_in_tide.png").stat().st_size > 10_000
 
 
