@@ -94,3 +94,13 @@ def test_the_form_of_an_expression_does_not_depend_on_others():
     together, alone = collector(graph)(roots), [collector(other)([root])[0] for root in again]
     given = dict(zip((*FIXED, *CHANGING), np.random.default_rng(4).uniform(0.5, 2.0, 6), strict=True))
     assert [value(root, given) for root in together] == [value(root, given) for root in alone]
+
+
+@pytest.mark.parametrize("truth", [False, True])
+def test_a_truth_value_that_never_changes_stays_one(truth):
+    graph = Graph()
+    x, p = graph.symbol("x"), graph.symbol("p")
+    for fixed in (graph.constant(truth), graph.apply("lt", p, graph.zero)):
+        root = graph.apply("xor", graph.apply("lt", x, graph.zero), fixed)
+        (found,) = collector(graph)([root])
+        assert found is root and all(a.is_truth for a in found.args)

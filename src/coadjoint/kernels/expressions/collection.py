@@ -31,7 +31,8 @@ class Collector:
         return [self._whole(root) for root in roots]
 
     def _whole(self, node: Expr) -> Expr:
-        return self.graph.mul(*self._parts[node])
+        coefficient, rest = self._parts[node]
+        return coefficient if rest is self.graph.one else self.graph.mul(coefficient, rest)
 
     def _split(self, node: Expr) -> tuple[Expr, Expr]:
         """The coefficient and the rest of a node whose arguments are split."""
