@@ -13,6 +13,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.mechanics.internal_state import require_internal
+from coadjoint.simulation import driver
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.arguments import with_inputs
 from coadjoint.simulation.progress import Progress
@@ -110,6 +111,7 @@ def test_a_flight_that_is_interrupted_goes_on_to_the_same_bits(tmp_path, monkeyp
                 raise KeyboardInterrupt
 
         patched.setattr(Progress, "advance", advance)
+        patched.setattr(driver, "PATIENCE", 1e-3)  # short chunks on any machine
         co.simulate(craft.system, start, **given, store=tmp_path / "run")
     assert 0 < len(co.load(tmp_path / "run").dataset.time) < whole.count
     resumed = co.resume(tmp_path / "run", craft.system, inputs=given["inputs"]).dataset
