@@ -43,7 +43,7 @@ def test_a_log_in_which_commands_never_change_does_not_tell_eight_thrusters_apar
     short = log.between(0.0, 1.0)
     found = identify(made.craft.system, short, start=made.start, parameters=SOUGHT, dt=0.025, segment=None)
     assert all(np.isinf(found[name].standard_error) for name in SOUGHT)
-    assert any("cannot separate thrusters" in warning and "change apart" in warning for warning in found.warnings)
+    assert any("cannot separate thrusters" in warning and "change separately" in warning for warning in found.warnings)
     one = identify(made.craft.system, short, start=made.start, parameters=SOUGHT[2:3], dt=0.025, segment=None)
     assert abs(one[SOUGHT[2]].value) < 4 * one[SOUGHT[2]].standard_error < 0.02
     for each in (found, one):
