@@ -11,6 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import extending
+from coadjoint.cli.keys import FILES
 from coadjoint.cli.main import COMMANDS
 from coadjoint.plotting.registries import ADDED, SCENES
 from coadjoint.report.numbers import NUMBERS
@@ -82,7 +83,7 @@ def test_the_page_on_the_extension_api_has_every_name_and_module() -> None:
     rows = re.findall(r"^\| (`.*?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     words = {word for row in rows for word in re.findall(r"`([\w.]+)`", row)}
     assert words >= {*extending.__all__, *(name.removeprefix("coadjoint.") for name in extending.MODULES)}
-    registries = (ADDED, SCENES, NUMBERS, FORMATS, KINDS, COMMANDS, co.models.catalogue, METHODS, LOG_FORMATS)
+    registries = (ADDED, SCENES, NUMBERS, FORMATS, KINDS, COMMANDS, FILES, co.models.catalogue, METHODS, LOG_FORMATS)
     tables = {node.kind for node in (*registries, *OF_VEHICLES.values())}
     assert words >= tables and len(words) == len(extending.__all__) + len(extending.MODULES) + len(tables)
 

@@ -11,16 +11,19 @@ reads as a section. A field with an underscore at its end, as `from_`, is the ke
 
 from __future__ import annotations
 
+import json
+import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from types import UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from coadjoint.arrays import PyTree
-from coadjoint.checks import choice, unknown
+from coadjoint.checks import choice, either, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.texts import Table
-from coadjoint.units import Dimension, dimension_of, ending, factor_to, split_name, times
+from coadjoint.units import NUMBER, Dimension, dimension_of, ending, factor_to, split_name, times
 
 T = TypeVar("T")
 
@@ -72,6 +75,52 @@ def key(
 def keys(of: Any) -> dict[str, Key]:
     """The keys of a dataclass, or of one of it, by the names of fields, in their order."""
     return {f.name: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
+
+
+class KeyRow(NamedTuple):
+    """A key as pages and commands list it: its name in files, SI unit, default, meaning.
+
+    default: as in files, "needed" for a key that must be given, "" for one that has no value unless given.
+    """
+
+    key: str
+    unit: str
+    default: str
+    meaning: str
+
+
+def rows(kind: type) -> list[KeyRow]:
+    """The keys of a section in their order; `NAME` stands for keys that it does not declare.
+
+    The meaning is that of the key, or what the docstring of the class, or of one above it, says as "name: meaning.".
+    """
+    declared = [(f, _of(f)) for f in fields(kind) if _KEY in f.metadata]
+    return [
+        KeyRow("NAME" if key.rest else in_file(f.name), _unit(key), _default(f), _meaning(kind, f.name, key))
+        for f, key in declared
+    ]
+
+
+def _unit(declared: Key) -> str:
+    return "" if declared.dimension in (None, NUMBER) else declared.dimension.si
+
+
+def _meaning(kind: type, name: str, declared: Key) -> str:
+    texts = [" ".join((one.__doc__ or "").split()) for one in kind.__mro__[:-1]]
+    said = re.compile(rf"(?<![\w-])(?:\w+, )*{name}(?:, \w+)*: (.+?)(?=; [\w, ]+: |\. |\.$)")
+    found = declared.meaning or next((match[1] for text in texts if (match := said.search(text))), "")
+    words = either([f'"{word}"' for word in declared.words if word]) if declared.words else ""
+    return found if not words or words in found else ": ".join(filter(None, [found, words]))
+
+
+def _default(f: Field[Any]) -> str:
+    if f.default is f.default_factory is MISSING:
+        return "needed"
+    value = f.default if f.default_factory is MISSING else f.default_factory()
+    if isinstance(value, float):
+        return "" if math.isinf(value) else f"{value:g}"
+    absent = value is None or (isinstance(value, (str, tuple, list, dict)) and not value)
+    return "" if absent else json.dumps(value, ensure_ascii=False)
 
 
 def in_file(field_name: str) -> str:

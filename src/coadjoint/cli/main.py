@@ -16,6 +16,7 @@ import tyro
 import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
+from coadjoint.cli.keys import Keys
 from coadjoint.cli.reporting import Report
 from coadjoint.cli.sweeping import Sweep
 from coadjoint.cli.termination import status, stoppable, word
@@ -39,6 +40,7 @@ Command = (
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
+    | Annotated[Keys, tyro.conf.subcommand("keys")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
 )

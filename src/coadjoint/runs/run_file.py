@@ -237,3 +237,8 @@ def put(table: dict[str, object], keys: Sequence[str], value: object, what: str,
         del inner[key]
     if value is not None:
         inner[keys[-1]] = value
+
+
+def declared() -> dict[str, type]:
+    """The sections of run files, whose fields are their keys."""
+    return RunFile.SECTIONS

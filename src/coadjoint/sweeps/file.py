@@ -19,7 +19,20 @@ from coadjoint.errors import ArgumentError
 from coadjoint.runs.run_file import of_table, put
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.sections import key
-from coadjoint.sweeps.numbers import DIGEST, DRAWN, MOST, SAMPLINGS, Design, Varied, design, digest, read
+from coadjoint.sweeps.numbers import (
+    DIGEST,
+    DRAWN,
+    MOST,
+    SAMPLINGS,
+    Design,
+    NormalSection,
+    RangeSection,
+    ValuesSection,
+    Varied,
+    design,
+    digest,
+    read,
+)  # fmt: skip
 from coadjoint.texts import Table, file_text, read_table
 
 if TYPE_CHECKING:
@@ -278,3 +291,12 @@ def read_sweep(path: Path) -> Sweep:
 def table_of(path: Path, word: str) -> dict[str, object]:
     """The table in a TOML file; raises FileError."""
     return read_table(file_text(path, word), path)
+
+
+def declared() -> dict[str, type]:
+    """The sections of sweep files, whose fields are their keys: a varied number is one of the three last ones."""
+    varied = (RangeSection, ValuesSection, NormalSection)
+    sections = dict(zip(("a range", "values", "a normal distribution"), varied, strict=True))
+    return {"sweep": SweepSection, "results": ResultsSection} | {
+        f"vary.…, {name}": kind for name, kind in sections.items()
+    }

@@ -97,6 +97,12 @@ LOG_FORMATS: dict[str, str] = {}
 RUN_FILES = {"vehicle": "coadjoint_vehicles.missions.file:from_table"}
 """To `coadjoint.runs`: the reader of a run file with this section."""
 
+KEYS = {
+    "mission files": "coadjoint_vehicles.missions.file:declared",
+    "vehicle files": "coadjoint_vehicles.files.file:declared",
+}
+"""To `coadjoint keys`: the sections of files, whose fields are their keys."""
+
 COMMANDS = {
     "vehicles": "coadjoint_vehicles.commands.vehicles:Vehicles",
     "import": "coadjoint_vehicles.commands.importing:Import",

@@ -75,9 +75,10 @@ class Attitude(Controller):
     alone, `pointing_error`. Fins are scaled down alike at fin_limit; the integral stops there and where |e_R| > ½.
 
     Set points: `attitude`, R_d, (3, 3), body to space, and `speed` (m/s through the water).
-    Fields, the keys of [controller] with kind = "attitude", all optional: speed (1.5 m/s); period, delay (s);
-    attitude_gains: k_R (1/s²), k_I (1/s³), k_ω (1/s); speed_gains, feed_forward, fin_limit, thrust_limit as of
-    `Cruise`. Missing values are proposed. Raises ArgumentError.
+    Fields, the keys of [controller] with kind = "attitude", all optional. speed: U, m/s. attitude_gains: k_R in 1/s²,
+    k_I in 1/s³, k_ω in 1/s. speed_gains: k_p, k_i, k_d, as of `Cruise`. feed_forward: n₀, command per m/s. fin_limit:
+    largest deflection, rad. thrust_limit: largest command of propulsion. Missing values are proposed. Raises
+    ArgumentError.
     """
 
     kind: ClassVar[str] = "attitude"

@@ -34,12 +34,13 @@ class Cruise(Controller):
 
     Set points: `depth` (m; or `altitude` over a flat `bottom`, or `pitch` (rad), by `vertical`), `heading` (rad),
     `speed` (m/s through the water).
-    Fields, the keys of [controller] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
-    (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
-    m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
-    errors count as these, so that turns stay within the authority of the fins; pitch_limit, fin_limit (rad);
-    thrust_limit (command); vertical: "depth", "altitude" or "pitch"; bottom (m). Missing values are proposed from the
-    vehicle's mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
+    Fields, the keys of [controller] with kind = "cruise", all optional. speed: of the design, m/s. depth_gains: k_p,
+    k_i, k_d, in rad/m, rad/(m s), rad s/m. pitch_gains, heading_gains, roll_gains: k_p, k_i, k_d, in 1, 1/s, s.
+    speed_gains: k_p, k_i, k_d, in commands per m/s, per m, per m/s². feed_forward: n₀, command per m/s. pitch_reach,
+    heading_reach: larger errors count as these, so that turns stay within the authority of the fins, rad. pitch_limit:
+    largest |θ_c|, rad. fin_limit: largest deflection, rad. thrust_limit: largest command of propulsion. vertical: the
+    set point of the vertical. bottom: the depth of a flat bottom, m. Missing values are proposed from the vehicle's
+    mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "cruise"

@@ -30,10 +30,9 @@ class Hover(Thrusting):
         w = M (a, α) − (0, Munk moment) − weigh · (net weight, righting torque), shared out over the thrusters
 
     Set points: `north`, `east`, `depth` (m), `heading` (rad).
-    Fields, the keys of [controller] with kind = "hover", all optional: thrusters (the name of the part); period, delay
-    (s); position_gains (1/s², 1/s³, 1/s), attitude_gains (1/s², 1/s³, 1/s): k_p, k_i, k_d of each; reach (1 m): a place
-    further off is approached as if it were there; weigh: how much of net weight and righting torque is fed forward, 0
-    to 1. Gains that are left out are proposed from the mass and the thrusters' limits. Raises ArgumentError.
+    Fields, the keys of [controller] with kind = "hover", all optional: those of `Thrusting`, and position_gains: k_p,
+    k_i, k_d, in 1/s², 1/s³, 1/s. Gains that are left out are proposed from the mass and the thrusters' limits. Raises
+    ArgumentError.
     """
 
     NEEDS: ClassVar[tuple[str, ...]] = ("surge", "sway", "heave", "yaw")
@@ -99,10 +98,9 @@ class Manoeuvre(Thrusting):
 
     and the rest as `Hover` does; k_d is that of `depth_gains`.
     Set points: `depth` (m), `heading` (rad), `speed` (m/s through the water), so that missions for torpedoes fit.
-    Fields, the keys of [controller] with kind = "manoeuvre", all optional: thrusters; period, delay (s); depth_gains
-    (1/s², 1/s³, 1/s), attitude_gains (the same), speed_gains (1/s, 1/s², 1): k_p, k_i, k_d of each; surge_limit,
-    heave_limit (m/s²), reach (1 m), weigh (0 to 1), drag (N s/m, N s²/m²). Missing values are proposed. Raises
-    ArgumentError.
+    Fields, the keys of [controller] with kind = "manoeuvre", all optional: those of `Thrusting`. depth_gains: k_p, k_i,
+    k_d, in 1/s², 1/s³, 1/s. speed_gains: k_p, k_i, k_d, in 1/s, 1/s², 1. surge_limit, heave_limit: largest
+    accelerations, m/s². drag: D₁ and D₂, N s/m and N s²/m². Missing values are proposed. Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "manoeuvre"

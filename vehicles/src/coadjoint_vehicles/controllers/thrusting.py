@@ -45,6 +45,11 @@ class Thrusting(Controller):
     turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
     parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate` along the axes that the thrusters
     control, and where one of them is at its limit the force is scaled down before the torque.
+
+    thrusters: the name of the part. attitude_gains: k_R in 1/s², k_I in 1/s³, k_ω in 1/s. reach: a place further off is
+    approached as if it were there, m. weigh: how much of net weight and righting torque is fed forward, 0 to 1. mass:
+    M, (6, 6), by default that of the vehicle. net_weight: weight less buoyancy, N, by default that of the vehicle.
+    righting: the righting torque's vector, N m, by default that of the vehicle.
     """
 
     thrusters: str | None = None

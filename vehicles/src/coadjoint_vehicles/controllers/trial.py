@@ -39,11 +39,11 @@ class Trial(Cruise):
     `begin`.
 
     manoeuvre: one of the five. rudder: δ, rad, negative to port; by default 10° for a zigzag and the limit of the fins
-    otherwise. deviation: rad, |δ| unless given. begin: s. hold: s, by default the time of 20 lengths at `speed`. steps:
-    n. astern: the command of the propulsion, by default full astern. length: L of the figures of merit, m, by default
-    that of the vehicle. The other fields and the set points are those of
-    `Cruise`. Raises ArgumentError for an order beyond the limit of the fins.
-    Source: IMO resolution MSC.137(76) (2002); ITTC 7.5-04-02-01.
+    otherwise. deviation: rad, |δ| unless given. begin: the time of the first order, s. hold: s, by default the time of
+    20 lengths at `speed`. steps: n. astern: the command of the propulsion, by default full astern. length: L of the
+    figures of merit, m, by default that of the vehicle. The other fields and the set points are those of `Cruise`.
+    Raises ArgumentError for an order beyond the limit of the fins. Source: IMO resolution MSC.137(76) (2002); ITTC
+    7.5-04-02-01.
     """
 
     kind: ClassVar[str] = "trial"

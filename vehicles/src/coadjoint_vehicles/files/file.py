@@ -18,6 +18,7 @@ from coadjoint_vehicles import axes as border
 from coadjoint_vehicles.files.added_masses import read_added_mass
 from coadjoint_vehicles.files.bodies import MEASURED
 from coadjoint_vehicles.files.checks import check
+from coadjoint_vehicles.files.kinds import kinds
 from coadjoint_vehicles.files.read_parts import read_controller, read_part
 from coadjoint_vehicles.files.read_sensors import read_sensors
 from coadjoint_vehicles.files.table import BODY_AXES, Notebook, Section, axes_of
@@ -217,3 +218,12 @@ def _tell_sources(book: Notebook) -> None:
     unused = [key for key in book.sources if key not in book.used and key not in notes]
     if unused:
         book.warn(f"[sources] has {', '.join(unused)}, which no number and no note names.")
+
+
+def declared() -> dict[str, type]:
+    """The sections of vehicle files, whose fields are their keys: the body, and each kind of part and of sensor."""
+    rooms = {"part": "parts", "sensors": "sensors"}
+    return {
+        "body": BodySection,
+        **{f"{word}, {kind}": made for word, room in rooms.items() for kind, made in kinds(room).items()},
+    }

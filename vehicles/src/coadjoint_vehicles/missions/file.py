@@ -11,8 +11,9 @@ from coadjoint.checks import choice
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import read
 from coadjoint.texts import Table
-from coadjoint_vehicles.missions.faults import read_fault
-from coadjoint_vehicles.missions.lost_sensors import is_of_sensor, read_lost_sensor
+from coadjoint_vehicles.files.kinds import kinds
+from coadjoint_vehicles.missions.faults import FaultSection, read_fault
+from coadjoint_vehicles.missions.lost_sensors import LostSensor, is_of_sensor, read_lost_sensor
 from coadjoint_vehicles.missions.mission_section import MissionSection
 from coadjoint_vehicles.missions.perturb import PerturbSection
 from coadjoint_vehicles.missions.sections import AXES, MissionSections
@@ -97,3 +98,18 @@ def from_table(table: Mapping[str, Any], path: Path, text: str) -> MissionFile:
                 f"[faults.{lost.name}] is of a sensor, but the mission reads none: give it a section [sensors]."
             )
     return MissionFile(path=path, text=text, axes=axes, **made)
+
+
+def declared() -> dict[str, type]:
+    """The sections of mission files, whose fields are their keys; those of [controller] are those of its kind."""
+    others = {
+        "mission": MissionSection,
+        "sensors": SensorsSection,
+        "faults": FaultSection,
+        "faults of sensors": LostSensor,
+    }
+    return {
+        **MissionFile.SECTIONS,
+        **others,
+        **{f"controller, {kind}": made for kind, made in kinds("controllers").items()},
+    }

@@ -27,7 +27,7 @@ class LostSensor:
 
     name: str
     sensor: str = key("the sensor")
-    lost: Any = key("true", default=None)
+    lost: Any = key("true: it gives no readings", default=None)
     time: float | None = key("when it begins", TIME, check=number, default=None)
     depth: float | None = key("depth at which it begins", LENGTH, check=number, default=None)
     until: float = key("when it ends", TIME, check=number, default=np.inf)

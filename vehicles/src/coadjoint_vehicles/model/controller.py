@@ -59,8 +59,8 @@ class Feedback(NamedTuple):
 class Controller(Numbers, ABC):
     """A digital controller: it looks every `period` (s), and its commands are in force `delay` (s) later.
 
-    Fields that hold numbers are parameters: `p.controller.gains` of the system, and `steer` gets `p.controller` as
-    `own`.
+    period: from one look to the next, s. delay: until its commands are in force, s. Fields that hold numbers are
+    parameters: `p.controller.gains` of the system, and `steer` gets `p.controller` as `own`.
     """
 
     kind: ClassVar[str] = ""

@@ -26,12 +26,12 @@ class Airfoil(Part):
     C_L = ±max(0, C_Lα α_s + C_Lα′(|α| − α_s)). C_D = |C_Dα|α|| + C_Dαα α² up to stall; beyond its first term is
     |C_Dα α_s + C_Dα′(|α| − α_s)|. α > 0 pushes along −n.
 
-    position: (3,) m. chord, normal: unit vectors (3,), at right angles, ahead and across. area: A, m². lift_slope:
-    C_Lα, 1/rad. stall: α_s, rad. drag_slope: C_Dα, 1/rad. drag_square: C_Dαα, 1/rad². stalled_lift_slope,
-    stalled_drag_slope: C_Lα′, C_Dα′, 1/rad. zero_lift: α₀, rad. swept: 1 where flow along the span lessens both by
-    |w|²/|v|², v with the span; 0 where not. reversible: 1 if flow from behind produces a force, 0 if not. limit:
-    largest |δ|, rad; without it the foil is fixed. lag: s. rate: rad/s. Raises ArgumentError for impossible values.
-    Source: the plugins LiftDrag of Gazebo and uuv_simulator.
+    position: of its centre of pressure, (3,) m. chord, normal: unit vectors (3,), at right angles, ahead and across.
+    area: A, m². lift_slope: C_Lα, 1/rad. stall: α_s, rad. drag_slope: C_Dα, 1/rad. drag_square: C_Dαα, 1/rad².
+    stalled_lift_slope, stalled_drag_slope: C_Lα′, C_Dα′, 1/rad. zero_lift: α₀, rad. swept: 1 where flow along the span
+    lessens both by |w|²/|v|², v with the span; 0 where not. reversible: 1 if flow from behind produces a force, 0 if
+    not. limit: largest |δ|, rad; without it the foil is fixed. lag: of its actuator, s. rate: of its actuator, rad/s.
+    Raises ArgumentError for impossible values. Source: the plugins LiftDrag of Gazebo and uuv_simulator.
     """
 
     passive: ClassVar[bool] = True

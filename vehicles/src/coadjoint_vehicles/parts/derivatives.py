@@ -52,12 +52,12 @@ class Derivatives(Part):
     """(X, Y, Z, K, M, N)_i = Σ c · monomial, as in Y_vr v r, Z_u|w| u|w| or N_uu_rudder u² δ.
 
     coefficients: c by name: an axis, an underscore and factors u v w p q r or |u| … |r|; then, of a part `rudder` that
-    is moved, `_rudder` once for each power of its deflection δ. Signs are those of the equations: Y_v|v| < 0 brakes.
-    In SI, or, with a `length` L (m), dimensionless: two velocities each, times ½ρL^k, k = 2 for forces and 3 for
-    torques and one more for each of p, q, r (the prime system). Derivatives by accelerations are added mass, with the
-    Coriolis terms that follow from it: they belong to the vehicle's `added_mass`, not here.
-    limit: largest |δ|, rad; with it the part is commanded, and `lag` (s) and `rate` (rad/s) are those of its actuator.
-    Raises ArgumentError for unknown names. Sources: SNAME (1950); Healey and Lienard (1993).
+    is moved, `_rudder` once for each power of its deflection δ. Signs are those of the equations: Y_v|v| < 0 brakes. In
+    SI, or, with a `length` L, dimensionless: two velocities each, times ½ρL^k, k = 2 for forces and 3 for torques and
+    one more for each of p, q, r (the prime system). Derivatives by accelerations are added mass, with the Coriolis
+    terms that follow from it: they belong to the vehicle's `added_mass`, not here. length: L, m. limit: largest |δ|,
+    rad; with it the part is commanded. lag: of its actuator, s. rate: of its actuator, rad/s. Raises ArgumentError for
+    unknown names. Sources: SNAME (1950); Healey and Lienard (1993).
     """
 
     kind: ClassVar[str] = "derivatives"

@@ -29,7 +29,7 @@ class Fin(Part):
 
     position: r, (3,) m. normal: n, unit vector (3,), not along the hull. area: m², of a pair both. lift_slope: C_Lα,
     1/rad, below 2π; stall: α_s, rad; drag: C_D at zero lift. limit: largest |δ|, rad; without it the fin is fixed.
-    lag: s. rate: rad/s. Raises ArgumentError for impossible values.
+    lag: of its actuator, s. rate: of its actuator, rad/s. Raises ArgumentError for impossible values.
     """
 
     passive: ClassVar[bool] = True

@@ -33,9 +33,9 @@ class Hull(Part):
     round hull that is −½ρ C d |w|w. Four Gauss nodes on either side of the pivot, where |w| is least: exact where the
     hull moves in a plane.
 
-    axial_drag: C_x on axial_area A, m². crossflow_drag: C_y = C_z, or the two of them. width: B, seen from above, and
-    height: H, seen from the side, m. length: m, with its middle at x = center, m. Sources: Fossen (2021), 8.4.3;
-    Healey and Lienard (1993).
+    axial_drag: C_x. axial_area: A, m². crossflow_drag: C_y = C_z, or the two of them. width: B, seen from above, m.
+    height: H, seen from the side, m. length: that of the hull, m. center: the x of its middle, m. Sources: Fossen
+    (2021), 8.4.3; Healey and Lienard (1993).
     """
 
     passive: ClassVar[bool] = True

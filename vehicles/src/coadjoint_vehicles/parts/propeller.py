@@ -23,10 +23,10 @@ class Propeller(Part):
     V_a = (1 − w) max(u, 0) of the velocity u of its place along its axis, and V_a = 0 where n < 0.
 
     diameter: D, m. thrust: (K_T0, K_T1). torque: (K_Q0, K_Q1). thrust_deduction: t. wake_fraction: w.
-    torque_fraction: k, the fraction of the torque on the hull. limit: largest |n|, 1/s. lag: s.
-    position: (3,) m. axis: unit vector (3,), ahead. effectiveness: e, the part of T and of the torque that it has, 1,
-    or 0 of a dead propeller, whose own drag is left out.
-    Commanded by n, 1/s; n > 0 is ahead. Raises ArgumentError. Source: Fossen (2021), 9.3.
+    torque_fraction: k, the fraction of the torque on the hull. limit: largest |n|, 1/s. lag: of its actuator, s.
+    position: of its centre, (3,) m. axis: unit vector (3,), ahead. effectiveness: e, the part of T and of the torque
+    that it has, 1, or 0 of a dead propeller, whose own drag is left out. Commanded by n, 1/s; n > 0 is ahead.
+    Raises ArgumentError. Source: Fossen (2021), 9.3.
     """
 
     kind: ClassVar[str] = "propeller"

@@ -41,15 +41,15 @@ class Thrusters(Part):
     where |u − u₀| < dead_band, u₀ the neutral command. A command is clipped to its limits, and the thruster follows by
     u ← u + (1 − exp(−h/τ))(command − u).
 
-    curve: as `force_curve` takes it, from commands in `unit` to N. positions: r_i, (n, 3) m; directions: d_i, (n, 3),
-    unit vectors in which a positive force pushes; torque: q_i, N m about d_i per N, a number or (n,), the reaction of
-    the propellers. Or allocation: B, (6, n), rows X, Y, Z, K, M, N. limit: the largest |u|, or (lowest, highest); by
-    default the ends of a table. lag: τ, s, none if left out. effectiveness: e_i, the part of its force that a thruster
-    has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, also in the model of software on board, unless
-    the parameter is replaced. least_authority: the part of the largest singular value of the scaled B below which
-    `allocate` takes a direction as uncontrollable. axis_weights: w of surge … yaw, with which `allocate` finds the
-    least squares within the limits (`parts.allocator`); by default force gives way before torque. Raises ArgumentError
-    for impossible values.
+    dead_band: largest |u − u₀| without force. density: ρ₀, kg/m³. curve: as `force_curve` takes it, from commands in
+    `unit` to N. positions: r_i, (n, 3) m; directions: d_i, (n, 3), unit vectors in which a positive force pushes;
+    torque: q_i, N m about d_i per N, a number or (n,), the reaction of the propellers. Or allocation: B, (6, n), rows
+    X, Y, Z, K, M, N. limit: the largest |u|, or (lowest, highest); by default the ends of a table. lag: τ, s, none if
+    left out. effectiveness: e_i, the part of its force that a thruster has, from 0, dead, to 1, a number or (n,): B's
+    columns are times e_i, also in the model of software on board, unless the parameter is replaced. least_authority:
+    the part of the largest singular value of the scaled B below which `allocate` takes a direction as uncontrollable.
+    axis_weights: w of surge … yaw, with which `allocate` finds the least squares within the limits (`parts.allocator`);
+    by default force gives way before torque. Raises ArgumentError for impossible values.
     """
 
     kind: ClassVar[str] = "thrusters"

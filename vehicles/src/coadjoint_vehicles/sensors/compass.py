@@ -45,7 +45,8 @@ class Ahrs(Sensor):
     """Roll, pitch and heading of the sensor axes, (3,) rad, of R M: an attitude and heading reference.
 
     roll = atan2(d_y, d_z) and pitch = atan2(−d_x, |(d_y, d_z)|) of down d in its axes, heading as of `Compass`.
-    tilt: the Errors of roll and pitch; heading: of the heading. declination: rad. Raises ArgumentError.
+    tilt: the Errors of roll and pitch; heading: of the heading. declination: of magnetic from true north, rad.
+    Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "ahrs"
