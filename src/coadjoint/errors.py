@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NoReturn
 
 __all__ = [
     "ArgumentError",
@@ -84,6 +84,11 @@ class LagrangianError(CoadjointError, ValueError):
 
 class GroupError(CoadjointError, ValueError):
     """A group, a space and a difference map do not fit together, or one of them contradicts itself."""
+
+
+def must_give(owner: object, member: str) -> NoReturn:
+    """Raise GroupError for a member that a class leaves out and its base class does not have by itself."""
+    raise GroupError(f"{type(owner).__name__} must give `{member}`, which its base class does not have by itself.")
 
 
 class FileError(CoadjointError, OSError):

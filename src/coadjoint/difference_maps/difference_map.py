@@ -15,7 +15,7 @@ import numpy as np
 from jax import lax
 
 from coadjoint.arrays import Array
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, must_give
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Element, LieGroup, require_solution, transpose
 from coadjoint.groups.opposite import Opposite
@@ -35,7 +35,7 @@ class DifferenceMap:
     """
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
-        raise NotImplementedError
+        must_give(self, "_tau")
 
     def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
         """By differentiation of τ."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, must_give
 from coadjoint.groups.matrix_elements import (
     MatrixCoordinates,
     MatrixElements,
@@ -27,7 +27,7 @@ class _Quadratic(MatrixElements):
     @property
     def form(self) -> np.ndarray:
         """P (N, N)."""
-        raise NotImplementedError
+        must_give(self, "form")
 
     def inverse(self, g: Array) -> Array:
         return self.form.T @ g.T @ self.form

@@ -15,7 +15,7 @@ import numpy as np
 
 from coadjoint.arrays import Array as Array
 from coadjoint.arrays import PyTree
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, must_give
 from coadjoint.groups.matrix_functions import exponential, logarithm
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
@@ -34,7 +34,7 @@ class LieGroup:
     @property
     def basis(self) -> np.ndarray:
         """The basis of 𝔤 as matrices, shape (dim, N, N)."""
-        raise NotImplementedError
+        must_give(self, "basis")
 
     @property
     def dim(self) -> int:
@@ -57,27 +57,27 @@ class LieGroup:
 
     def identity(self) -> Element:
         """e."""
-        raise NotImplementedError
+        must_give(self, "identity")
 
     def compose(self, g: Element, h: Element) -> Element:
         """gh, of two elements."""
-        raise NotImplementedError
+        must_give(self, "compose")
 
     def inverse(self, g: Element) -> Element:
         """g⁻¹."""
-        raise NotImplementedError
+        must_give(self, "inverse")
 
     def matrix(self, g: Element) -> Array:
         """g as a matrix (N, N)."""
-        raise NotImplementedError
+        must_give(self, "matrix")
 
     def from_matrix(self, matrix: Array) -> Element:
         """The element whose matrix this is, (N, N)."""
-        raise NotImplementedError
+        must_give(self, "from_matrix")
 
     def tangent(self, xi: Array) -> Element:
         """ξ (dim,) as a tangent vector at e: a PyTree like an element, the derivative of any curve e + εξ + O(ε²)."""
-        raise NotImplementedError
+        must_give(self, "tangent")
 
     def view(self, xi: Array) -> Array:
         """ξ or μ (dim,) as the user's functions see it: unchanged, but by links on `co.Power`."""

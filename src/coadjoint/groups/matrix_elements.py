@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, must_give
 from coadjoint.groups.group import Element, LieGroup
 
 
@@ -69,25 +69,25 @@ class MatrixCoordinates(LieGroup):
         return np.ones(self.dim)
 
     def _matrices(self) -> np.ndarray:
-        raise NotImplementedError
+        must_give(self, "_matrices")
 
     def _hat(self, xi: Array) -> Array:
-        raise NotImplementedError
+        must_give(self, "_hat")
 
     def _vee(self, matrix: Array) -> Array:
-        raise NotImplementedError
+        must_give(self, "_vee")
 
     def _Ad(self, g: Element, xi: Array) -> Array:
-        raise NotImplementedError
+        must_give(self, "_Ad")
 
     def _Ad_dual(self, g: Element, mu: Array) -> Array:
-        raise NotImplementedError
+        must_give(self, "_Ad_dual")
 
     def _ad(self, xi: Array, eta: Array) -> Array:
-        raise NotImplementedError
+        must_give(self, "_ad")
 
     def _ad_dual(self, xi: Array, mu: Array) -> Array:
-        raise NotImplementedError
+        must_give(self, "_ad_dual")
 
     def hat(self, xi: Array) -> Array:
         return super().hat(xi) if self.dense else self._hat(xi)

@@ -12,7 +12,7 @@ from jax import lax
 
 from coadjoint import checks
 from coadjoint.arrays import Array, Scalar
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, must_give
 from coadjoint.groups.complex_form import real_form
 from coadjoint.groups.matrix_elements import MatrixCoordinates, diagonal
 from coadjoint.groups.matrix_functions import logarithm
@@ -70,15 +70,15 @@ class _Unitary(MatrixCoordinates):
 
     def _diagonals(self) -> np.ndarray:
         """The diagonals of the matrices of the basis that are diagonal, over i, a column each."""
-        raise NotImplementedError
+        must_give(self, "_diagonals")
 
     def _to_diagonal(self, rows: Array) -> Array:
         """The diagonal of B by that of coordinates by rows (n, n), of which another entry may be anything, (n, n)."""
-        raise NotImplementedError
+        must_give(self, "_to_diagonal")
 
     def _from_diagonal(self, B: Array) -> Array:
         """The diagonal of coordinates by rows by that of B (n, n), of which another entry may be anything, (n, n)."""
-        raise NotImplementedError
+        must_give(self, "_from_diagonal")
 
     def _matrices(self) -> np.ndarray:
         n, found = self.size, []

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 
 from coadjoint.arrays import PyTree, Scalar
+from coadjoint.errors import must_give
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import NodeMotion
@@ -64,7 +65,7 @@ class _Plain(InternalRule):
     """A function as a rule."""
 
     def __call__(self, motion: NodeMotion, h: Scalar, p: Parameters | None) -> PyTree:
-        raise NotImplementedError
+        must_give(self, "__call__")
 
 
 def declared(rule: Callable[..., PyTree] | None) -> InternalRule:

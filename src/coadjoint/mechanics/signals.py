@@ -14,7 +14,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, must_give, shown
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.kernels.trace.jaxprs import Tracer
 
@@ -75,7 +75,7 @@ class _Table(Signal):
 
     def _rows(self, number: PyTree) -> tuple[Array, list[Array]]:
         """Borders (k − 1,) and columns (k, …), computed by JAX or NumPy: row i holds from borders[i − 1] to [i]."""
-        raise NotImplementedError
+        must_give(self, "_rows")
 
     @cached_property
     def _constants(self) -> tuple[Array, list[Array]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, must_give
 from coadjoint.methods.composition import Composition, NegativeSubsteps
 from coadjoint.methods.method import Method, Start
 
@@ -25,7 +25,7 @@ class _Scheme(Composition):
     @property
     def first(self) -> tuple[float, ...]:
         """γ_1 … up to the one before the middle, which makes the sum 1."""
-        raise NotImplementedError
+        must_give(self, "first")
 
 
 def _mirrored(first: tuple[float, ...]) -> tuple[float, ...]:

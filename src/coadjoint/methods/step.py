@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_own_map
+from coadjoint.errors import must_give
 from coadjoint.groups.group import Element
 from coadjoint.kernels.newton.coupled import Coupled, Factors
 from coadjoint.kernels.newton.solver import Dense
@@ -150,11 +151,11 @@ class Step(ABC):
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and values of ℓ at a node."""
-        raise NotImplementedError
+        must_give(self, "nodes")
 
     def quadrature(self, system: System, record: State, h: Scalar) -> list[tuple[float, Point]]:
         """Where the rule evaluates ℓ, in the order of `nodes`: pairs of a weight, one number, and a point."""
-        raise NotImplementedError
+        must_give(self, "quadrature")
 
     def discrete_lagrangian(self, system: System, record: State, h: Scalar) -> Scalar:
         """Λ of the step that starts at the record, one number."""
@@ -180,7 +181,7 @@ class Step(ABC):
 
         sound: one number; where it is 0 the equations have no solution and z is the guess.
         """
-        raise NotImplementedError
+        must_give(self, "advance_if")
 
     @abstractmethod
     def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ import numpy as np
 from coadjoint import disk
 from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
-from coadjoint.errors import ArgumentError, FileError, shown
+from coadjoint.errors import ArgumentError, FileError, must_give, shown
 from coadjoint.extensions import Registry, import_string
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -45,7 +45,7 @@ class Recording:
     @cached_property
     def dataset(self) -> xarray.Dataset:
         """The records as a labelled xarray dataset."""
-        raise NotImplementedError
+        must_give(self, "dataset")
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
         """The certificate, for notebooks."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64, numeric
-from coadjoint.errors import ArgumentError, GroupError, shown
+from coadjoint.errors import ArgumentError, GroupError, must_give, shown
 from coadjoint.groups.group import Element, LieGroup, transpose
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
@@ -37,7 +37,7 @@ class Space:
 
     def ambient(self, group: LieGroup) -> int:
         """The length of the arrays that hold points."""
-        raise NotImplementedError
+        must_give(self, "ambient")
 
     def require_fit(self, group: LieGroup) -> None:
         """Raise GroupError unless `act` is an affine left action: at random g, h, x, v it must satisfy
@@ -55,7 +55,7 @@ class Space:
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         """g·x, (ambient,), of a point x (ambient,)."""
-        raise NotImplementedError
+        must_give(self, "act")
 
     def push(self, group: LieGroup, g: Element, x: Array, v: Array) -> Array:
         """The tangent lift of the action: v at x ↦ g·v at g·x, all (ambient,)."""
@@ -193,7 +193,7 @@ class Embedded(Space):
 
     def frame(self, group: LieGroup, x: Array) -> Array:
         """E, an orthonormal basis of T_xQ, (ambient, dim)."""
-        raise NotImplementedError
+        must_give(self, "frame")
 
     def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
         return self.frame(group, x) @ y

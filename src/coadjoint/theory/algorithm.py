@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap, Exponential
-from coadjoint.errors import StepError
+from coadjoint.errors import StepError, must_give
 from coadjoint.groups.group import Element, LieGroup
 from coadjoint.kernels.newton.solver import DenseStage
 from coadjoint.kernels.program import Code
@@ -34,15 +34,15 @@ class Algorithm(DenseStage):
 
     def last(self, pair: PyTree, h: Scalar) -> tuple[Element, Array, Array]:
         """The last increment, the point n (ambient,) that s starts from, and the last velocity (s − n)/h (ambient,)."""
-        raise NotImplementedError
+        must_give(self, "last")
 
     def conditions(self, pair: PyTree, h: Scalar, F: Element, s: Array) -> tuple[Array, Array]:
         """The equations that F and s solve, (dim G,) on 𝔤* and (ambient,) on T*Q at n."""
-        raise NotImplementedError
+        must_give(self, "conditions")
 
     def following(self, pair: PyTree, h: Scalar, F: Element, s: Array) -> PyTree:
         """The next pair, from the increment F and the point s (ambient,)."""
-        raise NotImplementedError
+        must_give(self, "following")
 
     def run(self, pair: object, h: Scalar, steps: int) -> PyTree:
         """The pairs 0 … steps, every leaf with a leading axis; raises StepError at a step that fails."""

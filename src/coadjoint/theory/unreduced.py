@@ -14,7 +14,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.errors import ArgumentError, LagrangianError, must_give
 from coadjoint.groups.derivative import left_derivative
 from coadjoint.groups.group import Element, LieGroup
 from coadjoint.mechanics.parameters import Parameters
@@ -99,11 +99,11 @@ class LagrangianInSpace:
 
     def _at_identity(self, *arguments: PyTree, **keywords: Any) -> Array:
         """The reduced function."""
-        raise NotImplementedError
+        must_give(self, "_at_identity")
 
     def _taken(self, dynamic: bool) -> list[str]:
         """What the function takes first, with additional dynamics or without."""
-        raise NotImplementedError
+        must_give(self, "_taken")
 
     def driven(self, inputs: PyTree) -> Self:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""

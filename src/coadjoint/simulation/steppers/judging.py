@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import warn
+from coadjoint.errors import must_give, warn
 from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.program import Code, StatusFlag
 from coadjoint.kernels.run.interruptible import FIRST
@@ -105,7 +105,7 @@ class StepperWarnings:
         return None if self._parts is None else self._parts.ruler
 
     def _parameter_rows(self) -> np.ndarray:
-        raise NotImplementedError
+        must_give(self, "_parameter_rows")
 
     def _steps(self, course: InternalPlaces) -> EngineSteps:
         """Single steps with the parameters as they are now."""
