@@ -11,11 +11,11 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, rephrased
 
 PARTIAL = ".partial"
 """The ending of the hidden name of a file that is being written or removed; the holder of the folder may remove it."""
@@ -136,15 +136,9 @@ def require_home(path: Path) -> None:
         raise FileError(f"The folder {path.parent} does not exist: make it first.")
 
 
-@contextmanager
-def reading(path: Path, what: str = "file") -> Iterator[None]:
+def reading(path: Path, what: str = "file") -> AbstractContextManager[None]:
     """A block that reads a file: an OSError in it becomes a FileError, with `what` the file is in the sentence."""
-    try:
-        yield
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
+    return rephrased(f"The {what} {path} cannot be read")
 
 
 @contextmanager
@@ -157,12 +151,9 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     require_home(target)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
-        yield temporary
-        os.replace(temporary, target)
-    except OSError as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"The file {target} could not be written: {error.strerror or error}.") from error
+        with rephrased(f"The file {target} could not be written"):
+            yield temporary
+            os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
 __all__ = [
@@ -93,6 +94,25 @@ def must_give(owner: object, member: str) -> NoReturn:
 
 class FileError(CoadjointError, OSError):
     """A file or folder cannot be read or written."""
+
+
+@contextmanager
+def rephrased(
+    what: str, *caught: type[BaseException], then: str = "", kind: type[CoadjointError] = FileError
+) -> Iterator[None]:
+    """A block in which errors of other libraries, by default OSError, become one sentence: "what: reason; then.".
+
+    The library's own errors pass. kind: the type of the error.
+    """
+    found = caught or (OSError,)
+    try:
+        yield
+    except CoadjointError:
+        raise
+    except found as error:
+        of_system = isinstance(error, OSError) and (error.strerror or next(iter(str(error).splitlines()), ""))
+        reason = of_system or error_line(error)
+        raise kind(f"{what}: {reason}{'; ' * bool(then)}{then}.") from error
 
 
 class StepError(CoadjointError, ArithmeticError):

@@ -18,14 +18,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from coadjoint import disk
 from coadjoint.disk import reading
-from coadjoint.errors import CoadjointError, FileError, error_line, shown
+from coadjoint.errors import FileError, rephrased, shown
 
 MANIFEST = "manifest.json"
 FORMAT = 2
@@ -138,16 +138,10 @@ class Manifest:
                 yield str(error)
 
 
-@contextmanager
-def as_written(folder: Path) -> Iterator[None]:
+def as_written(folder: Path) -> AbstractContextManager[None]:
     """Raise FileError for what a folder holds in place of what the library writes; no function of a user runs here."""
-    try:
-        yield
-    except CoadjointError:
-        raise
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        what = f"holds what coadjoint does not write ({error_line(error)})"
-        raise FileError(f"The folder {folder} {what}: {DAMAGED}.") from error
+    caught = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+    return rephrased(f"The folder {folder} holds what coadjoint does not write", *caught, then=DAMAGED)
 
 
 def _is_entry(found: object) -> bool:

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, rephrased
 
 LARGEST, DEEPEST = 1_000_000, 64
 """The most bytes of a text, and the most tables and lists within each other."""
@@ -32,18 +32,15 @@ def text_of(source: Path, most: int = LARGEST) -> str:
 
 def file_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
     """The text in a file, as `text_of`; raises FileError alone, with `what` the file is in the sentence."""
-    try:
-        return text_of(path, most)
-    except FileNotFoundError as error:
-        raise FileError(f"There is no {what} {path}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"The file {path} is not a text in UTF-8.") from error
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise FileError(f"There is no {what} {path}: a file name cannot hold a NUL.") from error
+    with rephrased(f"The {what} {path} cannot be read"):
+        try:
+            return text_of(path, most)
+        except FileNotFoundError as error:
+            raise FileError(f"There is no {what} {path}.") from error
+        except UnicodeDecodeError as error:
+            raise FileError(f"The file {path} is not a text in UTF-8.") from error
+        except ValueError as error:
+            raise FileError(f"There is no {what} {path}: a file name cannot hold a NUL.") from error
 
 
 def too_large(name: object, most: int) -> FileError:

@@ -20,7 +20,7 @@ from coadjoint.audit.figures import energy_figure, order_figure
 from coadjoint.audit.findings import Audit
 from coadjoint.audit.systems import PROBLEMS, QUICK
 from coadjoint.audit.tables import COLUMNS, by_system, markdown, rows, summary
-from coadjoint.errors import FileError
+from coadjoint.errors import rephrased
 from coadjoint.plotting.style import save
 from coadjoint.report.summary import to_json, versions
 
@@ -33,7 +33,7 @@ ORDERS, ENERGY = "audit_orders.png", "audit_energy.png"
 def write(audit: Audit, folder: Path, command: str) -> list[Path]:
     """audit.md, audit.json and figures/*.png in `folder`; raises FileError where that cannot be written."""
     figures = folder / "figures"
-    try:
+    with rephrased(f"The folder {folder} cannot be written to"):
         figures.mkdir(parents=True, exist_ok=True)
         made = [_drawn(order_figure(audit), figures / ORDERS)]
         if any(cell.long_run is not None for cell in audit.cells):
@@ -41,8 +41,6 @@ def write(audit: Audit, folder: Path, command: str) -> list[Path]:
         (folder / NUMBERS).write_text(to_json({**summary(audit), "versions": versions()}), encoding="utf-8")
         names = [path.name for path in made]
         (folder / PAGE).write_text(text(audit, command, names), encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
     return [folder / PAGE, folder / NUMBERS, *made]
 
 

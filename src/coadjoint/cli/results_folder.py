@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, rephrased
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
 from coadjoint.texts import LARGEST_SUMMARY, Table, file_text, read_table, text_of
 
@@ -47,14 +47,10 @@ def summary(source: Path) -> Table:
         (run,) = recordings(source).values()
         return json.loads(to_json(dict(run.dataset.attrs)))
     file = source / SUMMARY
-    try:
+    if not os.path.exists(file):
+        raise FileError(f"The folder {source} {_state(source)}: there is no {SUMMARY}.")
+    with rephrased(f"The file {file} cannot be read", OSError, RecursionError, ValueError):
         found = json.loads(text_of(file, LARGEST_SUMMARY))
-    except FileNotFoundError as error:
-        raise FileError(f"The folder {source} {_state(source)}: there is no {SUMMARY}.") from error
-    except FileError:
-        raise
-    except (OSError, RecursionError, ValueError) as error:
-        raise FileError(f"The file {file} cannot be read: {error}.") from error
     if not isinstance(found, dict):
         raise FileError(f"The file {file} was not written by coadjoint.")
     return found

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.disk import reading
+from coadjoint.errors import ArgumentError, FileError, rephrased
 from coadjoint.groups.attitude import from_quaternion
 from coadjoint.texts import Table
 
@@ -44,19 +45,15 @@ def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") 
         raise ArgumentError(f"A mesh is a file that ends in .stl, .obj, .gltf or .glb, but is {source.name}.")
     for name, value, known in (("unit", unit, UNITS), ("axes", axes, AXES)):
         checks.choice(value, f"Argument `{name}` of a mesh", known)
-    try:
-        data = _content(source)
-        vertices, faces = read(data, source)
-        vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
-        faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
-    except FileNotFoundError as error:
-        raise FileError(_missing(error, source)) from error
-    except CoadjointError:
-        raise
-    except OSError as error:
-        raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise FileError(f"The file {source} is damaged, or not a mesh of its format.") from error
+    damaged = (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError)
+    with reading(source), rephrased(f"The file {source} is damaged, or not a mesh of its format", *damaged):
+        try:
+            data = _content(source)
+            vertices, faces = read(data, source)
+            vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+            faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+        except FileNotFoundError as error:
+            raise FileError(_missing(error, source)) from error
     _check(vertices, faces, source)
     turned = UNITS[unit] * vertices @ AXES[axes].T
     return {"kind": "mesh", "vertices": np.round(turned, 6).ravel(), "faces": faces.ravel()}

@@ -19,7 +19,7 @@ from typing import Any
 
 from coadjoint import disk
 from coadjoint.disk import require_folder
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, rephrased
 from coadjoint.manifest import FORMAT, MANIFEST, Manifest
 from coadjoint.report.companion_files import companions
 from coadjoint.simulation.lock import Lock
@@ -164,10 +164,8 @@ def held_manifest(folder: Path) -> Manifest | None:
 
 def make(folder: Path) -> None:
     """Make a folder unless it exists; raises FileError if it cannot be made."""
-    try:
+    with rephrased(f"The folder {folder} cannot be made"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.checks import unknown
-from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.errors import ArgumentError, CoadjointError, FileError, rephrased
 from coadjoint.report.companion_files import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
 from coadjoint.sections import in_si
@@ -70,12 +70,8 @@ def start(system: System, initial: Table) -> State:
     values = initial_values(initial, [*STATE, *turning])
     ways = {name: values.pop(name) for name in turning if name in values}
     if ways:
-        try:
+        with rephrased(f"[initial] {', '.join(ways)}", ValueError, kind=ArgumentError):
             R, omega = orientation(**ways)
-        except CoadjointError:
-            raise
-        except ValueError as error:
-            raise ArgumentError(f"[initial] {', '.join(ways)}: {error}") from error
         said = [("g", R, ways.keys() & {"rotation", "euler_zxz", "euler_zyx"})]
         said.append(("xi", omega, ways.keys() & {"angular_velocity", "euler_rates"}))
         for name, value, given in said:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from coadjoint import checks
 from coadjoint import units as u
-from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.errors import ArgumentError, FileError, rephrased
 from coadjoint.extensions import Registry, absent, import_string
 from coadjoint.report.folder import kept_inputs
 from coadjoint.runs.initial import initial_values
@@ -70,16 +70,10 @@ class RunFile(Runnable):
         from coadjoint.models import catalogue
 
         entry = catalogue[self.system.model]
-        try:
+        what = f"Model `{self.system.model}` cannot be made from [parameters] and [initial]"
+        with rephrased(what, TypeError, ValueError, kind=ArgumentError):
             system = entry.make(**parameters)
             return system, entry.start(system, **initial)
-        except CoadjointError:
-            raise
-        except (TypeError, ValueError) as error:
-            first = str(error).split("\n")[0]
-            raise ArgumentError(
-                f"Model `{self.system.model}` cannot be made from [parameters] and [initial]: {first}"
-            ) from error
 
     def set_up(self) -> Setup:
         from coadjoint.runs.setup import Setup

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from coadjoint import disk
 from coadjoint.arrays import PyTree
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, rephrased
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.simulation.configuration import packed
 from coadjoint.simulation.lock import LOCK, Lock
@@ -92,18 +92,16 @@ def tidy(folder: Path) -> None:
 
 def holds_run(path: Path) -> bool:
     """Whether a folder holds a run already; raises FileError if it holds something else, or cannot be made."""
-    try:
+    with rephrased(f"The folder {path} cannot be looked at"):
         other = path.exists() and (not path.is_dir() or any(path.iterdir()))
         # After that, for another process may have moved a run to this place meanwhile.
         held = (path / MANIFEST).exists() or (path / CONFIGURATION).exists()
         home = path.parent.is_dir()
-    except OSError as error:
-        raise FileError(f"The folder {path} cannot be looked at: {error.strerror or error}.") from error
     if held:
         require_run(path)
         return True
     if other:
         raise FileError(f"Argument `store` must name a new or empty folder, but {path} holds something else.")
     if not home:
-        raise FileError(f"The folder {path.parent} does not exist: make it first.")
+        disk.require_home(path)
     return False

@@ -19,7 +19,7 @@ import numpy as np
 from coadjoint import disk
 from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
-from coadjoint.errors import ArgumentError, FileError, must_give, shown
+from coadjoint.errors import ArgumentError, FileError, must_give, rephrased, shown
 from coadjoint.extensions import Registry, import_string
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -78,20 +78,20 @@ class Recording:
         text = self._text(target.suffix.lower(), options)
         temporary = beside(target)
         try:
-            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-            if text is not None:
-                temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
-            else:
-                whole = self.dataset.assign(self._last_record())
-                whole.to_netcdf(temporary.absolute(), engine="h5netcdf")
-                _require_equal(temporary, whole)
-                seal(temporary)
-            disk.settle(temporary)
-            disk.move(temporary, target)
-        except OSError as error:
+            with rephrased(f"The run could not be written to {target}"):
+                os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+                if text is not None:
+                    temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
+                else:
+                    whole = self.dataset.assign(self._last_record())
+                    whole.to_netcdf(temporary.absolute(), engine="h5netcdf")
+                    _require_equal(temporary, whole)
+                    seal(temporary)
+                disk.settle(temporary)
+                disk.move(temporary, target)
+        finally:
             with contextlib.suppress(OSError):
                 temporary.unlink()
-            raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
         return target
 
     def _last_record(self) -> Table:

@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, FileError, shown
+from coadjoint.errors import ArgumentError, FileError, rephrased, shown
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import logger
 from coadjoint.manifest import MANIFEST, as_written
@@ -262,12 +262,8 @@ def _taken_up(run: Result, folder: Path) -> StreamedRun | StreamedEnsemble:
 
 
 def _locked(folder: Path) -> Lock:
-    try:
+    with rephrased(f"The folder {folder} cannot be written"):
         return Lock(folder)
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The folder {folder} cannot be written: {error.strerror or error}.") from error
 
 
 _PARTS = {

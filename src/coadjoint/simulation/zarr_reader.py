@@ -17,7 +17,7 @@ import numpy as np
 import zarr
 from zarr.storage import LocalStore
 
-from coadjoint.errors import FileError, error_line
+from coadjoint.errors import FileError, rephrased
 from coadjoint.manifest import DAMAGED, Manifest, sums_up
 from coadjoint.texts import Table
 
@@ -100,15 +100,10 @@ def verified(manifest: Manifest, place: str, whole: bool = True) -> Verified:
 def arrays(manifest: Manifest, place: str) -> Table:
     """The arrays of the folder `place` by their names; values are checked when they are read."""
     store = verified(manifest, place)
-    try:
+    # zarr has errors of all kinds
+    with rephrased(f"The arrays in {manifest.folder / place} cannot be opened", Exception, then=DAMAGED):
         group: Any = zarr.open_group(store, mode="r", zarr_format=3)
         return {name: group[name] for name in group.attrs["order"]}
-    except FileError:
-        raise
-    except Exception as error:  # zarr has errors of all kinds
-        raise FileError(
-            f"The arrays in {manifest.folder / place} cannot be opened ({error_line(error)}): {DAMAGED}."
-        ) from error
 
 
 def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
@@ -144,10 +139,8 @@ def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> Tab
     if manifest.files[name][0] > LARGEST:
         raise _strange(manifest, name, "is too large")
     manifest.require(name)
-    try:
+    with rephrased(f"The file {manifest.folder / name} cannot be read", OSError, ValueError, RecursionError):
         found = json.loads(manifest.path(name).read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
-        raise FileError(f"The file {manifest.folder / name} cannot be read: {error_line(error)}.") from error
     if not isinstance(found, dict) or found.get("zarr_format") != 3 or found.get("node_type") != kind:
         raise _strange(manifest, place, f"is no {kind} of zarr format 3")
     if not found.keys() <= known or not _is_plain(found.get("attributes")):

@@ -21,7 +21,7 @@ from importlib import import_module
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from coadjoint.errors import CoadjointError, FileError, error_line
+from coadjoint.errors import CoadjointError, FileError, error_line, rephrased
 from coadjoint.interrupts import look
 
 LIVES = 10
@@ -125,16 +125,13 @@ class _Worker:
         self.number: int | None = None
         self.resting = False
         alone = {**dict.fromkeys(ALONE, "1"), **os.environ}
-        try:
-            with _deaf():
-                self.process = subprocess.Popen(
-                    [sys.executable, "-P", "-c", _START, *sys.path],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    env=alone,
-                )
-        except OSError as error:
-            raise FileError(f"A worker of the sweep could not be started: {error.strerror or error}.") from error
+        with rephrased("A worker of the sweep could not be started"), _deaf():
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-c", _START, *sys.path],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=alone,
+            )
         threading.Thread(target=self._hear, args=(answers,), daemon=True).start()
 
     def give(self, number: int | None, call: Call) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import xarray
 
 from coadjoint.disk import require_folder
-from coadjoint.errors import FileError, error_line
+from coadjoint.errors import FileError, rephrased
 from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED, Manifest
 from coadjoint.report.folder import SUMMARY, held_manifest
@@ -52,31 +52,25 @@ class SweepResults:
         whole = bool(self.manifest.facts["sweep"].get("whole"))
         store = verified(self.manifest, MEMBERS, whole)
         require_chunks(self.manifest, MEMBERS, whole)
-        try:
+        # xarray and zarr have errors of all kinds
+        with rephrased(f"The arrays in {path} cannot be opened", Exception, then=DAMAGED):
             found = xarray.open_zarr(store, consolidated=False, chunks=None, decode_cf=False, zarr_format=3)
             found = found[found.attrs["order"]]
             numbers = [name for name in found.data_vars if found[name].attrs.get("swept")]
             found = found.set_coords([*numbers, *(name for name in ("time",) if name in found)])
             return found.assign_coords(angle=["yaw", "pitch", "roll"]) if "angle" in found.dims else found
-        except FileError:
-            raise
-        except Exception as error:  # xarray and zarr have errors of all kinds
-            raise FileError(f"The arrays in {path} cannot be opened ({error_line(error)}): {DAMAGED}.") from error
 
     @cached_property
     def statistics(self) -> xarray.Dataset:
         """Mean, standard deviation, extremes and quantiles over the members that did not fail; raises FileError."""
         path = self.folder / STATISTICS
         self.manifest.require(STATISTICS)
-        try:
+        # h5py and the libraries above it have errors of all kinds
+        with rephrased(f"The file {path} cannot be read as netCDF", Exception, then=DAMAGED):
             if readable(path):
                 found = xarray.load_dataset(path.absolute(), engine="h5netcdf")
                 if all("statistic" in found[name].dims for name in found.data_vars) and "statistic" in found.coords:
                     return found
-        except FileError:
-            raise
-        except Exception as error:  # h5py and the libraries above it have errors of all kinds
-            raise FileError(f"The file {path} cannot be read as netCDF ({error_line(error)}): {DAMAGED}.") from error
         raise FileError(f"The file {path} does not hold the statistics of a sweep: {DAMAGED}.")
 
     @property
@@ -108,19 +102,15 @@ def _summary(manifest: Manifest) -> dict[str, object]:
     """The contents of summary.json; raises FileError if it is damaged, or not that of a sweep."""
     manifest.require(SUMMARY)
     path = manifest.folder / SUMMARY
-    try:
+    with rephrased(f"The file {path} cannot be read", OSError, ValueError, RecursionError):
         found = json.loads(text_of(path, LARGEST_SUMMARY))
-    except FileError:
-        raise
-    except (OSError, ValueError, RecursionError) as error:
-        raise FileError(f"The file {path} cannot be read: {error_line(error)}.") from error
     kinds = {str: _WORDS, (int, float): _NUMBERS, dict: ("failures", "warnings", "refusals", "versions")}
     lists = [found.get(name) for name in ("numbers", "figures")] if isinstance(found, dict) else [None]
-    if not all(isinstance(one, list) and all(isinstance(word, str) for word in one) for one in lists) or not all(
-        isinstance(found.get(name), kind) for kind, names in kinds.items() for name in names
+    if not (
+        all(isinstance(one, list) and all(isinstance(word, str) for word in one) for one in lists)
+        and all(isinstance(found.get(name), kind) for kind, names in kinds.items() for name in names)
+        and all(type(count) is int for name in ("failures", "warnings") for count in found[name].values())
     ):
-        raise FileError(f"The file {path} is not the summary of a sweep: {DAMAGED}.")
-    if not all(type(count) is int for name in ("failures", "warnings") for count in found[name].values()):
         raise FileError(f"The file {path} is not the summary of a sweep: {DAMAGED}.")
     return found
 

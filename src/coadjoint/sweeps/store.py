@@ -27,7 +27,7 @@ from zarr.storage import MemoryStore
 from coadjoint import disk
 from coadjoint.archives import stored_arrays
 from coadjoint.disk import reading
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, rephrased
 from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.report.folder import UNFINISHED
 from coadjoint.simulation.zarr_writer import unset
@@ -91,7 +91,8 @@ def write(folder: Path, number: int, size: int, shard: Shard, kept: bool) -> Non
     The same task again writes the same bytes. Raises FileError if this fails.
     """
     place = folder / UNFINISHED / SHARDS
-    try:
+    again = "correct this, then the same command again continues with the missing tasks"
+    with rephrased(f"A task could not write to {folder}", then=again):
         values = {**shard.members, **(shard.nodes or {})} if kept else {}
         files = dict(_write_chunk(folder, name, number, size, rows) for name, rows in values.items() if rows.size)
         if not place.is_dir():
@@ -99,13 +100,6 @@ def write(folder: Path, number: int, size: int, shard: Shard, kept: bool) -> Non
                 f"The folder {place} is gone: the sweep has ended, or was deleted while a task was at work."
             )
         _put(place / _shard(number), _packed(shard, files))
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(
-            f"A task could not write to {folder}: {error.strerror or error}; correct this, then the same command again "
-            "continues with the missing tasks."
-        ) from error
 
 
 def _write_chunk(folder: Path, array: str, number: int, size: int, rows: np.ndarray) -> tuple[str, list[Any]]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.errors import ArgumentError, CoadjointError, FileError, rephrased
 from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run.ensemble import at_most
 from coadjoint.mechanics.copies import replace_parameters
@@ -96,15 +96,9 @@ def read(folder: str, configuration: str) -> Sweep:
     import hashlib
 
     path = Path(folder) / RUN_FILE
-    try:
+    shared = "all workers need the folder of the sweep at the same path, on a disk that they share"
+    with rephrased(f"A worker cannot read {path}", then=shared):
         text = text_of(path)
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(
-            f"A worker cannot read {path}: {error.strerror or error}; all workers need the folder of the sweep at the "
-            "same path, on a disk that they share."
-        ) from error
     if hashlib.sha256(text.encode()).hexdigest() != configuration:
         raise FileError(f"The folder {folder} holds another sweep by now: this task does not belong to it.")
     table = read_table(text, path)

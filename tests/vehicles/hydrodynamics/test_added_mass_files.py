@@ -304,7 +304,7 @@ def test_a_wrong_capytaine_file_is_told_in_a_sentence(tmp_path, held, sentence):
 def test_a_file_that_cannot_be_read_is_told(tmp_path):
     given = {"length": 1.0, "fluid_density": 1025.0, "axes": "z_up"}
     (tmp_path / "binary.1").write_bytes(b"\xff\xfe\x00\x81")
-    for name, sentence in (("none.1", "There is no file"), ("binary.1", "not text"), (".", "cannot be read")):
+    for name, sentence in (("none.1", "There is no file"), ("binary.1", "not a text"), (".", "cannot be read")):
         with pytest.raises(FileError, match=sentence):
             wamit_added_mass(tmp_path / name, **given)
     Path(tmp_path / "text.nc").write_text("PERIOD I J", encoding="utf-8")

@@ -23,7 +23,7 @@ import numpy as np
 
 from coadjoint.archives import stored_array
 from coadjoint.disk import require_home
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, rephrased
 from coadjoint.kernels.run.machine import is_for_this_machine, processor
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain, to_plain
 from coadjoint.simulation.steppers.base import StepperBase
@@ -50,12 +50,12 @@ def save(path: str | os.PathLike[str], overwrite: bool, content_of: Callable[[Pa
     content = content_of(target)
     temporary = target.parent / f".{target.name}.{secrets.token_hex(4)}"
     try:
-        temporary.write_bytes(content)
-        os.replace(temporary, target)
-    except OSError as error:
+        with rephrased(f"The stepper could not be written to {target}"):
+            temporary.write_bytes(content)
+            os.replace(temporary, target)
+    finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        raise FileError(f"The stepper could not be written to {target}: {error.strerror or error}.") from error
     return target
 
 

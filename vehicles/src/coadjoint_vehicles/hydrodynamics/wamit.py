@@ -12,7 +12,7 @@ from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import FileError, warn
 from coadjoint.models.quantities import positive
-from coadjoint.texts import text_of
+from coadjoint.texts import file_text
 from coadjoint_vehicles.hydrodynamics.added_mass import computed_added_mass
 
 LARGEST = 16_000_000
@@ -80,16 +80,7 @@ Row = tuple[int, float, int, int, float]
 
 def _rows(source: Path) -> list[Row]:
     """The rows of the file, after an optional header line."""
-    try:
-        lines = text_of(source, LARGEST).splitlines()
-    except FileNotFoundError as error:
-        raise FileError(f"There is no file {source}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"The file {source} is not text: a file `.1` of WAMIT is.") from error
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
+    lines = file_text(source, most=LARGEST).splitlines()
     split = [(number, line.split()) for number, line in enumerate(lines, start=1) if line.strip()]
     if split and not _is_number(split[0][1][0]):
         split = split[1:]

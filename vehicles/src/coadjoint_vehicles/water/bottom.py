@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.disk import require_file
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, rephrased
 from coadjoint.extending import engine_of
 from coadjoint_vehicles.water.columns import read
 
@@ -80,12 +80,8 @@ class Bottom:
 
         source = Path(path)
         require_file(source)
-        try:
+        with rephrased(f"The file {source} is not a netCDF file that can be read", Exception):
             opened = xarray.open_dataset(source.absolute(), engine=engine_of(source, by_child=False))
-        except FileError:
-            raise
-        except Exception as error:
-            raise FileError(f"The file {source} is not a netCDF file that can be read.") from error
         with opened as dataset:
             name = next((name for name in NAMES if name in dataset), None)
             if name is None or set(dataset[name].dims) != {"north", "east"}:
@@ -102,10 +98,8 @@ class Bottom:
                     f"The file {source} is not a bottom on a grid: it has {dataset[name].size:,} nodes, more than "
                     f"{MOST:,}: thin it out."
                 )
-            try:
+            with rephrased(f"The file {source} is damaged, so that its {name} cannot be read", Exception):
                 grid = dataset[name].load().transpose("north", "east").sortby(["north", "east"])
-            except Exception as error:
-                raise FileError(f"The file {source} is damaged: its {name} cannot be read.") from error
             return _of_file(cls, source, grid.north.values, grid.east.values, sign * grid.values, between)
 
     @classmethod
