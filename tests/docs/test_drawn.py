@@ -18,7 +18,7 @@ import drawn  # noqa: E402
 MEASURED = {
     "audit_energy", "audit_orders", "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed",
     "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "filters_gap", "filters_late", "filters_nees",
-    "glider_log", "identification", "kingfisher", "long_runs", "sections", "view_cat", "view_mission",
+    "glider_log", "identification", "kingfisher", "kvlcc2", "long_runs", "sections", "view_cat", "view_mission",
 }  # fmt: skip
 """Not compared: of measured times, of round-off, of the audit, of other programs and data, of what lasts, and of
 chaotic motion, which the last bit changes."""
