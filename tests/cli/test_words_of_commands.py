@@ -226,16 +226,17 @@ def test_a_folder_without_trajectories_says_what_it_holds(tmp_path, files, says)
     with pytest.raises(FileError, match=says):
         results_folder.recordings(tmp_path)
     with pytest.raises(FileError, match=says):
-        results_folder.cards(tmp_path)
+        results_folder.certificates(tmp_path)
 
 
 def test_a_run_that_failed_at_its_first_step_says_why(tmp_path):
     (tmp_path / SUMMARY).write_text(json.dumps({"failure": "Newton did not converge.", "card": "a card"}))
     with pytest.raises(FileError, match=r"has no good step.*: Newton did not converge\.$"):
         results_folder.recordings(tmp_path)
-    assert results_folder.cards(tmp_path) == ["a card", "Newton did not converge."]
-    (tmp_path / SUMMARY).write_text(json.dumps({"card": "a card"}))
-    assert results_folder.cards(tmp_path) == ["a card"]
+    assert results_folder.certificates(tmp_path) == ["a card", "Newton did not converge."]
+    (tmp_path / SUMMARY).write_text(json.dumps({"card": "all lines", "certificate": "five lines"}))
+    assert results_folder.certificates(tmp_path) == ["five lines"]
+    assert results_folder.certificates(tmp_path, long=True) == ["all lines"]
 
 
 @pytest.mark.parametrize("text", ["[1]", '"a"', "3"])

@@ -80,7 +80,7 @@ def test_a_skater_keeps_the_momentum_and_turns_as_the_closed_form_says(method):
     np.testing.assert_allclose(run.dataset.energy, energy, rtol=1e-13)
     np.testing.assert_allclose(run.dataset.work_internal, energy - energy[0], atol=1e-13)
     assert run.summary()["energy_budget_error_max"] < 1e-13
-    assert "internal" in next(line for line in str(run).splitlines() if line.startswith("energy budget"))
+    assert "internal" in next(line for line in run.certificate.long().splitlines() if line.startswith("energy budget"))
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_a_quantity_is_watched_at_every_step_and_saved_at_every_record(backend):
     np.testing.assert_allclose(run.dataset.height, 0.5 * run.records.a[:, 2], rtol=0, atol=1e-15)
     every = co.simulate(system, start, dt=0.01, steps=300).records.a[:, 2]
     np.testing.assert_allclose(run.extrema["height"], [0.5 * every.min(), 0.5 * every.max()], rtol=0, atol=1e-12)
-    assert "height" in str(run) and run.dataset.height.attrs["long_name"] == "Height of the mass centre"
+    assert "height" in run.certificate.long() and run.dataset.height.attrs["long_name"] == "Height of the mass centre"
     assert run.summary()["height_initial"] == pytest.approx(0.4)
 
 

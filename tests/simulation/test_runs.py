@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.certificate_forms import rows
 from paper_vehicle import start, system
 
 VEHICLE = system()
@@ -95,10 +96,14 @@ def test_inputs_are_held_over_each_step_and_recorded():
     np.testing.assert_array_equal(run.dataset.inputs_thrust[3], [2.0, 0.0, 0.0])
 
 
-def test_the_card_says_what_the_run_did():
-    card = str(co.simulate(VEHICLE, START, dt=0.01, steps=20))
-    for word in ("energy", "Kelvin–Noether", "balance", "Newton", "group defect", "iterations", "steps/s"):
-        assert word in card
+def test_the_certificate_says_what_the_run_did_in_five_lines_and_in_all():
+    certificate = co.simulate(VEHICLE, START, dt=0.01, steps=20).certificate
+    titles = [title for title, _ in rows(str(certificate))]
+    assert titles == ["system", "steps", "accuracy", "conserved", "time"]
+    for word in ("energy to ", "Kelvin–Noether to ", "balance to ", "group defect to ", "steps/s", "order 2"):
+        assert word in str(certificate)
+    for word in ("energy, discrete", "Kelvin–Noether", "balance", "Newton", "group defect", "iterations"):
+        assert dict(rows(certificate.long()))[word]
 
 
 def test_a_lagrangian_that_reads_a_global_number_is_traced_again_when_the_number_changes():

@@ -11,7 +11,8 @@ import xarray
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.simulation.certificate import _step_sizes_in_words, fixed_steps, step_sizes
+from coadjoint.simulation.certificate import fixed_steps, step_sizes
+from coadjoint.simulation.certificate_text import _step_sizes_in_words
 from coadjoint.simulation.dataset import _coordinates, labelled
 from coadjoint.simulation.saved import SavedRun
 

@@ -64,6 +64,8 @@ class Run:
     """A log of a mission next to its results: mcap, messages of ROS 2, as `--set output.mcap=true`."""
     check: bool = False
     """Report the errors of `run` without a step; nothing is written."""
+    long: bool = False
+    """Print every line of the certificate, in place of five."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
     overwrite: bool = False
@@ -88,7 +90,7 @@ class Run:
                     terminal.line(f"Warning: {sentence}")
             return OK
         written = execute(file, folder, self.overwrite, False if self.json else None)
-        _show_run(written, self.json)
+        _show_run(written, self.json, self.long)
         if written.before and not written.compared and not self.json:
             terminal.line(NOT_COMPARED)
         return FAILED if written.failure else OK
@@ -102,6 +104,8 @@ class Resume:
 
     folder: tyro.conf.Positional[Path]
     """The output folder of the run."""
+    long: bool = False
+    """Print every line of the certificate, in place of five."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
 
@@ -109,7 +113,7 @@ class Resume:
         from coadjoint.runs.running import resume
 
         written = resume(self.folder, False if self.json else None)
-        _show_run(written, self.json)
+        _show_run(written, self.json, self.long)
         return FAILED if written.failure else OK
 
 
@@ -154,16 +158,18 @@ class Info:
 
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run."""
+    long: bool = False
+    """Print every line of the certificate, in place of five."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.results_folder import cards, summary
+        from coadjoint.cli.results_folder import certificates, summary
 
         if self.json:
             terminal.json(summary(self.source))
         else:
-            terminal.line("\n\n".join(cards(self.source)))
+            terminal.line("\n\n".join(certificates(self.source, self.long)))
         return OK
 
 
@@ -236,15 +242,17 @@ class Audit:
         return " ".join(filter(None, [*parts, f"--out {self.out}" if self.out else ""]))
 
 
-def _show_run(written: Written, as_json: bool) -> None:
+def _show_run(written: Written, as_json: bool, long: bool) -> None:
     from coadjoint.report.summary import to_json
+    from coadjoint.simulation.certificate_forms import Certificate, rows
 
     if as_json:
         terminal.text(to_json(written.summary))
     else:
         notes = [("note", sentence) for sentence in written.summary.get("notes", [])]
-        halves = [text.partition("  ") for text in str(written.summary.get("card", "")).splitlines()]
-        terminal.fields([*((name, text.strip()) for name, _, text in halves), *notes, ("folder", f"{written.folder}/")])
+        held = Certificate.held(written.summary)
+        lines = [] if held is None else rows(held.long() if long else held.short)
+        terminal.fields([*lines, *notes, ("folder", f"{written.folder}/")])
         if written.before:
             terminal.line(f"The folder {written.folder} holds this run, finished and undamaged: nothing was run.")
     if written.failure:

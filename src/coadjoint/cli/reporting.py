@@ -63,7 +63,7 @@ def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Content
     return Contents(
         title=_title(folder, runs, summary),
         command=_command(folder, summary),
-        cards={name: str(run) for name, run in runs.items()},
+        certificates={name: run.certificate for name, run in runs.items()},
         summary=summary,
         figures=_drawn(runs, wanted or _listed(folder)),
         numbers=numbers(folder) if settings else {},

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from coadjoint.errors import FileError, rephrased
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
+from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.texts import LARGEST_SUMMARY, Table, file_text, read_table, text_of
 
 if TYPE_CHECKING:
@@ -56,16 +57,17 @@ def summary(source: Path) -> Table:
     return found
 
 
-def cards(source: Path) -> list[str]:
-    """The certificates of the runs of a folder or file, as text."""
+def certificates(source: Path, long: bool = False) -> list[str]:
+    """The certificates of the runs of a folder or file, as text, in their short or in their long form."""
     _require(source)
     if source.is_dir() and not any(source.glob("*.nc")):
         summary(source)  # raises for missing files, unless a run failed at its first step and left only the summary
     if source.is_dir() and (source / SUMMARY).exists():
         found = summary(source)
-        if "card" in found:
-            return [str(found["card"]), *([str(found["failure"])] if found.get("failure") else [])]
-    return [f"{name}\n{run}" for name, run in recordings(source).items()]
+        if held := Certificate.held(found):
+            return [held.long() if long else str(held), *([str(found["failure"])] if found.get("failure") else [])]
+    held = {name: run.certificate for name, run in recordings(source).items()}
+    return [f"{name}\n{one.long() if long else one}" for name, one in held.items()]
 
 
 def _require_no_sweep(source: Path) -> None:

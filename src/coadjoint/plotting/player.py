@@ -9,6 +9,7 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
@@ -65,10 +66,10 @@ def _text(name: str) -> str:
     return files("coadjoint.plotting").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def cell(card: str, run: object) -> str:
-    """The HTML of a cell; without a player where nothing of the run moves in space."""
-    certificate = f'<pre style="white-space:pre-wrap">{escape(card)}</pre>'
+def cell(certificate: Any, run: object) -> str:
+    """The HTML of a cell: the certificate, then a player unless nothing of the run moves in space."""
+    shown = certificate._repr_html_()
     try:
-        return certificate + Player(scene(entries([run], None)))._repr_html_()
+        return shown + Player(scene(entries([run], None)))._repr_html_()
     except ArgumentError:
-        return certificate
+        return shown

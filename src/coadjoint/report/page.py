@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from coadjoint.report.numbers import Sourced, shown
+from coadjoint.simulation.certificate_forms import FORMS, Certificate, glossary, linked
 
 _STYLE = """
 :root { --ground: #ffffff; --ink: #14222e; --faint: #52636f; --line: #c5d1da; --shade: #f2f6f9; }
@@ -31,14 +32,14 @@ figcaption { padding: .25rem .5rem; } .warning { border-left: 4px solid #b35900;
 class Contents:
     """The contents of a report.
 
-    cards: certificates by the names of runs. summary: the numbers of summary.json. figures: (title, caption, SVG text).
-    numbers: their sources. settings: the text of the run file. files: (name, bytes, SHA-256). state: whether they are
-    unchanged. player: HTML of the scene, if any.
+    certificates: those of the runs by their names. summary: the numbers of summary.json. figures: (title, caption, SVG
+    text). numbers: their sources. settings: the text of the run file. files: (name, bytes, SHA-256). state: whether
+    they are unchanged. player: HTML of the scene, if any.
     """
 
     title: str
     command: str
-    cards: Mapping[str, str]
+    certificates: Mapping[str, Certificate]
     summary: Mapping[str, Any]
     figures: Sequence[tuple[str, str, str]] = ()
     numbers: Mapping[str, Sequence[Sourced]] = field(default_factory=dict)
@@ -56,6 +57,7 @@ def page(held: Contents) -> str:
         ("Figures", "".join(_figure(*figure) for figure in held.figures)),
         ("Results", _table(("number", "value"), results(held.summary), _computed(held.summary))),
         ("Where the numbers are from", "".join(_sources(held))),
+        ("What the lines of the certificate mean", glossary(one.long() for one in held.certificates.values())),
         ("How to run it again", _again(held)),
     ]
     body = "\n".join(f"<section><h2>{title}</h2>\n{text}</section>" for title, text in sections if text)
@@ -78,14 +80,15 @@ def results(summary: Mapping[str, object], prefix: str = "") -> list[tuple[str, 
     for key, value in summary.items():
         if isinstance(value, Mapping):
             found += results(value, f"{prefix}{key}.") if key != "versions" else []
-        elif key not in ("card", "warnings", "notes", "figures", "failure") and value not in (None, ""):
+        elif key not in (*FORMS, "warnings", "notes", "figures", "failure") and value not in (None, ""):
             found.append((prefix + key, shown(value)))
     return found
 
 
 def _certificate(held: Contents) -> Iterator[str]:
-    for name, card in held.cards.items():
-        yield (f"<h3>{escape(name)}</h3>" if len(held.cards) > 1 else "") + f"<pre>{escape(card)}</pre>"
+    for name, certificate in held.certificates.items():
+        yield f"<h3>{escape(name)}</h3>" if len(held.certificates) > 1 else ""
+        yield f"<pre>{linked(certificate.long())}</pre>"
     for sentence in [*held.summary.get("warnings", []), held.summary.get("failure")]:
         if sentence:
             yield f'<p class="warning">{escape(str(sentence))}</p>'

@@ -25,7 +25,13 @@ def run_summary(run: Run) -> dict[str, object]:
             found["position_final"] = np.asarray(run.final.q)
         found["xi_final"] = np.asarray(run.final.xi)
     complete = run.good_steps == run.steps or run.event is not None
-    return {**found, "saved": run.count, "complete": complete, "warnings": list(run.warnings), "card": str(run)}
+    return {
+        **found,
+        "saved": run.count,
+        "complete": complete,
+        "warnings": list(run.warnings),
+        **run.certificate.asdict(),
+    }
 
 
 def versions() -> dict[str, str]:

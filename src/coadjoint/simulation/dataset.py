@@ -290,7 +290,7 @@ def attributes(run: Result) -> Table:
     limits = {} if run.members is not None else run.extrema
     lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in limits.items()}
     highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in limits.items()}
-    return {**_place(run.system), "card": str(run), **found, **lows, **highs}
+    return {**_place(run.system), **run.certificate.asdict(), **found, **lows, **highs}
 
 
 def _place(system: System) -> dict[str, str]:

@@ -102,14 +102,23 @@ def _changed(run: Result) -> list[str]:
         driven
         or run.method.claims.energy == "changed"
         or "energy" not in run.extrema
-        or float(run.relative_changes("energy")) < TOO_MUCH
+        or (change := _change_of_energy(run)) < TOO_MUCH
     ):
         return []
-    change = float(run.relative_changes("energy"))
     return [
         f"The energy, which nothing changes, is off by {change:.0%}: dt = {run.plan.h:g} is too large for this motion, "
         "or functions of the system contradict each other, such as a space's `diamond` and its `act`."
     ]
+
+
+def _change_of_energy(run: Result) -> float:
+    """The largest change relative to E₀ or, where E₀ is smaller, to |⟨μ, ξ⟩| + |⟨π, ν⟩| at the start or at the end."""
+    change = float(run.relative_changes("energy"))
+    if run.sizes("energy") > 0:
+        return change
+    ends = run.start, run.position.state
+    sizes = [abs(np.vdot(x.mu, x.xi)) + abs(np.vdot(x.pi, x.nu)) for x in ends]
+    return change / max(*sizes, abs(float(run.ends["energy"][0])) or np.finfo(float).tiny)
 
 
 class _Gain(NamedTuple):

@@ -30,11 +30,13 @@ class Event:
         co.Event(lambda state: state.mu[2], direction="rising")
 
     function: a state to one number, in terms of jax.numpy. direction: "rising", from negative to positive in the order
-    of the run; "falling"; or "both". Raises ArgumentError for another direction, LagrangianError for no function.
+    of the run; "falling"; or "both". name: what certificates call it, by default the name of the function. Raises
+    ArgumentError for another direction or name, LagrangianError for no function.
     """
 
     function: Callable[[State], PyTree]
     direction: Direction = "both"
+    name: str = ""
 
     def __post_init__(self) -> None:
         checks.function(self.function, "An event", OF_THE_STATE, LagrangianError)
@@ -42,6 +44,14 @@ class Event:
             raise ArgumentError(
                 f'Argument `direction` must be "rising", "falling" or "both", but is {shown(self.direction)}.'
             )
+        if self.name != "":
+            checks.text(self.name, "name")
+
+    @property
+    def title(self) -> str:
+        """What certificates call it; empty for a function without a name."""
+        found = self.name or getattr(self.function, "__name__", "")
+        return "" if found == "<lambda>" else found.replace("_", " ")
 
     def counts(self, rises: bool) -> bool:
         """Whether a crossing that rises, or one that falls, is this event."""

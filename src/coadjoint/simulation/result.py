@@ -28,6 +28,7 @@ from coadjoint.methods.program import Constants
 from coadjoint.plotting.plots import Plots
 from coadjoint.sealed import seal
 from coadjoint.simulation.accuracy.verdict import Accuracy
+from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.simulation.plan import Extrema, Plan
 from coadjoint.texts import Table
 
@@ -47,6 +48,14 @@ class Recording:
         """The records as a labelled xarray dataset."""
         must_give(self, "dataset")
 
+    @property
+    def certificate(self) -> Certificate:
+        """The certificate, in a short and in a long form."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return str(self.certificate)
+
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
         """The certificate, for notebooks."""
         printer.text("…" if cycle else str(self))
@@ -55,7 +64,7 @@ class Recording:
         """The certificate, and the moving bodies if there are any, for notebooks."""
         from coadjoint.plotting.player import cell
 
-        return cell(str(self), self)
+        return cell(self.certificate, self)
 
     @property
     def plot(self) -> Plots:
@@ -278,15 +287,14 @@ class Result(Recording):
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
     def sizes(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, of shape ([members]), to which changes are relative; 0 if it is round-off."""
+        """|X₀| of a monitored X, ([members]), to which its changes are relative; 0 if they are larger."""
         low, high, first = self._bounds(name)
-        size = np.linalg.norm(first, axis=-1)
-        return np.where(size > 1e-9 * np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=-1), size, 0.0)
+        size, change = np.linalg.norm(first, axis=-1), np.linalg.norm(_widest(low, high, first), axis=-1)
+        return np.where(size > change, size, 0.0)
 
     def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| of a monitored X, of shape ([members]), over good steps; absolute where X₀ is 0."""
-        low, high, first = self._bounds(name)
-        widest = np.maximum(np.abs(high - first), np.abs(first - low))
+        """max_k |X_k − X₀| / |X₀| of a monitored X, ([members]), over good steps; absolute where that passes 1."""
+        widest = _widest(*self._bounds(name))
         change, size = np.linalg.norm(widest, axis=None if self.members is None else 1), self.sizes(name)
         return change / np.where(size > 0, size, 1.0)
 
@@ -294,3 +302,8 @@ class Result(Recording):
         """The least, the largest and the first value of a monitored X, ([members,] components)."""
         lead = () if self.members is None else (self.members,)
         return [np.reshape(x, (*lead, -1)) for x in (*self.extrema[name], self.ends[name][0])]
+
+
+def _widest(low: np.ndarray, high: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """The largest change of each component since the start."""
+    return np.maximum(np.abs(high - first), np.abs(first - low))

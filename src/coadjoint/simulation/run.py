@@ -10,9 +10,10 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import Array
-from coadjoint.errors import ArgumentError, printable
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import Origin, State
-from coadjoint.simulation.certificate import card, certificate, failure
+from coadjoint.simulation.certificate import certificate, failure
+from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.simulation.derived import at_nodes, derivation, known_at_nodes, one_at_node
 from coadjoint.simulation.result import Result
 from coadjoint.texts import Table
@@ -38,8 +39,12 @@ class _Shown(Result):
         """The certificate as plain numbers."""
         return certificate(self)
 
-    def __str__(self) -> str:
-        return printable(card(self))
+    @property
+    def certificate(self) -> Certificate:
+        """The certificate: `print` it for five lines, `print(run.certificate.long())` for all of them."""
+        from coadjoint.simulation.certificate_text import certificate_of
+
+        return certificate_of(self)
 
 
 class Run(_Shown):
@@ -121,7 +126,7 @@ class Run(_Shown):
         return written(last, self.system)
 
     def size(self, name: str) -> float:
-        """|X₀| of a monitored X, to which its changes are relative; 0 if it is round-off of later values of X."""
+        """|X₀| of a monitored X, to which its changes are relative; 0 if they are larger."""
         return float(self.sizes(name))
 
     def relative_change(self, name: str) -> float:

@@ -11,6 +11,7 @@ from coadjoint.disk import require_file
 from coadjoint.errors import ArgumentError, FileError, printable, shown
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.sealed import readable
+from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.simulation.result import LAST_RECORD, Recording, run_path
 from coadjoint.texts import Table
 
@@ -68,8 +69,12 @@ class SavedRun(Recording):
             "and save what is wanted of them."
         )
 
-    def __str__(self) -> str:
-        return printable(str(self.dataset.attrs.get("card", "a run without a certificate")))
+    @property
+    def certificate(self) -> Certificate:
+        """The certificate in the file: `print` it for five lines, `print(run.certificate.long())` for all of them."""
+        none = "a run without a certificate"
+        found = Certificate.held(self.dataset.attrs) or Certificate(none, none)
+        return Certificate(printable(found.short), printable(found.complete))
 
     def __repr__(self) -> str:
         return printable(f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>")

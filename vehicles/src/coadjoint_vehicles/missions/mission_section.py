@@ -282,10 +282,10 @@ def arrival(controller: Any) -> Any:
     points, acceptance = np.asarray(controller.way_points), float(controller.acceptance)
     last = len(points) - 2
 
-    def gap(state: PyTree) -> Array:
+    def last_way_point(state: PyTree) -> Array:
         here = leg(state.q, jnp.asarray(points[-2]), jnp.asarray(points[-1]))
         off = state.q[:2] - points[-1, :2]
         left = jnp.minimum(jnp.sqrt(off @ off + 1e-300) - acceptance, here.length - here.along)
         return jnp.where(state.internal.controller.value.memory.leg < last, acceptance + 1.0, left)
 
-    return gap
+    return last_way_point

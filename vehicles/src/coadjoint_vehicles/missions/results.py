@@ -131,7 +131,7 @@ def members(output: MissionOutputSection, folder: Path, fleet: Any) -> Table:
         "set_up_seconds": fleet.set_up_seconds,
         "mission": {name: spread(columns[name]) for name in names},
         "notes": _shown(output, dataset.sizes["member"], len(done)),
-        "card": str(fleet),
+        **fleet.certificate.asdict(),
     }
 
 

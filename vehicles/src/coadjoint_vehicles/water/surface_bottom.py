@@ -23,7 +23,7 @@ def at_surface(depth: object = 0.0) -> Event:
     A run may start there. Positive below.
     """
     above = number(depth, "depth")
-    return lambda state: state.q[2] - above
+    return _named(lambda state: state.q[2] - above, "surface")
 
 
 def altitude(bottom: object) -> Event:
@@ -50,11 +50,20 @@ def at_bottom(bottom: object, clearance: object = 0.0) -> Event:
     bottom: as in `altitude`. Positive above.
     """
     height, near = altitude(bottom), number(clearance, "clearance", at_least=0.0)
-    return lambda state: height(state) - near
+    return _named(lambda state: height(state) - near, "bottom")
 
 
 def first_of(*events: Event) -> Event:
     """The first of events that are positive before: `until=first_of(at_surface(), at_bottom(40.0))`."""
     if not events or not all(callable(event) for event in events):
         raise ArgumentError("first_of takes at least one event, such as at_surface().")
-    return lambda state: jnp.min(jnp.stack([jnp.asarray(event(state)) for event in events]))
+    names = [getattr(event, "__name__", "").replace("<lambda>", "") for event in events]
+    together = " or ".join(names) if all(names) else ""
+    return _named(lambda state: jnp.min(jnp.stack([jnp.asarray(event(state)) for event in events])), together)
+
+
+def _named(event: Event, name: str) -> Event:
+    """The event under the name that certificates give."""
+    if name:
+        event.__name__ = name
+    return event
