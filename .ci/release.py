@@ -134,9 +134,11 @@ def _files(folder: Path, found: dict[str, str]) -> list[Path]:
 
 
 def _written(checks: Checks, folder: Path, found: dict[str, str]) -> None:
-    """Copy the files to dist/, and note their checksums there, in the format of `sha256sum --check`."""
+    """Put the files into dist/ in place of earlier ones, with their checksums in the format of `sha256sum --check`."""
     target = ROOT / "dist"
     target.mkdir(exist_ok=True)
+    for earlier in [*target.glob("*.whl"), *target.glob("*.tar.gz")]:
+        earlier.unlink()
     for name in found:
         shutil.copyfile(folder / name, target / name)
     lines = [f"{digest}  {name}\n" for name, digest in found.items()]

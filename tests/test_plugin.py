@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -82,4 +83,9 @@ def test_a_kind_that_is_taken_or_named_otherwise_is_refused(monkeypatch: pytest.
 
 def test_the_package_imports_public_names_and_the_extension_api_alone() -> None:
     for path in HERE.rglob("*.py"):
-        assert not outside(ast.parse(path.read_text("utf-8")), "drifters"), path
+        tree = ast.parse(path.read_text("utf-8"))
+        assert not outside(tree, "drifters"), path
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("coadjoint_vehicles"):
+                listed = import_module(str(node.module)).__all__ if str(node.module).count(".") < 2 else ()
+                assert {alias.name for alias in node.names} <= set(listed), f"{path}: {node.module}"

@@ -28,9 +28,7 @@ from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics import Force
 from coadjoint.plotting import style
 from coadjoint.spaces import Named
-from coadjoint_vehicles import Command, Craft, Part, Vehicle
-from coadjoint_vehicles.parts.measured import Measured, measured
-from coadjoint_vehicles.parts.part import Flow
+from coadjoint_vehicles import Command, Craft, Flow, Part, Vehicle, measured
 from coadjoint_vehicles.trials import Track, analyse
 
 DENSITY, LENGTH, DRAUGHT, MASS, AHEAD = 1000.0, 7.0, 0.46, 3270.0, 0.25
@@ -114,11 +112,11 @@ class Mmg(Part):
     """Hull, propeller and rudder; the command is the angle of the rudder."""
 
     kind: ClassVar[str] = "mmg"
-    limit: Measured = measured(u.ANGLE, default=np.radians(35.0))
-    lag: Measured = measured(u.TIME, default=0.0)
-    rate: Measured = measured(u.ANGULAR_VELOCITY, default=np.radians(15.8))
-    revolutions: Measured = measured(u.FREQUENCY, default=MEASURED_REVOLUTIONS)
-    resistance: Measured = measured(u.NUMBER, default=RESISTANCE)
+    limit: float = measured(u.ANGLE, default=np.radians(35.0))
+    lag: float = measured(u.TIME, default=0.0)
+    rate: float = measured(u.ANGULAR_VELOCITY, default=np.radians(15.8))
+    revolutions: float = measured(u.FREQUENCY, default=MEASURED_REVOLUTIONS)
+    resistance: float = measured(u.NUMBER, default=RESISTANCE)
 
     @property
     def command(self) -> Command:

@@ -6,6 +6,9 @@ import re
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / ".ci"))
@@ -60,3 +63,14 @@ def test_the_notices_that_wheels_must_hold_are_those_that_projects_declare() -> 
         text = (ROOT / folder / "pyproject.toml").read_text("utf-8")
         (declared,) = re.findall(r"^license-files = \[(.*)\]$", text, re.MULTILINE)
         assert tuple(re.findall(r'"(.*?)"', declared)) == release.NOTICES[package]
+
+
+def test_a_release_replaces_the_archives_of_an_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    built, target, noted = tmp_path / "built", tmp_path / "dist", []
+    for folder, name in ((built, "coadjoint-2.whl"), (target, "coadjoint-1.whl"), (target, "coadjoint-1.tar.gz")):
+        folder.mkdir(exist_ok=True)
+        (folder / name).write_text(name)
+    release._written(SimpleNamespace(note=noted.append), built, release.sums(built))
+    assert sorted(path.name for path in target.iterdir()) == ["SHA256SUMS", "coadjoint-2.whl"]
+    assert (target / "SHA256SUMS").read_text().split() == [release.sums(built)["coadjoint-2.whl"], "coadjoint-2.whl"]

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from coadjoint_vehicles.model.controller import Feedback as Feedback
     from coadjoint_vehicles.model.craft import Craft as Craft
     from coadjoint_vehicles.model.vehicle import Vehicle as Vehicle
+    from coadjoint_vehicles.parts.measured import measured as measured
     from coadjoint_vehicles.parts.part import Command as Command
     from coadjoint_vehicles.parts.part import Flow as Flow
     from coadjoint_vehicles.parts.part import Part as Part

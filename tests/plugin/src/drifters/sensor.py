@@ -8,9 +8,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from coadjoint import units as u
-from coadjoint_vehicles.parts.measured import Measured, measured
-from coadjoint_vehicles.sensors.errors import Channel, Errors
-from coadjoint_vehicles.sensors.sensor import Sensor
+from coadjoint_vehicles import measured
+from coadjoint_vehicles.sensors import Channel, Errors, Sensor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -19,8 +18,8 @@ class Thermometer(Sensor):
 
     kind: ClassVar[str] = "thermometer"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("temperature", ("temperature",), u.NUMBER, "1"),)
-    surface: Measured = measured(u.NUMBER, default=288.0)
-    lapse: Measured = measured(u.NUMBER, default=0.05)
+    surface: float = measured(u.NUMBER, default=288.0)
+    lapse: float = measured(u.NUMBER, default=0.05)
     temperature: Errors = field(default_factory=Errors)
 
     def reading(self, motion, own):
