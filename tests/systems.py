@@ -86,7 +86,7 @@ GROUPS: dict[str, LieGroup] = {
     "SO3_R3": co.SemidirectProduct(co.SO3(), co.Defining()),
     "SL2_dual": co.SemidirectProduct(SL2, co.spaces.Dual()),
     "nested": co.DirectProduct(
-        co.SemidirectProduct(co.SemidirectProduct(co.SO2(), co.Defining()), co.Adjoint()), co.Translation(1)
+        co.SemidirectProduct(co.SemidirectProduct(co.SO2(), co.Defining()), co.spaces.Adjoint()), co.Translation(1)
     ),
 }
 
@@ -138,15 +138,15 @@ FRAMES = co.spaces.Submanifold(_frame, co.spaces.Several({"e": co.Defining(), "f
 
 WORLDS: dict[str, World] = {
     "SO3 alone": World(co.SO3()),
-    "SO3": World(co.SO3(), co.Defining(), {"down": co.Defining(), "spin": co.Adjoint()}),
+    "SO3": World(co.SO3(), co.Defining(), {"down": co.Defining(), "spin": co.spaces.Adjoint()}),
     "SE3": World(
         co.SE3(),
         {"buoy": co.spaces.Points(), "fill": co.Trivial(1)},
         {"plane": co.spaces.Dual(), "field": co.Coadjoint()},
     ),
-    "SE2": World(co.SE2(), co.spaces.Points(), {"twist": co.Adjoint(), "row": co.Defining()}),
+    "SE2": World(co.SE2(), co.spaces.Points(), {"twist": co.spaces.Adjoint(), "row": co.Defining()}),
     "SL2": World(SL2, co.Defining(), co.spaces.Dual()),
-    "Heisenberg": World(HEISENBERG, co.Coadjoint(), co.Adjoint()),
+    "Heisenberg": World(HEISENBERG, co.Coadjoint(), co.spaces.Adjoint()),
     "SO4": World(SO4, None, co.Defining()),
     "SO2": World(co.SO2(), co.Trivial(2), None),
     "R3": World(co.Translation(3), co.Trivial(1), co.spaces.Dual()),
@@ -156,7 +156,7 @@ WORLDS: dict[str, World] = {
     "curved and flat": World(
         co.SO3(),
         {"frame": FRAMES, "shape": co.Trivial(1)},
-        {"down": co.Sphere(), "spin": co.Adjoint()},
+        {"down": co.Sphere(), "spin": co.spaces.Adjoint()},
     ),
 }
 

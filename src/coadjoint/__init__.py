@@ -71,13 +71,13 @@ if TYPE_CHECKING:
     from coadjoint.methods import VariableStep as VariableStep
     from coadjoint.methods import Variational as Variational
     from coadjoint.simulation.events import Event as Event
+    from coadjoint.simulation.outputs import Output as Output
     from coadjoint.simulation.resume import resume as resume
     from coadjoint.simulation.saved import load as load
     from coadjoint.simulation.simulate import simulate as simulate
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.steppers.stepping import load_stepper as load_stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
-    from coadjoint.spaces import Adjoint as Adjoint
     from coadjoint.spaces import Coadjoint as Coadjoint
     from coadjoint.spaces import Defining as Defining
     from coadjoint.spaces import Sphere as Sphere
@@ -97,7 +97,7 @@ MOVED = {
     "methods": "AdjointVariational Composition GroupVariational KahanLi6 KahanLi8 LeftRight Method "
     "SofroniouSpaletta6 SofroniouSpaletta8 SofroniouSpaletta10 Symmetrised Yoshida4",
     "simulation": "save_fmu",
-    "spaces": "Dual GroupItself Points RelativePoses Several Space Submanifold",
+    "spaces": "Adjoint Dual GroupItself Points RelativePoses Several Space Submanifold",
     "sweeps": "SweepResults load_sweep",
     "theory": "discrete_mechanical_connection lagrange_poincare lagrange_poincare_residual",
 }

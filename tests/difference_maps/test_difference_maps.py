@@ -152,7 +152,7 @@ def test_every_other_map_is_refused(pair_of_names):
 
 def test_pade_is_refused_where_the_representation_has_another():
     """ρ(τ(ξ)) of SL(2) on its algebra is not the Padé approximant of ad_ξ, so τ(−ξ) is not τ(ξ)⁻¹ on the vectors."""
-    group = co.SemidirectProduct(GROUPS["Sp1"], co.Adjoint())
+    group = co.SemidirectProduct(GROUPS["Sp1"], co.spaces.Adjoint())
     with pytest.raises(GroupError, match="is not a group difference map"):
         co.difference_maps.Pade(2).require_fit(group)
     for tau in (co.Cayley(), co.difference_maps.SecondKind(), co.Exponential()):

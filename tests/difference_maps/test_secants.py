@@ -14,7 +14,7 @@ CASES = [
     (co.Cayley(), "SO3", co.Defining()),
     (co.Exponential(), "SO3", co.Defining()),
     (co.Exponential(), "SE3", co.Coadjoint()),
-    (co.Exponential(), "SLn3", co.Adjoint()),
+    (co.Exponential(), "SLn3", co.spaces.Adjoint()),
 ]
 
 

@@ -20,7 +20,7 @@ ROUND_OFF = 1e-13
 
 PRODUCTS = {
     "SO3 Defining": co.SemidirectProduct(co.SO3(), co.Defining()),
-    "SO3 Adjoint": co.SemidirectProduct(co.SO3(), co.Adjoint()),
+    "SO3 Adjoint": co.SemidirectProduct(co.SO3(), co.spaces.Adjoint()),
     "SL2 Dual": GROUPS["SL2_dual"],
     "SL2 Coadjoint": co.SemidirectProduct(SL2, co.Coadjoint()),
     "SE2 Dual": co.SemidirectProduct(co.SE2(), co.spaces.Dual()),

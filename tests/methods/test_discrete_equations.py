@@ -64,14 +64,14 @@ def kelvin_noether(world: str, system: co.System) -> co.mechanics.KelvinNoether:
     group = system.group
     choices = {
         "SO3": (co.Defining(), lambda c, a: jnp.sin(c @ a.down) * c + jnp.cross(c, a.spin) + (c @ c) * a.spin),
-        "SE2": (co.Adjoint(), lambda c, a: c + group.ad(c, a.twist)),
-        "SE3": (co.Adjoint(), lambda c, a: jnp.cos(a.field @ c) * c),
+        "SE2": (co.spaces.Adjoint(), lambda c, a: c + group.ad(c, a.twist)),
+        "SE3": (co.spaces.Adjoint(), lambda c, a: jnp.cos(a.field @ c) * c),
         "SL2": (co.Defining(), lambda c, a: SL2.vee(jnp.outer(c, a) - 0.5 * (c @ a) * jnp.eye(2))),
-        "Heisenberg": (co.Adjoint(), lambda c, a: 2 * a + group.ad(c, a)),
-        "SO3xSE2": (co.Adjoint(), lambda c, a: jnp.exp(0.1 * (a @ c)) * c),
+        "Heisenberg": (co.spaces.Adjoint(), lambda c, a: 2 * a + group.ad(c, a)),
+        "SO3xSE2": (co.spaces.Adjoint(), lambda c, a: jnp.exp(0.1 * (a @ c)) * c),
         "SO3 on a sphere": (co.Defining(), jnp.cross),
     }
-    space, K = choices.get(world, (co.Adjoint(), None))
+    space, K = choices.get(world, (co.spaces.Adjoint(), None))
     return co.mechanics.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
 
 

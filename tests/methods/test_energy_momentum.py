@@ -168,7 +168,7 @@ def test_what_does_not_fit_is_refused():
     sphere, start = random_system("SO3 on a sphere")
     with pytest.raises(co.errors.ArgumentError, match="needs flat spaces"):
         co.EnergyMomentum().begin(sphere, start, 0.1)
-    skewed, start = system_on(SL2, co.Adjoint(), None, False, "adjoint of SL2")
+    skewed, start = system_on(SL2, co.spaces.Adjoint(), None, False, "adjoint of SL2")
     with pytest.raises(co.errors.GroupError, match=r"use co\.Exponential"):
         co.EnergyMomentum(co.Cayley()).begin(skewed, start, 0.1)
     with pytest.raises(co.errors.GroupError, match=r"needs Cayley\(\) or Exponential\(\)"):

@@ -202,7 +202,7 @@ def test_two_fields_of_one_momentum():
     system = co.System(
         group,
         hamiltonian=lambda mu, a: 0.5 * mu @ (w * mu) + 0.3 * a.b @ (w * mu) + 0.5 * a.b @ (w[::-1] * a.c) + w @ a.c**2,
-        advected={"b": co.Coadjoint(), "c": co.Adjoint()},
+        advected={"b": co.Coadjoint(), "c": co.spaces.Adjoint()},
     )
     mu, b, c = 0.4 * generator("two").normal(size=(3, group.dim))
     start = system.state(mu=mu, a0={"b": b, "c": c})

@@ -47,7 +47,7 @@ def test_every_crossing_is_collected_at_its_time_with_its_state_and_direction(wa
     assert np.max(np.abs(sections.mu[:, 0])) < 1e-12
     np.testing.assert_allclose(np.abs(sections.mu[:, 1]), 0.5, atol=1e-9)
     assert watched.good_steps == 800 and watched.count == 9 and watched.event is None
-    assert "both: 19, rising: 9, falling: 10" in str(watched)
+    assert "both: 19, rising: 9, falling: 10" in watched.certificate.long()
 
 
 def test_events_change_nothing_else(watched):

@@ -51,7 +51,7 @@ def test_forced_momentum_changes_by_exactly_what_was_put_in(rule):
     system, start = random_system("SO3", True)
     chosen = [
         co.mechanics.KelvinNoether([1.0, 2.0, 3.0]),
-        co.mechanics.KelvinNoether(start.a[3:], K=lambda c, a: a.spin, space=co.Adjoint()),
+        co.mechanics.KelvinNoether(start.a[3:], K=lambda c, a: a.spin, space=co.spaces.Adjoint()),
     ]
     run = co.simulate(system, start, dt=0.01, steps=200, method=RULES[rule](co.Cayley()), kelvin_noether=chosen)
     assert run.relative_change("kelvin_noether") > 0.05

@@ -9,7 +9,7 @@ import coadjoint as co
 from coadjoint.simulation.driver import Driver
 from coadjoint.simulation.event_driver import EventDriver
 from coadjoint.simulation.problem import SimulationProblem
-from coadjoint.simulation.sinks import Memory, Output, Outputs
+from coadjoint.simulation.sinks import Memory, Outputs, Scheduled
 
 
 @pytest.mark.cases(2)
@@ -22,7 +22,7 @@ def test_each_sink_has_the_records_of_its_cadence_and_the_last_one(every, common
     full = co.simulate(system, start, **made).records.mu
     run = SimulationProblem(system, start, co.Midpoint(), 0.05, steps, 1, True, events=events).set_up()
     sinks = [Memory() for _ in every]
-    outputs = Outputs([Output(sink, cadence) for sink, cadence in zip(sinks, every, strict=True)])
+    outputs = Outputs([Scheduled(sink, cadence) for sink, cadence in zip(sinks, every, strict=True)])
     assert outputs.every == common
     kind = (lambda *given: EventDriver(*given, run.crossed)) if events else Driver
     kind(run.plan, outputs, False, "run").drive(run.position)

@@ -13,7 +13,7 @@ from coadjoint.spaces.by_inverse import ByInverse
 
 GROUP = co.SE3()
 OPPOSITE = Opposite(GROUP)
-SPACES = [co.Defining(), co.Adjoint()]
+SPACES = [co.Defining(), co.spaces.Adjoint()]
 _random = np.random.default_rng(5)
 XI = _random.normal(size=6)
 

@@ -22,10 +22,10 @@ H = 0.1
 
 SPACES: dict[str, tuple[Any, Any]] = {
     "SO3": (co.Defining(), co.Defining()),
-    "SE2": (co.spaces.Points(), co.Adjoint()),
+    "SE2": (co.spaces.Points(), co.spaces.Adjoint()),
     "SE3": (co.spaces.Points(), co.spaces.Dual()),
     "SL2": (co.spaces.Dual(), co.Defining()),
-    "Heisenberg": (co.Coadjoint(), co.Adjoint()),
+    "Heisenberg": (co.Coadjoint(), co.spaces.Adjoint()),
     "SO3xSE2": (co.Defining(), co.Coadjoint()),
     "SO4": (co.Trivial(2), co.Defining()),
     "SO3 with shapes": (co.Trivial(2), co.Defining()),
@@ -116,7 +116,7 @@ def move(space, group, G, x, velocity: bool = False):
         return G @ x
     if isinstance(space, co.spaces.Dual):
         return inverse(G).T @ x
-    if isinstance(space, co.Adjoint):
+    if isinstance(space, co.spaces.Adjoint):
         return Ad(group, G, x)
     assert isinstance(space, co.Coadjoint), f"{space!r} has no formula here"
     return Ad_dual(group, inverse(G), x)

@@ -28,7 +28,7 @@ RATTLE = "methods/test_rattle.py::"
 TRUTH = "truth/test_nonholonomic.py::"
 WORLDS = {
     "SO3": (co.SO3(), co.Defining(), co.Defining()),
-    "SE2": (co.SE2(), co.spaces.Points(), co.Adjoint()),
+    "SE2": (co.SE2(), co.spaces.Points(), co.spaces.Adjoint()),
     "SL2": (co.groups.SLn(2), co.spaces.Dual(), co.Coadjoint()),
 }
 STEP = co.Midpoint(co.Exponential())

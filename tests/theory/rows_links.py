@@ -29,7 +29,7 @@ row = ROWS.add
 
 WORLDS: dict[str, tuple[co.groups.LieGroup, int, Any, Any]] = {
     "SO3": (co.SO3(), 2, co.Defining(), co.Coadjoint()),
-    "SE2": (co.SE2(), 3, co.Adjoint(), co.spaces.Dual()),
+    "SE2": (co.SE2(), 3, co.spaces.Adjoint(), co.spaces.Dual()),
 }
 CHAINS = "methods/test_chains.py::test_native_code_and_the_structure_of_the_coupling_find_the_same_motion"
 POWER = "groups/test_power.py::test_a_power_is_the_product_of_its_links"

@@ -21,7 +21,12 @@ S = "groups.SemidirectProduct."
 
 def products():
     """S = G Ⓢ V with two elements, two vectors of its algebra and a covector."""
-    for name, V in (("SO3", co.Defining()), ("SL2", co.spaces.Dual()), ("SE2", co.Adjoint()), ("SO3", co.Coadjoint())):
+    for name, V in (
+        ("SO3", co.Defining()),
+        ("SL2", co.spaces.Dual()),
+        ("SE2", co.spaces.Adjoint()),
+        ("SO3", co.Coadjoint()),
+    ):
         G, random = GROUPS[name], generator("product", name, V)
         made = co.SemidirectProduct(G, V)
         (g, h), (v, w) = (element(G, random) for _ in range(2)), random.normal(size=(2, V.ambient(G)))

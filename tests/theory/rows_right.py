@@ -35,7 +35,7 @@ SPACES = tuple(
 )
 WORLDS: dict[str, tuple[co.groups.LieGroup, Any, Any]] = {
     "SO3": (co.SO3(), co.Defining(), co.Defining()),
-    "SE2": (co.SE2(), co.spaces.Points(), co.Adjoint()),
+    "SE2": (co.SE2(), co.spaces.Points(), co.spaces.Adjoint()),
     "SL2": (co.groups.SLn(2), co.spaces.Dual(), co.Coadjoint()),
 }
 

@@ -50,7 +50,7 @@ class KelvinNoether:
         co.simulate(top, start, dt=0.01, steps=100, kelvin_noether=co.mechanics.KelvinNoether([0.0, 0.0, 1.0]))
 
     c0: c₀, a point of C in the space frame, (dim C,); by default C = 𝔤, (dim G,). K: 𝒦, a function (c, a) → (dim G,) in
-    terms of jax.numpy; by default 𝒦(c, a) = c. space: C, by default `co.Adjoint()`.
+    terms of jax.numpy; by default 𝒦(c, a) = c. space: C, by default `co.spaces.Adjoint()`.
     Unforced, I is conserved for every c₀ with c₀·a₀ = 0 for all advected parameters. m = μ − π⋄n is the total momentum.
 
     Raises ArgumentError for a c₀ of numbers that are not float64; a run raises it for a 𝒦 that is not equivariant.
@@ -60,7 +60,7 @@ class KelvinNoether:
         self.c0 = float64(c0, "Argument `c0`")
         self.K = K
         if space is not None:
-            checks.instance(space, "space", Space, "a space such as co.Adjoint()")
+            checks.instance(space, "space", Space, "a space such as co.spaces.Adjoint()")
         if K is not None:
             checks.function(K, "K", "a function of (c, a)")
         self.space = Adjoint() if space is None else space

@@ -75,9 +75,9 @@ class IsospectralMidpoint(Method, FullStep):
         W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]).
 
     The Casimirs, the spectrum of Θ and all tr W f(Θ), are kept to round-off; the spectrum of W is not a Casimir then.
-    A dictionary of such spaces adds up [B_i, Θ_i]; co.Adjoint() is the same. `co.mechanics.trace_casimirs` watches
-    Casimirs. With invariance="right" all brackets have the other sign and g_{k+1} = Cg_k. On co.Power and on products
-    of equal factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
+    A dictionary of such spaces adds up [B_i, Θ_i]; co.spaces.Adjoint() is the same. `co.mechanics.trace_casimirs`
+    watches Casimirs. With invariance="right" all brackets have the other sign and g_{k+1} = Cg_k. On co.Power and on
+    products of equal factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
 
     difference_map: co.Cayley() alone. tolerance: that of the iteration, relative to W̃, by default 1e-14. carry_g:
     whether g, with g_{k+1} = g_k C†, is also computed, by default False: then states have no g, and functions that need

@@ -80,9 +80,15 @@ class Driver:
         position.seconds += time.perf_counter() - began
         done = records * length if self.plan.members else chunk.steps
         rows = -(-done // length) if phase == 0 else 0
+        steps = position.steps + length * np.arange(rows)
+        if rows and (end := self.outputs.end(steps, *self._rows(chunk))) is not None:
+            position.halted, rows, steps = True, end, steps[:end]
+            if not end:
+                return
+            chunk, done = self.run(position.state, end, length), end * length
         self.taking = True
         if rows:
-            self.outputs.append(position.steps + length * np.arange(rows), *self._rows(chunk))
+            self.outputs.append(steps, *self._rows(chunk))
         position.advance(chunk, done)
         self.outputs.checkpoint(position)
         self.taking = False
@@ -125,6 +131,7 @@ class Driver:
             self._append(position, chunk)
 
     def _append(self, position: AnyPosition, chunk: PyTree) -> None:
+        self.outputs.end(np.array([position.steps]), *self._rows(chunk), last=True)
         self.outputs.append(np.array([position.steps]), *self._rows(chunk), last=True)
         position.watch(chunk)
 

@@ -57,15 +57,28 @@ class EventDriver(driver.Driver):
         if end is not None:
             chunk = self.run(position.state, end.interval, 1) if end.interval else None
         position.seconds += time.perf_counter() - began
+        chunk = self._up_to_call(position, chunk)
         self.taking = True
         if chunk is not None:
             self._take(position, unwatched(chunk, self.plan), chunk.steps)
-        if end is not None:
+        if end is not None and not position.halted:
             part = unwatched(part_of_step(self.plan, position.state, end.theta, monitors=True), self.plan)
             self._take(position, part, part.steps)
             position.event = float(position.state.t)
+        if position.halted:
+            self.undo(position)
         self.outputs.checkpoint(position)
         self.taking = False
+
+    def _up_to_call(self, position: PyTree, chunk: PyTree) -> PyTree:
+        """The chunk up to the node at which a function of an output ends the run; None if it is the first one."""
+        if chunk is None or not self.outputs.calls:
+            return chunk
+        seen = unwatched(chunk, self.plan)
+        found = jax.tree.map(lambda leaf: leaf[: chunk.steps], self._rows(seen))
+        end = self.outputs.end(position.steps + np.arange(chunk.steps), *found)
+        position.halted = end is not None
+        return chunk if end is None else self.run(position.state, end, 1) if end else None
 
     def _take(self, position: PyTree, chunk: PyTree, steps: int) -> None:
         """Append the records of a chunk, one at each node, and move to its end."""

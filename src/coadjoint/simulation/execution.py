@@ -23,26 +23,32 @@ from coadjoint.simulation.dense import not_finite, part_of_step
 from coadjoint.simulation.driver import Driver
 from coadjoint.simulation.energy_budget import driven, energy_warnings, gap, members_driven
 from coadjoint.simulation.event_driver import EventDriver, MembersEvents
+from coadjoint.simulation.outputs import Ordered
 from coadjoint.simulation.result import Result
-from coadjoint.simulation.sinks import Memory, Output, Outputs
+from coadjoint.simulation.sinks import Memory, Outputs, Scheduled
 
 _log = logger(__name__)
 
 
 R = TypeVar("R", bound=Result)
+NO_MORE = Ordered()
 
 
 HALVINGS = 20
 """How often dt is halved in search of a step that is solved where dt failed."""
 
 
-def execute(run: R, progress: bool | None, began: float, accuracy: bool = True) -> R:
-    """Drive a run from its position to its end; raises StepError at a step that fails, except in an ensemble."""
+def execute(run: R, progress: bool | None, began: float, accuracy: bool = True, more: Ordered = NO_MORE) -> R:
+    """Drive a run from its position to its end; raises StepError at a step that fails, except in an ensemble.
+
+    more: the outputs that the user ordered.
+    """
     ended = run.position.ended
     complete = run.memory.complete
     sampler = sampler_of(run) if accuracy and run.accuracy is None and not complete else None
     every = run.plan.save_every
-    outputs = Outputs([Output(sink, every) for sink in (sampler, run.memory) if sink is not None])
+    own = [Scheduled(sink, every) for sink in (sampler, run.memory) if sink is not None]
+    outputs = Outputs([*own, *more.sinks], more.calls)
     loop, before_it = driver(run, outputs, progress), list[str]()
     try:
         before = run.seconds
@@ -163,7 +169,7 @@ def _in_memory(run: Any, loop: Driver) -> str:
     kept = "what was computed is in `.run` of this exception"
     if position.ended:
         return kept
-    run.memory.cut(position.steps)
+    loop.outputs.cut(position.steps)
     loop.undo(position)
     loop.append_last(position)
     left = plan.steps - position.steps

@@ -43,6 +43,8 @@ class Position:
     event: float | None = None
     complete: bool = False
 
+    halted = False  # a function of an output has ended the run; not a field, as files do not hold it
+
     @property
     def ended(self) -> bool:
         """Whether nothing more will come."""
@@ -55,8 +57,8 @@ class Position:
 
     @property
     def stopped(self) -> bool:
-        """Whether a step failed, or an event has ended the run."""
-        return self.failed or self.event is not None
+        """Whether a step failed, or an event or a function of an output has ended the run."""
+        return self.failed or self.halted or self.event is not None
 
     def closed(self, chunk: Chunk) -> bool:
         """Whether the step that starts at the last node, the one of a chunk, was solved."""
@@ -164,6 +166,8 @@ class MembersPosition:
     event: np.ndarray | None = None
     """The time at which an event ended each member, NaN where none did; None without such an event."""
 
+    halted = False  # as of `Position`
+
     @classmethod
     def at_start(cls, states: State, count: int) -> Self:
         """No step done."""
@@ -182,8 +186,8 @@ class MembersPosition:
 
     @property
     def stopped(self) -> bool:
-        """Whether events have ended all members."""
-        return self.event is not None and not np.any(np.isnan(self.event))
+        """Whether a function of an output, or events, have ended all members."""
+        return self.halted or (self.event is not None and not np.any(np.isnan(self.event)))
 
     def closed(self, chunk: EnsembleChunk) -> bool:
         """True: members whose last step failed are masked."""

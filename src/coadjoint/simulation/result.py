@@ -6,7 +6,7 @@ import contextlib
 import os
 import secrets
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from inspect import signature
@@ -180,7 +180,7 @@ def csv_table(dataset: xarray.Dataset) -> str:
 class Result(Recording):
     """A run, or an ensemble, whose arrays have a first axis of members.
 
-    ended: the records at the events that ended members, by their index.
+    ended: the records at the events that ended members, by their index. taken: how to read the outputs.
     """
 
     system: System
@@ -194,6 +194,12 @@ class Result(Recording):
     crossed: dict[str, list[PyTree]] = field(default_factory=dict)
     accuracy: Accuracy | None = None
     ended: dict[int, State] = field(default_factory=dict)
+    taken: tuple[Callable[[Any], Any], ...] = ()
+
+    @cached_property
+    def outputs(self) -> tuple[xarray.Dataset | None, ...]:
+        """The dataset of each of the `outputs` that were ordered; None of those that went to a function."""
+        return tuple(read(self) for read in self.taken)
 
     @abstractmethod
     def summary(self) -> Table:

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from coadjoint.arrays import PyTree
 from coadjoint.checks import truth, whole
@@ -30,11 +30,10 @@ from coadjoint.simulation.arguments import grid, require_kinds
 from coadjoint.simulation.events import Event
 from coadjoint.simulation.execution import execute
 from coadjoint.simulation.members import count_of, require_room
+from coadjoint.simulation.outputs import Ordered, Output, ordered
 from coadjoint.simulation.problem import SimulationProblem
+from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Run
-
-if TYPE_CHECKING:
-    pass
 
 
 @deferred_interrupts()
@@ -57,6 +56,7 @@ def simulate(
     store: str | os.PathLike[str] | None = None,
     keep: Keep | None = None,
     accuracy: bool | Literal["full"] = True,
+    outputs: Sequence[Output] | None = None,
 ) -> Run:
     """Integrate `system` from `start` by steps of `dt` and return the run with its dataset, plots and certificate.
 
@@ -103,6 +103,9 @@ def simulate(
             default True: the certificate gives the local error, or states that dt does not resolve the motion and
             which dt would. "full": the run is repeated with dt/2, and the certificate gives the error of the
             trajectory, or the time up to which it is accurate.
+        outputs: a list of `co.Output`, by default none: each takes records, monitors or a function of the state at a
+            cadence of its own, to memory (`run.outputs`), to a folder or to a function, which may end the run. Those
+            of a run that `store` continues begin where it does.
 
     Returns a `Run`: `records`, `final`, `dataset` (an xarray.Dataset with the dimension `time`), `plot`, `save(path)`,
     `at(times)`. With `co.each` in the parameters or the start, all members run together in an `Ensemble`, with a
@@ -148,12 +151,27 @@ def simulate(
         run = streamed(run, store, kelvin_noether, judging, traces)
     else:
         require_room(run)
+    more = _ordered(outputs, run, kelvin_noether)
+    run.taken = more.datasets
     with as_read(run.plan.program.version):
-        done: Any = execute(run, progress, began, judging)
+        done: Any = execute(run, progress, began, judging, more)
     if full:
         finer = replace(problem, h=h / 2, steps=2 * steps, save_every=2 * save_every, monitors=False)
         _judge_by(done, finer.set_up(), progress, began)
     return done
+
+
+def _ordered(given: Sequence[Output] | None, run: Result, chosen: object) -> Ordered:
+    """The outputs of a run."""
+
+    def stored(of: Any, folder: Any) -> Any:
+        from coadjoint.simulation.resume import streamed
+
+        if os.path.exists(folder):
+            raise ArgumentError(f"The folder {folder} of an output exists already: choose another one.")
+        return streamed(of, folder, chosen, False, Traced())
+
+    return ordered(given, run, stored)
 
 
 def _judge_by(run: Run, finer: object, progress: bool | None, began: float) -> None:

@@ -12,6 +12,7 @@ from typing import Protocol
 import jax
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.plan import AnyPosition
 
@@ -54,19 +55,29 @@ class RecordSink(Sink, Protocol):
 
 
 @dataclass(frozen=True)
-class Output:
+class Scheduled:
     """A sink, and the cadence at which it takes records: every `every`-th node from the start on, and the last one."""
 
     sink: Sink
     every: int
 
 
+class Calls(Protocol):
+    """A function that is called at a cadence with `values` of the nodes after step `seen`, and may end the run."""
+
+    every: int
+    seen: int
+    values: Callable[[State, Mapping[str, np.ndarray]], PyTree]
+
+    def __call__(self, step: int, time: float, value: PyTree) -> bool: ...
+
+
 class Outputs:
     """The outputs of a run. `every`: the common cadence at which the run makes records for them."""
 
-    def __init__(self, outputs: Sequence[Output]):
-        self.outputs = tuple(outputs)
-        self.every = math.gcd(*(one.every for one in self.outputs))
+    def __init__(self, outputs: Sequence[Scheduled], calls: Sequence[Calls] = ()):
+        self.outputs, self.calls = tuple(outputs), tuple(calls)
+        self.every = math.gcd(*(one.every for one in (*self.outputs, *self.calls)))
         self._sinks = [one.sink for one in self.outputs]
 
     @property
@@ -88,6 +99,34 @@ class Outputs:
             elif len(due):
                 rows = jax.tree.map(lambda leaf, due=due: leaf[due], (records, dict(monitors)))
                 one.sink.append(steps[due], *rows)
+
+    def end(
+        self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray], last: bool = False
+    ) -> int | None:
+        """Call the functions that are due at these nodes, in order, up to the node at which one ends the run: its row.
+
+        None if none does. `last`: all of them are due.
+        """
+        ready: dict[int, list[tuple[Calls, PyTree]]] = {}
+        for one in self.calls:
+            rows = np.flatnonzero((steps > one.seen) & (last | (steps % one.every == 0)))
+            if len(rows):
+                values = one.values(*jax.tree.map(lambda leaf, rows=rows: leaf[rows], (records, dict(monitors))))
+                for index, row in enumerate(rows):
+                    value = jax.tree.map(lambda leaf, index=index: leaf[index], values)
+                    ready.setdefault(int(row), []).append((one, value))
+        for row in sorted(ready):
+            time = float(np.nanmax(records.t[row]))
+            ends = [one(int(steps[row]), time, value) for one, value in ready[row]]  # all are called
+            if any(ends):
+                return row
+        return None
+
+    def cut(self, step: int) -> None:
+        """Discard what sinks in memory hold from a step on."""
+        for sink in self._sinks:
+            if isinstance(sink, Memory):
+                sink.cut(step)
 
     def checkpoint(self, position: AnyPosition) -> None:
         """All records up to `position` have been given."""
