@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.estimation.arguments import require_fit
 from pinned import PIN, body, hold, lagrangian, pinned, start
 
 
@@ -153,10 +152,6 @@ USES = {
     "a steady motion": (
         lambda: co.stability.steady_motion(pinned(), start(pinned())),
         r"Steady motions would leave out the reactions of the constraints .* minimal coordinates, such as the angles",
-    ),
-    "a filter": (
-        lambda: require_fit(co.Midpoint(), pinned(), start(pinned()), "left"),
-        r"A filter would leave out the reactions of the constraints",
     ),
     "a projection onto nothing": (lambda: body().project(start(body())), r"no constraints to project a state onto"),
     "a quantity with a reaction's name": (with_quantity, r"quantity `reaction_pin` must have a name of its own"),

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import reactions
-from coadjoint.mechanics.constrained_start import singular_place
 from coadjoint.mechanics.continuous import reference as reference_motion
 from coadjoint.mechanics.continuous import vector_field
+from coadjoint.mechanics.singular_places import singular_place
 from coadjoint.methods.rattle import Rattle
 from pinned import PIN, RATES, pinned, reference, start, top
 
@@ -158,6 +159,27 @@ def test_a_curve_that_crosses_itself_is_passed_and_its_crossing_is_known_as_sing
     )
     assert "singular place" in singular_place(system, at(1e-4), None)
     assert singular_place(system, at(0.8), None) == ""
+
+
+def test_rows_that_were_kept_and_become_dependent_are_named_and_chosen_again():
+    """Three rows hold two velocities; the second is the first turned by x, and along it again at x = π."""
+
+    def rows(n):
+        turned = jnp.stack([jnp.zeros(()), jnp.zeros(()), jnp.cos(n[0]), jnp.sin(n[0])])
+        return jnp.stack([jnp.array([0.0, 0, 1, 0]), turned, jnp.array([0.0, 0, 0, 1])])
+
+    system = co.System(
+        co.SO2(),
+        lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu - n[2],
+        additional=co.Trivial(3),
+        constraints={"rail": co.Nonholonomic(rows)},
+    )
+    begun = system.state(q=[np.pi - 0.5, 0, 0], qdot=[1, 0, 0])
+    with pytest.raises(co.errors.StepError, match=r"t = 0\.4 s.* steps keep some, .* those of `rail`") as raised:
+        co.simulate(system, begun, dt=0.1, steps=20, **QUIET)
+    run = co.simulate(system, raised.value.run.final, dt=0.1, steps=10, **QUIET)
+    assert run.final.memory.independent == (0, 2)
+    assert run.final.q == pytest.approx([np.pi + 0.8, 0, 0], abs=1e-12)
 
 
 def test_the_continuous_equations_have_the_reactions():

@@ -16,7 +16,6 @@ from coadjoint.estimation.engines import PreparedMeasurement
 from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.numbers import numbers
 from coadjoint.estimation.process import Process
-from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.trace_checks import in_words
@@ -35,7 +34,6 @@ def require_fit(method: Method, system: System, start: State, error: str) -> Non
     checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
     if method.variable or any(step.tolerant for step, _ in method.pattern):
         raise ArgumentError(f"A filter takes a method of fixed steps, such as co.Midpoint(), not {method.title}.")
-    require_free(system, "A filter")
     if method.start == "velocity":
         raise ArgumentError(
             f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."
@@ -84,11 +82,11 @@ def first_covariance(process: Process, row: np.ndarray, deviations: PyTree, cova
     if (deviations is None) == (covariance is None):
         raise ArgumentError("Give a filter either `deviations` or `covariance` of its errors at the start.")
     if covariance is None:
-        return process.first_covariance(row, deviations)
+        return process.admitted(row[None], process.first_covariance(row, deviations)[None])[0]
     P = numbers(covariance)
     if P.shape != (process.width, process.width) or not semidefinite(P):
         raise ArgumentError(
             f"Argument `covariance` must be a symmetric matrix ({process.width}, {process.width}) without negative "
             f"eigenvalues, of the errors {', '.join(process.error_sizes)}, but is {shown(covariance)}."
         )
-    return 0.5 * (P + P.T)
+    return process.admitted(row[None], 0.5 * (P + P.T)[None])[0]

@@ -126,4 +126,4 @@ class FilterEngine:
         out[:, 0], out[:, 1] = np.where(known, found.nis, np.nan), used
         if used.any():
             rows[used] = self._process.moved(rows[used], found.e[used])
-            P[used] = found.P[used]
+            P[used] = self._process.admitted(rows[used], found.P[used])

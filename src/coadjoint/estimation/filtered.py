@@ -19,6 +19,14 @@ from coadjoint.simulation.run import Run
 FAR = 10.0
 """The factor by which a mean NIS may differ from its expectation before the printed line says so."""
 
+EXACT = (
+    "The NEES needs covariances that can be inverted, but a combination of coordinates is known exactly: give every "
+    "error of the start a deviation, or the model noise."
+)
+SINGULAR, ROUND_OFF = 1e-12, 1e-9
+"""The parts of the largest eigenvalue of a covariance that is scaled by deviations, and of the largest deviation of a
+name, up to which constraints exclude a direction."""
+
 
 class Consistency(NamedTuple):
     """times (K,) s, NIS = νᵀS⁻¹ν (K,), NaN where nothing was measured, and whether it was used (K,).
@@ -102,18 +110,42 @@ class Filtered:
         checks.shape(truth, "truth", self.rows.shape)
         if not np.all(np.isfinite(truth)):
             raise ArgumentError("Argument `truth` must be finite at all nodes: end the run where the truth ends.")
-        free = np.flatnonzero(np.all(self.deviations > 0, axis=tuple(range(self.deviations.ndim - 1))))
+        free = np.flatnonzero(np.all(self._doubtful, axis=tuple(range(self.deviations.ndim - 1))))
         e = (self._process.errors(self.rows, truth) / np.where(self.deviations > 0, self.deviations, 1.0))[..., free]
         spread = self.deviations[..., free]
         P = self.covariances[..., free[:, None], free] / (spread[..., :, None] * spread[..., None, :])
+        if self._process.projector is not None:
+            return _within(e, P)
         try:
             weighted = np.linalg.solve(P, e[..., None])[..., 0]
         except np.linalg.LinAlgError:
-            raise ArgumentError(
-                "The NEES needs covariances that can be inverted, but a combination of coordinates is known exactly: "
-                "give every error of the start a deviation, or the model noise."
-            ) from None
+            raise ArgumentError(EXACT) from None
         return np.einsum("...i,...i->...", e, weighted), len(free)
+
+    @property
+    def _doubtful(self) -> np.ndarray:
+        """Whether coordinates are not known exactly, (K, n), nor excluded by constraints, to round-off."""
+        if self._process.projector is None:
+            return self.deviations > 0
+        largest = np.max(self.deviations, axis=tuple(range(self.deviations.ndim - 1)))
+        sizes = np.concatenate(
+            [np.full(one.stop - one.start, largest[one].max()) for one in self._process.places.values()]
+        )
+        return self.deviations > ROUND_OFF * sizes
+
+
+def _within(e: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, int]:
+    """(eᵀP⁺e (…,), the rank of P) of errors e (…, n) and covariances P (…, n, n) that constraints make singular.
+
+    Raises ArgumentError where the rank changes.
+    """
+    sizes, directions = np.linalg.eigh(P)
+    within = sizes > SINGULAR * sizes[..., -1:]
+    ranks = np.unique(np.sum(within, axis=-1))
+    if len(ranks) != 1:
+        raise ArgumentError(EXACT)
+    along = np.einsum("...ij,...i->...j", directions, e)
+    return np.sum(np.where(within, along**2, 0.0) / np.where(within, sizes, 1.0), axis=-1), int(ranks[0])
 
 
 def filtered(

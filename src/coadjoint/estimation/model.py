@@ -14,9 +14,9 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.augmented_state import DriftingParameters
+from coadjoint.estimation.constrained_errors import ConstrainedErrors
 from coadjoint.estimation.drifts import Drift
 from coadjoint.estimation.filtered import states_at
-from coadjoint.estimation.invariant_errors import InvariantErrors
 from coadjoint.estimation.process import spread
 from coadjoint.kernels.packing import flattened, layout, pack, rows
 from coadjoint.kernels.program import Code
@@ -41,7 +41,7 @@ from coadjoint.simulation.steppers.beginning import shapes_of
 from coadjoint.simulation.steppers.building import commands_from, places_of
 
 
-class ModelProcess(InvariantErrors):
+class ModelProcess(ConstrainedErrors):
     """A system as a filter's process: x = (g, n, a, μ, π, …, θ) advances by one step of a variational method.
 
     The error e = (η, δq, δμ, δπ, δθ) is invariant under the group: with error="left" in body axes,
@@ -68,6 +68,10 @@ class ModelProcess(InvariantErrors):
         biases: name → `RandomWalk` or `GaussMarkov` of numbers that do not act on the motion and that only
             measurements read, as the biases of an inertial unit; they begin at 0, and are as many as the drift has
             numbers, as in {"imu_gyroscope": RandomWalk([1e-6, 1e-6, 1e-6])}; by default none.
+
+    Of a system with constraints the states and errors stay on them: every corrected state moves onto them by the least
+    motion in the kinetic metric, impulses of the noise get the reaction that keeps the velocities, and P is singular,
+    of the rank of the tangent space. Deviations and covariances at the start are projected onto it.
 
     The internal state of the system, as the speed of a rotor, the angle of a fin or the memory of a controller,
     advances with the estimate, and has no coordinates in e: it counts as known exactly. Its uncertainty belongs into
@@ -247,13 +251,14 @@ class ModelProcess(InvariantErrors):
 
     def native(self) -> Model | None:
         model, tangent, moving = self._model, self.tangent.native, self.moving.native
-        if model.backend == "xla" or tangent is None or moving is None:
+        projector = None if self.projector is None else self.projector.native
+        if model.backend == "xla" or tangent is None or moving is None or (self.constrained and projector is None):
             return None
         kernel = model.kernel(1)
         return Model(
             len(self._first), model.size, np.array(self.substeps), self.unknowns, kernel.record.size, model.p[0],
             self._spread_places, kernel.function, kernel.row, self.between, tangent, self.densities, moving,
-            self.commanded, self.width,
+            self.commanded, self.width, projector,
         )  # fmt: skip
 
     @property
@@ -278,11 +283,11 @@ class ModelProcess(InvariantErrors):
         row, after, lengths = y[:size], y[size : 2 * size], y[2 * size :]
         z, e, w = x[:m], x[m : m + n], x[m + self.between :]
         state, theta = self._unpacked(self.retract(row, e))
-        constants, d = self._drifts.replaced(theta), self._system.group.dim
+        constants = self._drifts.replaced(theta)
         if len(self.substeps) == 1:
             h = lengths[0]
             residual, there = self._program.substep(constants, self._program.prepare(constants, state, h), h, z)
-            there = there.replace(mu=there.mu + w[:d], pi=there.pi + w[d:])
+            there = self.shaken(constants, there, w)
             later = self._drifts.moved(theta, h)
             error = self.differ(after, jnp.concatenate([flattened(there), later]))
             return jnp.concatenate([residual, error, later, self._drifts.variances(h)])
@@ -291,7 +296,7 @@ class ModelProcess(InvariantErrors):
         residual, there = self._program.substep(
             constants, self._program.prepare_if(constants, state, h, first), length, z
         )
-        there = there.replace(mu=there.mu + last * w[:d], pi=there.pi + last * w[d:])
+        there = self.shaken(constants, there, last * w)
         later = jnp.where(last > 0.5, self._drifts.moved(theta, h), theta)
         numbers = flattened(there)
         error = self.differ(after, jnp.concatenate([numbers, later]))

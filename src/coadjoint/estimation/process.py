@@ -255,6 +255,16 @@ class Process(Remade, ABC):
     def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:
         """P (n, n) of independent errors with these standard deviations, by their names."""
 
+    projector: RowFunction | None = None
+    """(e, x) ↦ differ(x, retract(x, e)), whose slopes at e = 0 project errors onto the tangent space of constraints."""
+
+    def admitted(self, rows: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """The covariances P (members, n, n) at rows (members, size) without what constraints exclude."""
+        if self.projector is None:
+            return P
+        slopes = self.projector(np.zeros((len(rows), self.width)), rows)[1]
+        return slopes @ P @ slopes.transpose(0, 2, 1)
+
     def moved(self, rows: np.ndarray, e: np.ndarray) -> np.ndarray:
         """`retract` of rows (members, size) by errors (members, n)."""
         none = np.zeros((len(rows), 0))

@@ -31,6 +31,8 @@ def smoothed(found: Filtered) -> Filtered:
     if found.covariances is None or found.every != 1:
         raise ArgumentError("Smoothing needs every covariance: run the filter with covariances=True, save_every=1.")
     process, one = found._process, found.rows.ndim == 2
+    if process.projector is not None and getattr(process, "error", "left") != "left":
+        raise ArgumentError("Smoothing on constraints takes errors in body axes: make the process with error='left'.")
     rows, P = (part[:, None].copy() if one else part.copy() for part in (found.rows, found.covariances))
     for k in range(len(found.t) - 2, -1, -1):
         h = float(found.t[k + 1] - found.t[k])
@@ -40,10 +42,11 @@ def smoothed(found: Filtered) -> Filtered:
         before = Phi @ P[k] @ Phi.transpose(0, 2, 1) + Q
         G = _gain(P[k], Phi, before)
         e = process.errors(after, rows[k + 1])
-        change = P[k + 1] - before
+        change = process.admitted(after, P[k + 1]) - before
         P[k] = P[k] + G @ change @ G.transpose(0, 2, 1)
         P[k] = 0.5 * (P[k] + P[k].transpose(0, 2, 1))
         rows[k] = process.moved(rows[k], (G @ e[:, :, None])[:, :, 0])
+        P[k] = process.admitted(rows[k], P[k])
     deviations = np.sqrt(np.maximum(np.diagonal(P, axis1=2, axis2=3), 0.0))
     rows, P, deviations = (part[:, 0] if one else part for part in (rows, P, deviations))
     return found.replaced(rows, deviations, P)

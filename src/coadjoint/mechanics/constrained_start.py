@@ -15,7 +15,7 @@ from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.momentum_sizes import largest
-from coadjoint.mechanics.reactions import Independent, kicked, node_rates, parts, rate, rows_of, site
+from coadjoint.mechanics.reactions import Independent, closing, kicked, node_rates, parts, rate, rows_of, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -30,11 +30,8 @@ ON = 1e-9
 DEPENDENT = 1e-11
 """The smallest eigenvalue of A M⁻¹Aᵀ in units of its diagonal, relative to the largest, of an independent row."""
 
-APART = 1e-6
+APART = 0.1
 """What rows that were taken leave of the diagonal of A M⁻¹Aᵀ, relative to it, at a row that is taken in its order."""
-
-SINGULAR = 1e-3
-"""The smallest of these eigenvalues, relative to the largest, at a step that failed in a singular place."""
 
 TRIPS = 40
 """Newton's iterations of a projection."""
@@ -174,24 +171,6 @@ def _sizes(matrix: np.ndarray) -> np.ndarray:
     return np.abs(np.linalg.eigvalsh(scale[:, None] * (0.5 * (matrix + matrix.T)) * scale))
 
 
-def singular_place(system: ReducedFunctions, state: State, independent: Independent) -> str:
-    """A sentence if the rows of the constraints are nearly dependent at a state, which they were not at the start.
-
-    independent: the rows that were found to be so at the start, None for all.
-    """
-    if not system.constraints or rows_of(system) is not None:
-        return ""
-    found = evaluate(lambda s, p: node_rates(replace_parameters(system, p), s).mobility, state, system.parameters)
-    rank = len(found if independent is None else independent)
-    sizes = np.sort(_sizes(found))[::-1]
-    if not np.all(np.isfinite(sizes)) or sizes[rank - 1] > SINGULAR * sizes[0]:
-        return ""
-    return (
-        " The rows of its constraints are all but dependent there, so that the motion comes to a singular place: start "
-        "elsewhere, or describe the place by other constraints."
-    )
-
-
 def projected(system: ReducedFunctions, state: State) -> State:
     """The nearest state on the constraints in the kinetic metric, from a state near it; see `System.project`."""
 
@@ -244,13 +223,29 @@ def _with_velocities(system: ReducedFunctions, state: State) -> State:
 
 
 def _nearer(system: ReducedFunctions, state: State) -> State:
-    """One of Newton's iterations: the least motion (η, w) in the kinetic metric with φ + Dφ·(η, w) = 0."""
-    group, Q, V = system.places
-    at = site(state)
+    """One of Newton's iterations of a projection, with the velocities of the state."""
     mu, pi = legendre(system, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
-    state = state.replace(mu=mu, pi=pi)
+    eta, w = _least_motion(system, state.replace(mu=mu, pi=pi))
+    return moved(system, state.replace(mu=mu, pi=pi), eta, w)
 
-    def moved(impulse: Array) -> tuple[Array, Array]:
+
+def onto(system: ReducedFunctions, state: State, independent: Independent, iterations: int) -> State:
+    """The state on the constraints near one with momenta that is close to them, as a pure function.
+
+    Newton's iterations move (g, q) by the least motions in the kinetic metric, then the momenta get the impulse after
+    which A·(ξ, ν) = b. At a state on the constraints its derivative projects onto their tangent space, after one
+    iteration already. independent: the rows that are kept where some are redundant.
+    """
+    for _ in range(iterations if any(one.holonomic for one in system.constraints) else 0):
+        state = moved(system, state, *_least_motion(system, state))
+    return kicked(system, state, closing(system, state, independent))
+
+
+def _least_motion(system: ReducedFunctions, state: State) -> tuple[Array, Array]:
+    """The least motion (η, w) in the kinetic metric with φ + Dφ·(η, w) = 0."""
+    at = site(state)
+
+    def given(impulse: Array) -> tuple[Array, Array]:
         xi, nu, _ = inverse_legendre.velocities(system, kicked(system, state, impulse))
         return xi, nu
 
@@ -258,11 +253,15 @@ def _nearer(system: ReducedFunctions, state: State) -> State:
     values = [one.value(system, at) if one.holonomic else jnp.zeros(one.size) for one in system.constraints]
     kept = jnp.diag(jnp.concatenate(held))
     impulse = _least(kept @ node_rates(system, state).mobility @ kept, -jnp.concatenate(values))
-    eta, w = jax.jvp(moved, (jnp.zeros_like(impulse),), (impulse,))[1]
+    return jax.jvp(given, (jnp.zeros_like(impulse),), (impulse,))[1]
+
+
+def moved(system: ReducedFunctions, state: State, eta: Array, w: Array) -> State:
+    """The state after a motion (η, w) of its place, with its momenta."""
+    group, Q, V = system.places
     F = group.exp(eta)
     back = group.inverse(F)
-    end = state.n + Q.difference(group, state.n, w)
-    n = Q.act(group, back, end)
+    n = Q.act(group, back, state.n + Q.difference(group, state.n, w))
     nu = Q.push(group, back, state.n, state.nu)
     return state.replace(
         g=state.g if state.g is None else group.compose(state.g, F),

@@ -12,9 +12,9 @@ from coadjoint.interrupts import forget, look
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger, phase
-from coadjoint.mechanics.constrained_start import singular_place
 from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.internal_state import failure
+from coadjoint.mechanics.singular_places import singular_place
 from coadjoint.methods.rattle import kept
 from coadjoint.simulation.accuracy.resolution import accuracy_warnings, chosen_members, judged_run
 from coadjoint.simulation.accuracy.sample import Sampler
@@ -119,7 +119,9 @@ def _solved(run: Result) -> str:
 def _singular(run: Result) -> str:
     """A sentence if the constraints of a run have come to a singular place."""
     memory = kept(run.position.state)
-    return "" if memory is None else singular_place(run.system, run.position.state, memory.independent)
+    if memory is None:
+        return ""
+    return singular_place(run.system, run.position.state, memory.independent, run.plan.h)
 
 
 def _sentence(run: Result) -> str:
@@ -136,6 +138,8 @@ def _sentence(run: Result) -> str:
         return f"{where}: {reason}"
     if reason := failure(run.system, float(run.position.state.t), run.plan.h):
         return f"{where}: {reason}"
+    if reason := _singular(run):
+        return f"{where} gave numbers that are not finite.{reason}"
     energy = "Lagrangian" if run.system.hamiltonian is None else "Hamiltonian"
     return (
         f"{where} gave numbers that are not finite; {unsolved}{_solved(run)}, or check the {energy} and forces there."

@@ -23,6 +23,7 @@ FIELDS = (
     *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "fractions"),
     *("densities", "Phi", "chain", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
     *("measurements", "sizes", "covariances", "gates", "turns", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
+    "projector",
 )
 """The memory of a filter: sizes and addresses, all integers."""
 
@@ -275,6 +276,8 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
         f.b.ret(INT64(0))
     f.put(output, 1, one)
     _apply(f, m, algebra, size, R)
+    with f.b.if_then(f.b.icmp_signed("!=", m.integer("projector"), INT64(0))):
+        _project(f, m, algebra)
     f.b.ret(f.b.zext(_not_finite(f, m), INT64))
     return f.function
 
@@ -310,3 +313,17 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> No
     f.b.call(algebra.copy, [f.place(moved, width), e, n])
     zeros = m.numbers("zeros")
     m.call("retract", _FUNCTION, [zeros, moved, row, zeros, INT64(1)])
+
+
+def _project(f: Loops, m: _Memory, algebra: DenseAlgebra) -> None:
+    """P ← ΠPΠᵀ at the row, with the tangent space of constraints."""
+    n, Pi, W, P, turned = (m.integer("errors"), *map(m.numbers, ("Phi", "W", "P", "turned")))
+    square, one = f.times(n, n), DOUBLE(1.0)
+    _clear(f, Pi, square)
+    m.call("projector", _FUNCTION, [m.numbers("zeros"), m.numbers("row"), m.numbers("value"), Pi, INT64(1)])
+    _clear(f, W, square)
+    f.b.call(algebra.product, [W, Pi, P, n, n, n, n, n, n, one])
+    f.b.call(algebra.transpose, [turned, Pi, n, n, n])
+    _clear(f, P, square)
+    f.b.call(algebra.product, [P, W, turned, n, n, n, n, n, n, one])
+    _symmetric(f, P, n)

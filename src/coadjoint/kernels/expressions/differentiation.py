@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from coadjoint.kernels.expressions.expression import TRUTH, Expr, Graph, reachable
+from coadjoint.kernels.expressions.block_elimination import guarded_solve
+from coadjoint.kernels.expressions.elimination import Matrix
+from coadjoint.kernels.expressions.expression import TRUTH, Expr, Graph
 from coadjoint.kernels.untraceable import Untraceable
 
 Partial = Callable[[Graph, Expr], Sequence[Expr]]
@@ -115,9 +117,69 @@ PARTIALS: dict[str, Partial] = {
 occur."""
 
 
+class _System:
+    """A linear system A x = b of a "pivoted" node, (n, n), with its solution."""
+
+    def __init__(self, graph: Graph, node: Expr) -> None:
+        assert isinstance(node.value, tuple)
+        count = len(node.value)
+        self.right = node.args[1 + count :]
+        self.entries = {divmod(place, len(self.right)): x for place, x in zip(node.value, node.args[1:], strict=False)}
+        self._graph = graph
+        self.solution = self.solved(self.right)
+
+    def solved(self, right: Sequence[Expr], transposed: bool = False) -> list[Expr]:
+        """y (n,) with A y = right, or Aᵀ y = right, with pivots where A x = b needs them."""
+        n = len(right)
+        matrix: Matrix = [[self._graph.zero] * n for _ in range(n)]
+        for (i, j), x in self.entries.items():
+            i, j = (j, i) if transposed else (i, j)
+            matrix[i][j] = x
+        return guarded_solve(self._graph, matrix, right)
+
+    def tangents(self, known: Mapping[Expr, dict[int, Expr]]) -> dict[int, list[Expr]]:
+        """The tangents ẋ = A⁻¹(ḃ − Ȧx) of the solution, from those of A and b."""
+        graph = self._graph
+        sides: dict[int, list[Expr]] = {}
+
+        def side(i: int) -> list[Expr]:
+            return sides.setdefault(i, [graph.zero] * len(self.right))
+
+        for k, b in enumerate(self.right):
+            for i, d in known.get(b, {}).items():
+                side(i)[k] = d
+        for (k, j), x in self.entries.items():
+            for i, d in known.get(x, {}).items():
+                side(i)[k] = graph.sub(side(i)[k], graph.mul(d, self.solution[j]))
+        zero = graph.zero
+        return {i: self.solved(right) for i, right in sides.items() if any(x is not zero for x in right)}
+
+    def cotangents(self, bars: Mapping[int, Expr]) -> list[tuple[Expr, Expr]]:
+        """Arguments and what they receive from the cotangents of the solution: b̄ = A⁻ᵀx̄, Ā = −b̄ xᵀ."""
+        graph = self._graph
+        found = self.solved([bars.get(i, graph.zero) for i in range(len(self.right))], transposed=True)
+        of_matrix = [(x, graph.neg(graph.mul(found[k], self.solution[j]))) for (k, j), x in self.entries.items()]
+        return [*zip(self.right, found, strict=True), *of_matrix]
+
+
+def _inputs(node: Expr) -> tuple[Expr, ...]:
+    """The arguments of which the value of a node depends; of a solution the system alone, not how it is solved."""
+    return node.args[2:] if node.op == "solution" else node.args
+
+
+def _reachable(roots: Iterable[Expr]) -> list[Expr]:
+    """Every node that the derivatives of the roots use, arguments before their users."""
+    seen: dict[int, Expr] = {}
+    stack = list(roots)
+    while stack:
+        node = stack.pop()
+        if node.number not in seen:
+            seen[node.number] = node
+            stack.extend(_inputs(node))
+    return [seen[number] for number in sorted(seen)]
+
+
 def _partials(graph: Graph, node: Expr) -> Sequence[Expr]:
-    if node.op == "solution":
-        return graph.one, graph.zero, graph.zero
     rule = PARTIALS.get(node.op)
     if rule is None:
         raise Untraceable(node.op, "it has no derivative here")
@@ -137,13 +199,21 @@ def directional(graph: Graph, roots: Sequence[Expr], along: Mapping[Expr, Expr])
 
 def _pushed(graph: Graph, roots: Sequence[Expr], tangents: dict[Expr, dict[int, Expr]]) -> list[dict[int, Expr]]:
     """The sparse tangents of the roots from those of the symbols, to which all others on the way are added."""
-    for node in reachable(roots):
-        inner = [tangents.get(a) for a in node.args]
-        if not any(inner) or node in tangents:
+    solved: dict[Expr, dict[int, list[Expr]]] = {}
+    for node in _reachable(roots):
+        if node in tangents:
             continue
-        if node.op == "select":
+        inner = [tangents.get(a) for a in node.args]
+        if node.op == "solution":
+            columns = solved.get(node.args[2], {})
+            tangents[node] = {i: column[node.value] for i, column in columns.items()}  # pyright: ignore
+        elif not any(inner):
+            continue
+        elif node.op == "pivoted":
+            solved[node] = _System(graph, node).tangents(tangents)
+        elif node.op == "select":
             tangents[node] = _select_tangent(graph, node, inner[1] or {}, inner[2] or {})
-        elif node.op not in TRUTH and node.op != "pivoted":
+        elif node.op not in TRUTH:
             tangents[node] = _tangent(graph, node, inner)
     return [{i: d for i, d in tangents.get(root, {}).items() if d is not graph.zero} for root in roots]
 
@@ -171,12 +241,13 @@ def _select_tangent(graph: Graph, node: Expr, yes: dict[int, Expr], no: dict[int
 def backward(graph: Graph, roots: Mapping[Expr, Expr], by: Sequence[Expr]) -> list[Expr]:
     """Σ cotangent·∂root/∂symbol for every symbol of `by`; `roots` maps each root to its cotangent."""
     wanted = set(by)
-    order = reachable(roots)
+    order = _reachable(roots)
     active = set(wanted)
     for node in order:
-        if any(a in active for a in node.args):
+        if any(a in active for a in _inputs(node)):
             active.add(node)
     bars: dict[Expr, Expr] = dict(roots)
+    solutions: dict[Expr, dict[int, Expr]] = {}
 
     def send(to: Expr, bar: Expr) -> None:
         if to in active and bar is not graph.zero:
@@ -184,7 +255,13 @@ def backward(graph: Graph, roots: Mapping[Expr, Expr], by: Sequence[Expr]) -> li
 
     for node in reversed(order):
         bar = bars.get(node)
+        if node.op == "pivoted" and node in solutions:
+            for argument, part in _System(graph, node).cotangents(solutions[node]):
+                send(argument, part)
         if bar is None or node not in active or node in wanted or node.op in TRUTH:
+            continue
+        if node.op == "solution":
+            solutions.setdefault(node.args[2], {})[node.value] = bar  # pyright: ignore
             continue
         if node.op == "select":
             send(node.args[1], graph.select(node.args[0], bar, graph.zero))

@@ -117,10 +117,7 @@ class Graph:
         return self._node("entry", (place,), table)
 
     def guarded(self, quick: list[Expr], safe: Expr, matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
-        """x with matrix x = right: `quick` where `safe` holds, elsewhere by elimination with pivots.
-
-        The derivatives are those of `quick`.
-        """
+        """x with matrix x = right: `quick` where `safe` holds, elsewhere by elimination with pivots."""
         if safe is self.true:
             return quick
         entries = [x for row in matrix for x in row]

@@ -24,6 +24,7 @@ class Model(NamedTuple):
     unknowns a function of (row, h). scratch: the size of its record with the course. between: the count of errors
     between parts, the first of them e. tangent: (unknowns, errors, w), (row, row after, length, h, first, last) of a
     part ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
+    projector: (e, row) ↦ the error that is left of e on constraints; None without them.
     """
 
     size: int
@@ -41,6 +42,7 @@ class Model(NamedTuple):
     retract: NativeFunction
     inputs: np.ndarray
     errors: int
+    projector: NativeFunction | None = None
 
 
 class MeasurementCode(NamedTuple):
@@ -108,6 +110,8 @@ class Filters:
         sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
         sizes |= {"parts": len(M.parts), "between": among, "course": M.course}
         functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}
+        if M.projector is not None:
+            functions["projector"] = address(M.projector.code)
         for name, value in {**sizes, **functions, "implicit": int(u > 0)}.items():
             self._memory[kalman.FIELDS.index(name)] = value
 
