@@ -16,10 +16,11 @@ from coadjoint.audit.audit import audit, audit_cell
 from coadjoint.audit.long_run import drift
 from coadjoint.audit.order import fit
 from coadjoint.audit.shipped import FOR_EVERY_METHOD, MAPS, SHIPPED, Shipped, audited
-from coadjoint.audit.stepper import coordinates, exact, uncertainty
+from coadjoint.audit.stepper import AuditStepper, coordinates, exact, uncertainty
 from coadjoint.audit.systems import PROBLEMS
 from coadjoint.cli import auditing
 from coadjoint.cli.main import main
+from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.mechanics.continuous import reference
 from coadjoint.simulation.configuration import method_form, method_from
 
@@ -247,10 +248,27 @@ def test_names_that_are_not_known_are_refused(flag, name, capsys):
 
 
 @pytest.mark.long
-def test_every_claim_of_every_method_is_shown():
-    found = audit(progress=False)
-    assert found.passed, "\n".join(found.failures)
-    assert {cell.map for cell in found.cells} == set(MAPS)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_claim_of_every_method_is_shown(name):
+    cells = audit(problems=[PROBLEMS[name]], progress=False).cells
+    assert not [cell for cell in cells if not cell.shown]
+    assert sum(bool(cell.findings) for cell in cells) >= 10
+
+
+@pytest.mark.long
+def test_some_system_takes_every_method_and_every_map():
+    def takes(shipped, tau, problem) -> bool:
+        stepper = AuditStepper(shipped.make(MAPS[tau]), shipped.adapt(problem.system), problem.start)
+        try:
+            stepper.begin(0.1)
+        except (ArgumentError, GroupError):
+            return False
+        return True
+
+    for shipped in SHIPPED:
+        assert any(takes(shipped, "Exponential", p) or takes(shipped, "Cayley", p) for p in PROBLEMS.values())
+    for tau in MAPS:
+        assert takes(BY_NAME["Midpoint"], tau, TOP)
 
 
 def test_the_gap_of_a_constrained_system_is_that_of_places_and_velocities():
