@@ -26,6 +26,7 @@ STOREYS = (
         "earlier_names",
         "units",
         "texts",
+        "overview",
         "sealed",
         "archives",
         "csv_tables",

@@ -19,6 +19,7 @@ MODULES = (
     "coadjoint.csv_tables",
     "coadjoint.disk",
     "coadjoint.errors",
+    "coadjoint.overview",
     "coadjoint.paths",
     "coadjoint.sections",
     "coadjoint.texts",

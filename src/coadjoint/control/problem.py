@@ -15,11 +15,13 @@ from coadjoint.control.requirements import steps_of
 from coadjoint.control.solve import solve
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
+from coadjoint.overview import NumberRow, Overview, WithOverview, listed
+from coadjoint.paths import paths
 from coadjoint.simulation.run import Run
 
 
-@dataclass(frozen=True, eq=False)
-class Problem(ProblemData):
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(WithOverview, ProblemData):
     """The motion of least cost from `start`, by N steps of a method, whose equations are the constraints:
 
         min Σ_k h/2 (L(x_k, u_k) + L(x_{k+1}, u_k)) + M(x_N)   subject to
@@ -61,6 +63,25 @@ class Problem(ProblemData):
     Raises ArgumentError and LagrangianError. Source: Ober-Blöbaum, Junge, Marsden (2011) on discrete mechanics and
     optimal control; the equations of a step are (P43), (P44).
     """
+
+    def _overview(self) -> Overview:
+        facts = {
+            "of": f"{self.system.name} on {self.system.group!r}",
+            "steps": f"{self.count:,} of {self.dt:g} s, {self.method.title}",
+            "optimised": listed([*self.inputs, *self.parameters, *(f"start {part}" for part in self.free_start)]),
+            "cost": listed(
+                name.replace("_", " ") for name in ("cost", "final_cost") if getattr(self, name) is not None
+            ),
+            "measured": listed(self.measured),
+            "path": listed(self.path),
+            "end": "" if self.end is None else "given",
+            "duration": "" if self.free_duration is None else "{:g} to {:g} s".format(*self.free_duration),
+        }
+        units = dict(self.system.units)
+        given = {} if self.system.parameters is None else paths(self.system.parameters)
+        return Overview(
+            "Problem", facts, tuple(NumberRow(name, one, units.get(name, "")) for name, one in given.items())
+        )
 
     def solve(
         self,

@@ -35,6 +35,7 @@ from coadjoint.estimation.timetable import (
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.mechanics.state import State
+from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.portable import Remade
 
 
@@ -49,7 +50,7 @@ class Innovation(NamedTuple):
     used: Any
 
 
-class Filter(Remade):
+class Filter(WithOverview, Remade):
     """A Kalman filter whose errors are those of a process: on the group, invariant under it.
 
         process = co.estimation.ModelProcess(vehicle, start, inputs=("thrust",), noise={"force": 0.5})
@@ -109,6 +110,17 @@ class Filter(Remade):
         self._engine = FilterEngine(process, list(self._prepared.values()))
         judging = truth(accuracy, "accuracy") and process.parts is not None
         self._sample = FilterSample(process, process.parts) if judging and process.parts else None
+
+    def _overview(self) -> Overview:
+        facts = {
+            "by": type(self.process).__name__,
+            "t": f"{self.t:g} s",
+            "members": self.members,
+            "errors": f"{self.process.width} coordinates",
+            "measurements": listed(f"{name} ({size})" for name, size in self._sizes.items()),
+        }
+        found = zip(self.process.names, np.sqrt(np.maximum(np.diagonal(self.P[0]), 0.0)), strict=True)
+        return Overview("Filter", facts, tuple(NumberRow(name, one) for name, one in found), "deviation")
 
     @property
     def rows(self) -> np.ndarray:

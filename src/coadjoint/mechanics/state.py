@@ -13,6 +13,7 @@ from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.overview import NumberRow, Overview, WithOverview, value_text
 from coadjoint.spaces import Space
 
 
@@ -47,8 +48,8 @@ class Origin:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, repr=False)
+class State(WithOverview):
     """t, g, n = g⁻¹q, a = g⁻¹a₀, μ, π at a node, and (ξ, ν) of the step that starts there; made by `system.state(…)`.
 
     t: s. g: an element of G. n, nu, pi: ambient coordinates of Q, (ambient,). a: those of V*. mu, xi: (dim G,). Records
@@ -88,6 +89,15 @@ class State:
     places: Places = field(metadata={"static": True}, kw_only=True)
     from_velocities: bool = field(metadata={"static": True}, kw_only=True, default=False)
     origin: Origin = field(metadata={"static": True}, kw_only=True, default=Origin(), repr=False)
+
+    def _overview(self) -> Overview:
+        many = np.shape(self.t)
+        title = f"{'States, ' + ' × '.join(map(str, many)) + ',' if many else 'State'} on {self.places.group!r}"
+        origin = self.origin.system
+        shown = {name: getattr(self, name) for name in ("g", "n", "a", "mu", "pi", "xi", "nu")}
+        numbers = {name: value for name, value in shown.items() if value is not None and _full(value)}
+        facts = {"t": f"{value_text(self.t)} s", "of": "" if origin is None else origin.name}
+        return Overview(title, facts, tuple(NumberRow(*item) for item in numbers.items()), "part")
 
     def replace(self, **changes: object) -> State:
         """A copy with some fields replaced; another internal state is held over the step of a record."""
@@ -153,6 +163,11 @@ class State:
             return Parts(n, nu, pi, V.view(group, s.a), q, qdot)
 
         return self.each(parts)
+
+
+def _full(value: PyTree) -> bool:
+    """Whether an array has numbers; True of other values, such as elements of products of groups."""
+    return 0 not in np.shape(value) if hasattr(value, "shape") else True
 
 
 class Parts(NamedTuple):

@@ -20,21 +20,23 @@ from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.integrability import integrable_rows
-from coadjoint.mechanics.invariance import Invariance, is_right, places_of
+from coadjoint.mechanics.invariance import Invariance, in_words, is_right, places_of
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import starting_state
 from coadjoint.mechanics.state import Force, State
 from coadjoint.mechanics.system_arguments import parameters_from, require_functions, require_plain, space_from
+from coadjoint.overview import NumberRow, Overview, WithOverview, listed
+from coadjoint.paths import paths
 from coadjoint.portable import Portable
 from coadjoint.spaces import Space
 from coadjoint.spaces.axioms import require_own_forms
 from coadjoint.spaces.links import on_links
 
 
-@dataclass(frozen=True, init=False)
-class System(ReducedFunctions, Portable):
+@dataclass(frozen=True, init=False, repr=False)
+class System(ReducedFunctions, Portable, WithOverview):
     """ℓ(ξ, n, ν, a) on 𝔤 × TQ × V* with its group, spaces and parameters (P17).
 
         def lagrangian(xi, a, p):  # a heavy top
@@ -162,6 +164,26 @@ class System(ReducedFunctions, Portable):
             object.__setattr__(self, key, value)
         require_functions(self)
         object.__setattr__(self, "constraints", bound(self, constraints_from(constraints)))
+
+    def _overview(self) -> Overview:
+        functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian")
+        units = dict(self.units)
+        facts = {
+            "on": in_words(self.places),
+            "of": listed(name.replace("_", " ") for name in functions if getattr(self, name) is not None),
+            **{
+                name: repr(space)
+                for name in ("additional", "advected")
+                if (space := getattr(self, name)).dim(self.group)
+            },
+            "with forces": listed(name for name, _ in self.forces or ()),
+            "constraints": listed(one.name for one in self.constraints),
+            "an internal state": "" if self.internal is None else getattr(self.internal, "__name__", "by a rule"),
+            "watching": listed(name for name, _ in self.quantities),
+        }
+        given = {} if self.parameters is None else paths(self.parameters)
+        numbers = tuple(NumberRow(name, value, units.get(name, "")) for name, value in given.items())
+        return Overview(f"System {self.name}", facts, numbers)
 
     @property
     def invariance(self) -> Invariance:

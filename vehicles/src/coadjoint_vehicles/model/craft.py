@@ -11,6 +11,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
 from coadjoint.mechanics import Force, Parameters, State, System
 from coadjoint.models.paper_form import UNITS
+from coadjoint.overview import NumberRow, Overview, WithOverview, listed
+from coadjoint.paths import paths
 from coadjoint.spaces import Defining
 from coadjoint_vehicles import axes as turned
 from coadjoint_vehicles.model.actuators import Rule, starting_actuators
@@ -26,7 +28,7 @@ from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.water.water import StillWater, Water
 
 
-class Craft:
+class Craft(WithOverview):
     """A vehicle, its controller and its water.
 
         craft = Craft(vehicle, controller=controller, water=UniformWater((0.0, 0.2, 0.0)))
@@ -62,6 +64,21 @@ class Craft:
         self.rule = Rule(vehicle, controller, self.water, self.faults)
         self.parameters = Parameters(**self._nominal)
         """All numbers: the body's own, `p.mass`, and those of each part, `p.rudder.area`, of `water`, `controller`."""
+
+    def _overview(self) -> Overview:
+        units = self._units()
+        facts = {
+            "controller": "" if self.controller is None else type(self.controller).__name__,
+            "water": type(self.water).__name__,
+            "commands": listed(
+                f"{part.name} ({part.command.unit})" for part in self.vehicle.commanded if part.command is not None
+            ),
+            "faults": len(self.faults) or "",
+        }
+        given = paths(self.parameters).items()
+        return Overview(
+            f"Craft {self.vehicle.name}", facts, tuple(NumberRow(name, one, units.get(name, "")) for name, one in given)
+        )
 
     def replace(self, **values: object) -> Craft:
         """A copy with some parameters replaced, each by one or by one of each member.

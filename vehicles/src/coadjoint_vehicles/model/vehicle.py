@@ -16,6 +16,8 @@ from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
+from coadjoint.overview import NumberRow, Overview, WithOverview, listed
+from coadjoint.sections import keys
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model.controller import Controller
 from coadjoint_vehicles.parts.measured import Measured, check_fields, measured, not_negative, place
@@ -40,8 +42,8 @@ def _six_semidefinite(value: object, name: str) -> PyTree:
     return positive_semidefinite(value, name, size=6)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Vehicle:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Vehicle(WithOverview):
     """An underwater vehicle about a body origin O fixed anywhere in it; body axes forward, starboard, down; SI units.
 
     mass: m, kg. inertia: I_c of the bare body about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
@@ -95,6 +97,20 @@ class Vehicle:
         def buoyancy(self) -> PyTree:
             """B = ρ V g, N."""
             return self.fluid_density * self.volume * self.gravity
+
+    def _overview(self) -> Overview:
+        facts = {
+            "is": self.description,
+            "parts": listed(part.name for part in self.parts),
+            "commanded": listed(part.name for part in self.commanded),
+            "sensors": listed(one.name for one in self.sensors),
+            "controller": "" if self.controller is None else type(self.controller).__name__,
+            "sources": len(self.sources) or "",
+        }
+        given = {name: one.dimension for name, one in keys(self).items() if getattr(self, name) is not None}
+        units = {name: "" if kind is None else kind.si for name, kind in given.items()}
+        numbers = tuple(NumberRow(name, getattr(self, name), unit) for name, unit in units.items())
+        return Overview(f"Vehicle {self.name}", facts, numbers, "number")
 
     def part(self, name: str) -> Part:
         """The part of this name; raises ArgumentError."""
