@@ -31,11 +31,40 @@ def test_the_file_is_the_public_interface() -> None:
 
 def test_what_is_gone_or_changed_must_be_named() -> None:
     before = {"names": {"co": {"f": "(a)", "g": "(b)", "A": {"()": "(x)", "m": "(self)"}}}, "dataset": ["q", "mu"]}
-    now = {"names": {"co": {"f": "(a, b=1)", "A": {"()": "(y)"}, "new": "()"}}, "dataset": ["q"]}
+    now = {"names": {"co": {"f": "(a, b)", "A": {"()": "(y)"}, "new": "()"}}, "dataset": ["q"]}
     text = "- `co.f` takes `b`; `co.A` takes y."
     assert interface.unmentioned(before, now, text) == ["/names/co/g", "/names/co/A/m", "/dataset/mu"]
     assert interface.unmentioned(before, now, "- `f`, `A`, `A.m`, `g` and mu.") == []
     assert interface.unmentioned(before, before, "") == []
+
+
+def test_of_a_class_that_went_its_name_is_asked_for_alone() -> None:
+    before = {"names": {"co": {"A": {"()": "(x)", "m": "(self)"}, "Ab": {"()": "()"}}}}
+    assert interface.unmentioned(before, {"names": {"co": {"Ab": {"()": "()"}}}}, "") == ["/names/co/A/()"]
+    assert interface.unmentioned(before, {"names": {"co": {"Ab": {"()": "()"}}}}, "- `A` is gone.") == []
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "same"),
+    [
+        ("(a, *, c=(1, 2))", "(a, b=0, *, c=(1, 2), d=None)", True),
+        ("(a)", "(a, *, b=1)", True),
+        ("classmethod(cls, a)", "classmethod(cls, a, b=1)", True),
+        ("(a)", "(a, b)", False),
+        ("(a=1)", "(a=2)", False),
+        ("(a=1)", "(b=0, a=1)", False),
+        ("(a, b=1)", "(a)", False),
+        ("(a)", "", False),
+        ("(self)", "property", False),
+    ],
+)
+def test_further_arguments_with_defaults_are_no_change(before: str, now: str, same: bool) -> None:
+    assert (interface.unmentioned({"f": before}, {"f": now}, "") == []) == same
+
+
+def test_names_that_still_work_with_a_warning_are_known() -> None:
+    assert {"SLn", "Adjoint", "save_fmu"} <= interface.moved()
+    assert not interface.moved() & set(WRITTEN["names"]["coadjoint"])
 
 
 @dataclass
