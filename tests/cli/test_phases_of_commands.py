@@ -57,7 +57,8 @@ def test_the_first_line_needs_nothing_that_is_slow_to_load():
 def test_phases_are_lines_on_stderr_only_inside(capsys):
     phase("Reading %s.", "before")
     with terminal.phases():
-        phase("Reading %s.", "a\x07b")
+        for _ in range(3):
+            phase("Reading %s.", "a\x07b")
     with terminal.phases(False):
         phase("Reading %s.", "quietly")
     phase("Reading %s.", "after")

@@ -85,15 +85,22 @@ def complain(sentence: str) -> None:
 
 
 class _Lines(logging.Handler):
-    """Writes log messages as lines on stderr."""
+    """Writes log messages as lines on stderr, each once: a command that goes through many runs says more elsewhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._written: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
-        print(record.getMessage(), file=sys.stderr, flush=True)
+        text = record.getMessage()
+        if text not in self._written:
+            self._written.add(text)
+            print(text, file=sys.stderr, flush=True)
 
 
 @contextmanager
 def phases(wanted: bool = True) -> Iterator[None]:
-    """Inside this context, if `wanted`, show the phases of a command on stderr, a line each."""
+    """Inside this context, if `wanted`, show each phase of a command on stderr once, on a line."""
     if not wanted:
         yield
         return
