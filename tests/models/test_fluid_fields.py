@@ -143,7 +143,7 @@ def test_what_cannot_be_drawn_is_refused(ran, tmp_path: Path):
         (lambda: sphere.vorticity_map(ran[1]), "`fields` must be a dataset of co.models.fluids.fields"),
         (lambda: sphere.vorticity_map(data, projection="polar"), '`projection` must be "mollweide" or "hammer"'),  # pyright: ignore
         (lambda: sphere.vorticity_map(data, time=np.nan), "`time` must be a finite number, but is nan"),
-        (lambda: sphere.animation(data, tmp_path / "a.mp4"), "must end in .gif, but is a.mp4"),
+        (lambda: sphere.animation(data, tmp_path / "a.avi"), "must end in .gif, .mp4 or .html, but is a.avi"),
         (lambda: sphere.animation(data, tmp_path / "a.gif", frames=1), "`frames` must be a whole number from 2"),
         (lambda: sphere.animation(data.isel(time=[0]), tmp_path / "a.gif"), "have one node"),
     ):

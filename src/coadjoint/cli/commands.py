@@ -126,11 +126,11 @@ class Plot:
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
     figures: tyro.conf.Positional[tuple[str, ...]] = ()
-    """The figures to draw, by default those that the run file lists, or all; `animation` shows vehicles move."""
+    """The figures to draw, by default those that the run file lists, or all; `animation` shows the motion."""
     out: Path | None = None
     """Where to write them, by default next to the runs."""
-    format: Literal["png", "pdf", "svg", "gif", "html"] = "png"
-    """The format of the figures; gif, or html for a page with the track in space, of an animation."""
+    format: Literal["png", "pdf", "svg", "gif", "mp4", "html"] = "png"
+    """The format of the figures; gif, mp4, or html for a page with the bodies in space, of an animation."""
     json: bool = False
     """Print the files as JSON, and nothing else."""
 

@@ -12,9 +12,12 @@ from coadjoint.log import phase
 from coadjoint.plotting.registries import ADDED
 
 if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
     from matplotlib.figure import Figure
 
     from coadjoint.plotting.entries import Entry
+    from coadjoint.plotting.film import Film
 
     Path = str | os.PathLike[str]
 
@@ -125,6 +128,25 @@ class Plots:
             made.save(path)
         return made
 
+    def animation(
+        self,
+        *others: object,
+        frames: int = 150,
+        labels: Sequence[str] | None = None,
+        path: Path | None = None,
+    ) -> Film | FilePath:
+        """The motion as a film of `frames` pictures, ten seconds by default: a `Film`, which notebooks show inline.
+
+        `path` writes it, and returns the path: `.gif`; `.mp4` where the program ffmpeg is; `.html`, a page with the
+        bodies in space, to be turned with the mouse, or with the pictures if nothing moves in space. Pictures show
+        track and depth of vehicles; of others the path in space or the axes of the body, and coordinates over time.
+        """
+        from coadjoint.plotting.entries import entries
+        from coadjoint.plotting.film import Film
+
+        made = Film(entries([self.dataset, *others], labels), frames)
+        return made if path is None else made.save(path)
+
     def __getattr__(self, name: str) -> Callable[..., Any]:
         """A figure that a package above adds, such as `track` and `animation` of vehicles."""
         if name.startswith("_") or name not in ADDED:
@@ -179,9 +201,13 @@ OWN: dict[str, tuple[str, ...]] = {
 """The figures that any dataset may have, by the names of their methods, and a variable that each needs."""
 
 
+FILMS = ("animation",)
+"""The films that any dataset has."""
+
+
 def figure_names(films: bool = True) -> list[str]:
     """The names of all figures, with or without those that are films."""
-    return [*OWN, *(name for name, added in ADDED.items() if films or not added.film)]
+    return [*OWN, *(name for name, added in ADDED.items() if films or not added.film), *(FILMS if films else ())]
 
 
 def available(dataset: Any, films: bool = False) -> list[str]:
@@ -189,9 +215,8 @@ def available(dataset: Any, films: bool = False) -> list[str]:
     held = {str(name) for name in dataset.data_vars}
     held |= {"q" for name in held if name.startswith("q_")}
     own = [name for name, needed in OWN.items() if held.intersection(needed)]
-    return own + [
-        name for name, added in ADDED.items() if (films or not added.film) and import_string(added.fits)(dataset)
-    ]
+    added = [name for name, one in ADDED.items() if (films or not one.film) and import_string(one.fits)(dataset)]
+    return [*own, *added, *(FILMS if films else ())]
 
 
 def save_figures(
@@ -203,8 +228,8 @@ def save_figures(
 ) -> list[str]:
     """Write the wanted figures of the datasets as folder/name.ending, by default all that every dataset has.
 
-    A film, such as `animation`, counts as a figure, as .html or else .gif. Returns the file names; raises ArgumentError
-    for an unknown name, and as the figures do.
+    A film, such as `animation`, counts as a figure, as .html, .mp4 or else .gif. Returns the file names; raises
+    ArgumentError for an unknown name, and as the figures do.
     """
     common = [name for name in figure_names() if all(name in available(dataset) for dataset in datasets)]
     chosen = common if wanted is None else list(wanted)
@@ -221,8 +246,8 @@ def save_figures(
 
 
 def _ending(name: str, ending: str) -> str:
-    """The ending of a figure's file: pictures for figures, .html or .gif for a film."""
-    moving = ending in ("gif", "html")
-    if name in ADDED and ADDED[name].film:
+    """The ending of a figure's file: pictures for figures, .html, .mp4 or .gif for a film."""
+    moving = ending in ("gif", "html", "mp4")
+    if name in FILMS or (name in ADDED and ADDED[name].film):
         return ending if moving else "gif"
     return "png" if moving else ending

@@ -39,12 +39,14 @@ class AddedScene:
 
     make: "module:function", (runs, hull) → a Scene, with another shape of the hull where one is given.
     fits: "module:function", a dataset → whether it has the variables of the scene. down: whether the third axis points
-    down there.
+    down there. stage: "module:function", runs → the figure of a film, which stands still, and what is drawn over it: a
+    list of objects with `draw(t)`; without it the film of any system.
     """
 
     make: str
     fits: str
     down: bool = False
+    stage: str = ""
 
 
 SCENES: Registry[AddedScene] = Registry("SCENES")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,13 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coadjoint import checks
-from coadjoint.disk import atomic_file
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.plotting.film import DOTS, ending, write
 from coadjoint.plotting.style import COLUMN, PAGE, canvas, save, style
 
 __all__ = ["animation", "spectra", "vorticity_map"]
 
-PER_SECOND = 15
 """Pictures of an animation."""
 
 SLACK = 1e-9
@@ -58,37 +58,33 @@ def vorticity_map(
 def animation(
     fields: Any, path: Target, projection: Projection = "mollweide", variable: str = "vorticity", frames: int = 100
 ) -> Path:
-    """Write maps as in `vorticity_map` one after the other as a GIF, at most `frames`, 15 a second, in one scale.
+    """Write maps as in `vorticity_map` one after the other as a film, at most `frames`, 15 a second, in one scale.
 
-    fields, projection, variable: as of `vorticity_map`. path: a name that ends in .gif. frames: from 2 to 1000, by
-    default 100. Returns the path. Raises ArgumentError for others and for fields of one node.
+    fields, projection, variable: as of `vorticity_map`. path: a name that ends in .gif, .mp4 or .html. frames: from
+    2 to 1000, by default 100. Returns the path. Raises ArgumentError for others and for fields of one node.
     """
-    from PIL import Image
-
-    target = Path(path)
-    if target.suffix.lower() != ".gif":
-        raise ArgumentError(f"An animation's file must end in .gif, but is {target.name}.")
+    target = ending(path)
     checks.whole(frames, "frames", 2, 1000)
     _require(fields, variable, projection)
     count = fields.sizes["time"]
     if count < 2:
         raise ArgumentError("These fields have one node, so there is nothing to animate.")
     nodes = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
-    pictures = []
     with style():
         figure = canvas(5.0, 2.8)
-        figure.set_dpi(100)
+        figure.set_dpi(DOTS)
         axes: Any = figure.add_subplot(projection=projection)
         mesh = _draw(axes, fields, variable, 0, _largest(fields[variable].values))
-        for at in nodes:
-            mesh.set_array(_closed(fields[variable].values[at]))
-            _title(axes, fields, at)
-            figure.canvas.draw()
-            pictures.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").quantize(128))  # pyright: ignore[reportAttributeAccessIssue]
-    pause = [1000 // PER_SECOND] * (len(nodes) - 1) + [1500]
-    with atomic_file(target) as temporary:
-        pictures[0].save(temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=pause, loop=0)
-    return target
+
+        def pictures() -> Iterator[np.ndarray]:
+            drawing: Any = figure.canvas
+            for at in nodes:
+                mesh.set_array(_closed(fields[variable].values[at]))
+                _title(axes, fields, at)
+                drawing.draw()
+                yield np.array(drawing.buffer_rgba())[:, :, :3]
+
+        return write(pictures(), target, variable)
 
 
 def spectra(fields: Any, times: Any = None, variable: str = "energy_spectrum", path: Target | None = None) -> Figure:

@@ -1,4 +1,4 @@
-"""The progress of runs: a bar on a terminal for those over a second, log messages for those over ten."""
+"""The progress of runs over a second: a bar on a terminal, a line in a notebook; log messages over ten seconds."""
 
 from __future__ import annotations
 
@@ -17,6 +17,32 @@ _QUIET_SECONDS = 1.0
 
 LOGGED_SECONDS = 10.0
 """Between log messages of a run."""
+
+
+def notebook() -> Any:
+    """IPython's `display` if this process serves a notebook; None otherwise."""
+    found = sys.modules.get("IPython")
+    shell = found.get_ipython() if found is not None else None
+    return found.display.display if found is not None and hasattr(shell, "kernel") else None
+
+
+class _Line:
+    """A line in the cell of a notebook, in place of a bar."""
+
+    def __init__(self, display: Any):
+        self.held = display({"text/plain": ""}, raw=True, display_id=True)
+        self.title, self.total = "", None
+
+    def add_task(self, title: str, total: int | None, speed: str) -> int:
+        self.title, self.total = title, total
+        return 0
+
+    def update(self, _: int, completed: int, speed: str) -> None:
+        of = "" if self.total is None else f" of {self.total:,} ({completed / max(self.total, 1):.0%})"
+        self.held.update({"text/plain": f"{self.title}: {completed:,}{of}, {speed}"}, raw=True)
+
+    def stop(self) -> None:
+        self.held.update({"text/plain": ""}, raw=True)
 
 
 @contextmanager
@@ -49,7 +75,8 @@ class Progress:
 
     def __init__(self, steps: int | None, wanted: bool | None, title: str, unit: str = "steps"):
         self.steps, self.title, self.unit = steps, printable(title), unit
-        self.wanted = sys.stderr.isatty() if wanted is None else wanted
+        self.display = notebook()
+        self.wanted = self.display is not None or sys.stderr.isatty() if wanted is None else wanted
         self.done = 0
         self._logged = 0.0
         self._bar: Any = None
@@ -72,7 +99,7 @@ class Progress:
         if not self.wanted or seconds < _QUIET_SECONDS:
             return
         if self._bar is None:
-            self._bar = self._make()
+            self._bar = self._make() if self.display is None else _Line(self.display)
             self._task = self._bar.add_task(self.title, total=self.steps, speed="")
         self._bar.update(self._task, completed=self.done, speed=f"{self.done / seconds:,.3g} {self.unit}/s")
 

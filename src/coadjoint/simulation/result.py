@@ -33,6 +33,7 @@ from coadjoint.simulation.plan import Extrema, Plan
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 
@@ -65,6 +66,18 @@ class Recording:
         from coadjoint.plotting.player import cell
 
         return cell(self.certificate, self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The variables over time as a table of pandas: a row for each node and a column for each number.
+
+            run.to_dataframe()["mu_2"].plot()
+
+        The index is `time`, s, of an ensemble (`member`, `time`); columns are named as in CSV: energy, mu_0, R_0_2.
+        """
+        import pandas
+
+        leading = [name for name in ("member", "time") if name in self.dataset.dims]
+        return pandas.DataFrame(table_columns(self.dataset)).set_index(leading)
 
     @property
     def plot(self) -> Plots:
@@ -157,10 +170,14 @@ LAST_RECORD = ("last_record", "run_parameters")
 
 
 def csv_table(dataset: xarray.Dataset) -> str:
-    """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one line per node.
+    """The table of a dataset as CSV: one line per node. Numbers have all their digits; NaN is an empty field."""
+    return csv_text(table_columns(dataset), repr)
+
+
+def table_columns(dataset: xarray.Dataset) -> dict[str, np.ndarray]:
+    """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one row per node.
 
     Columns are `time` and the name of every variable, followed by its indices if it is an array: mu_0, g_0_2.
-    Numbers have all their digits; NaN is an empty field.
     """
     leading = [name for name in ("member", "time") if name in dataset.dims]
     count = int(np.prod([dataset.sizes[name] for name in leading]))
@@ -173,7 +190,7 @@ def csv_table(dataset: xarray.Dataset) -> str:
         rows = values.reshape(count, -1)
         for column, index in enumerate(np.ndindex(*values.shape[len(leading) :])):
             columns["_".join([str(name), *map(str, index)])] = rows[:, column]
-    return csv_text(columns, repr)
+    return columns
 
 
 @dataclass(repr=False, eq=False)

@@ -77,7 +77,10 @@ MODELS = {entry.name: entry for entry in _ENTRIES}
 
 SCENES = {
     "vehicle": AddedScene(
-        "coadjoint_vehicles.figures.scenes:scene", "coadjoint_vehicles.figures.fitting:of_vehicle", down=True
+        "coadjoint_vehicles.figures.scenes:scene",
+        "coadjoint_vehicles.figures.fitting:of_vehicle",
+        down=True,
+        stage="coadjoint_vehicles.figures.animation:stage",
     )
 }
 """To the player."""

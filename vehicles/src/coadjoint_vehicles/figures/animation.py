@@ -1,10 +1,8 @@
-"""Animations of vehicles: a GIF of track and depth, or a page with a scene in space."""
+"""The stage of a film of vehicles: track and depth, over which they move."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,66 +10,20 @@ from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.transforms import Affine2D
 
-from coadjoint import checks
-from coadjoint.disk import atomic_file, write_text
-from coadjoint.errors import ArgumentError
-from coadjoint.extending import player_page as page
-from coadjoint.extending import scene_of_runs as scene
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.style import COLOURS, canvas, style
+from coadjoint.plotting.style import COLOURS, canvas
 from coadjoint.texts import Table
 from coadjoint_vehicles.figures.navigation import draw_depth, draw_track
 from coadjoint_vehicles.logs.records import VehicleRecords
 
-FRAMES, PER_SECOND = 150, 15
-"""Of a GIF: ten seconds."""
-_DOTS = 100
 _MOST = 8
-"""The most vehicles in a GIF."""
+"""The most vehicles in a film."""
 
 
-def animation(runs: Sequence[Entry], path: str | os.PathLike[str], frames: int = FRAMES) -> Path:
-    """Write an animation in the format of the name's ending, .gif or .html; raises ArgumentError."""
-    target = Path(path)
-    if target.suffix.lower() not in (".gif", ".html"):
-        raise ArgumentError(f"An animation's file must end in .gif or .html, but is {target.name}.")
-    checks.whole(frames, "frames", 2, 1000)
-    if target.suffix.lower() == ".html":
-        return write_text(target, page(scene(runs)))
-    shown = list(runs[:_MOST])
-    for run in shown:
-        if len(run.time) < 2:
-            raise ArgumentError(f"The run of {run.label} has one saved node, so there is nothing to animate.")
-    return _gif(shown, target, frames)
-
-
-def _gif(runs: Sequence[Entry], target: Path, frames: int) -> Path:
-    """Frames drawn over one background, in its colours."""
-    from PIL import Image
-
-    with style():
-        figure, moving = _stage(runs)
-        drawing = figure.canvas
-        figure.set_layout_engine("none")
-        background = drawing.copy_from_bbox(figure.bbox)  # pyright: ignore[reportAttributeAccessIssue]
-        pictures, palette = [], None
-        for t in np.linspace(min(run.time[0] for run in runs), max(run.time[-1] for run in runs), frames):
-            drawing.restore_region(background)  # pyright: ignore[reportAttributeAccessIssue]
-            for vehicle in moving:
-                vehicle.draw(t)
-            picture = Image.fromarray(np.asarray(drawing.buffer_rgba())).convert("RGB")  # pyright: ignore[reportAttributeAccessIssue]
-            palette = palette or picture.quantize(64, dither=Image.Dither.NONE)
-            pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
-    pause = [1000 // PER_SECOND] * (frames - 1) + [1500]
-    with atomic_file(target) as temporary:
-        pictures[0].save(temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=pause, loop=0)
-    return target
-
-
-def _stage(runs: Sequence[Entry]) -> tuple[Figure, list[_Vehicle]]:
-    """The fixed artists, drawn, and the moving vehicles."""
+def stage(runs: Sequence[Entry]) -> tuple[Figure, list[_Vehicle]]:
+    """The figure with the fixed artists, and the moving vehicles."""
+    runs = runs[:_MOST]
     figure = canvas(7.2, 3.4)
-    figure.set_dpi(_DOTS)
     above, side = figure.subplots(1, 2)
     draw_track(above, runs)
     draw_depth(side, runs)
@@ -80,8 +32,6 @@ def _stage(runs: Sequence[Entry]) -> tuple[Figure, list[_Vehicle]]:
         for line in axes.get_lines():
             line.set_alpha(0.35)
     figure.suptitle(" ", fontsize=9)  # space for the text of each frame
-    figure.draw_without_rendering()
-    figure.canvas.draw()
     return figure, [_Vehicle(figure, run, number) for number, run in enumerate(runs)]
 
 

@@ -47,14 +47,5 @@ FIGURES = {
         "A standard manoeuvre: track, course over time and its figures of merit.",
         rank=1,
     ),
-    "animation": AddedFigure(
-        f"{_FIGURES}.animation:animation",
-        f"{_FIGURES}.fitting:of_vehicle",
-        """Write an animation of vehicles to `path`: `.gif`, track and depth in `frames` pictures, or `.html`.
-
-        The page plays the tracks in space, to be turned with the mouse; it holds all that it needs.
-        """,
-        film=True,
-    ),
 }
 """By the names that `run.plot` has them under."""
