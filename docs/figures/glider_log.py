@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from scipy.optimize import brentq
 
 import coadjoint as co
 from coadjoint.estimation import Filter, Measurement, ModelProcess, RandomWalk
@@ -118,6 +119,21 @@ def off(result: Result) -> np.ndarray:
     return found[np.abs(found) < 0.2]
 
 
+def steady(log: Log, density: DensityTable, mass: float = 70.1) -> tuple[float, float, float]:
+    """Means over the glides between 13 and 37 m: |pitch|, rad; |weight − buoyancy|, N; speed by the DVL, m/s."""
+    steep = np.abs(log.pitch) > np.radians(15)
+    glides = steep & np.isfinite(log.speed) & (log.depth > 13) & (log.depth < 37)
+    water = np.interp(log.depth[glides], np.asarray(density.depths), np.asarray(density.densities))
+    net = 9.81 * (mass - water * (VOLUME + log.pump[glides]))
+    return float(np.abs(log.pitch[glides]).mean()), float(np.abs(net).mean()), float(log.speed[glides].mean())
+
+
+def glide(pitch: float, net: float, drag: float, induced: float, lift: float) -> float:
+    """The speed at which D = (K_D0 + K_D α²)V² and L = K_L α V² carry a net weight, on a path steeper by α, m/s."""
+    attack = brentq(lambda a: drag + induced * a**2 - lift * a * np.tan(pitch + a), 1e-4, 0.5)
+    return float(np.sqrt(net * np.sin(pitch + attack) / (drag + induced * attack**2)))
+
+
 def figure(result: Result):
     """Depth, the speed beside that of the DVL, and mass and drag as they are found."""
     fig = style.canvas(style.PAGE, 3.4)
@@ -141,6 +157,13 @@ def figure(result: Result):
 def main(path: Any) -> None:
     """Print what is found, and write the figure."""
     log, density = read(path)
+    pitch, net, speed = steady(log, density)
+    hull: Any = co.vehicles.load("slocum_graver").part("hull")
+    own, shipped = (AREA * 0.16, AREA * INDUCED, AREA * LIFT), (*hull.drag, hull.lift[1])
+    print(f"Glides: pitch {np.degrees(pitch):.1f}°, net weight {net:.2f} N, {speed:.3f} m/s by the DVL,")
+    print(
+        f"  {glide(pitch, net, *own):.3f} by the coefficients here, {glide(pitch, net, *shipped):.3f} by slocum_graver"
+    )
     for force in (0.05, 0.1, 0.2):
         one = filtered(log, density, GROUPS[0], force)
         deep = one.nis[one.log.depth > 5]

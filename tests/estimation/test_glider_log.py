@@ -51,3 +51,24 @@ def test_mass_and_drag_of_a_log_are_those_of_its_glider(mass: float, drag: float
     for value, truth, size in ((found.mass, mass, 0.01), (found.drag, drag, 0.01)):
         assert abs(value[-1, 0] - truth) < 4 * value[-1, 1] < 4 * size
     assert np.std(glider_log.off(found)) < 0.01 and abs(glider_log.off(found).mean()) < 0.005
+
+
+def test_steady_glides_carry_their_net_weight() -> None:
+    """Lift and drag along and across a path that is steeper than the pitch by the angle of attack."""
+    pitch, net, drag, induced, lift = 0.38, 2.0, 8.0, 500.0, 370.0
+    speed = glider_log.glide(pitch, net, drag, induced, lift)
+    angles = np.linspace(0.0, 0.2, 2001)
+    across, along = lift * angles * speed**2, (drag + induced * angles**2) * speed**2
+    up = across * np.cos(pitch + angles) + along * np.sin(pitch + angles)
+    ahead = across * np.sin(pitch + angles) - along * np.cos(pitch + angles)
+    k = int(np.argmin(np.abs(ahead)))
+    assert up[k] == pytest.approx(net, rel=1e-3)
+
+
+def test_glides_are_averaged_where_the_glider_neither_turns_nor_surfaces() -> None:
+    depth = np.array([5.0, 20.0, 30.0, 30.0, 36.0])
+    pitch, speed = np.array([-0.4, -0.4, 0.4, 0.1, 0.38]), np.array([0.9, 0.3, 0.28, 0.7, np.nan])
+    pump = 70.1 / 1005.0 - glider_log.VOLUME + np.array([0.0, -2e-4, 2e-4, 0.0, 0.0])
+    log = glider_log.Log(np.arange(5.0), depth, pitch, pump, speed)
+    found = glider_log.steady(log, DensityTable([0.0, 50.0], [1005.0, 1005.0]))
+    assert found == pytest.approx((0.4, 9.81 * 1005.0 * 2e-4, 0.29))
