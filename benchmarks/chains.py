@@ -1,6 +1,6 @@
 """Chains by `co.Power`: set-up and time of a step of each size, and beside hand-written dense Newton iterations.
 
-Run as: python -m benchmarks.chains [FAMILY …]; it prints the tables of docs/how_large.md. Seconds are processor time
+Run as: python -m benchmarks.chains [FAMILY …]; it prints the tables of docs/performance.md. Seconds are processor time
 of one thread, each size in a process of its own with an empty folder for machine code.
 """
 

@@ -1,6 +1,6 @@
 """How large a system can be: set-up and steps a second of families that grow, each in a process of its own.
 
-Run as: python -m benchmarks.large [FAMILY …]; it prints the tables of docs/how_large.md. Seconds are processor time
+Run as: python -m benchmarks.large [FAMILY …]; it prints the tables of docs/performance.md. Seconds are processor time
 of one core, so that other programs on the machine matter little; the set-up is one with an empty folder for machine
 code.
 """

@@ -14,6 +14,7 @@ import matplotlib
 import matplotlib.pyplot
 import pytest
 from markdown_it import MarkdownIt
+from printed import disagreement
 
 from coadjoint.cli.main import every_command
 from coadjoint.runs import run_file
@@ -26,7 +27,8 @@ from coadjoint_vehicles.files.kinds import kinds
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
-BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```python\n(.*?)^```$(?:\s*^```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
+"""A block that runs, and what the page shows of its output directly below."""
 WITH_CODE = [page for page in PAGES if BLOCK.search(page.read_text(encoding="utf-8"))]
 LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#]*)#?([^)]*)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
@@ -35,26 +37,41 @@ HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 @pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.name)
-def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_python_block_of_a_page_runs_and_prints_what_the_page_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     text = page.read_text(encoding="utf-8")
     fences = [line.strip() for line in text.splitlines() if line.startswith("```")]
     assert len(fences) % 2 == 0, f"{page.name} has a block that is not closed."
     namespace: dict[str, object] = {"__name__": "__main__"}
+    other = []
     for block in BLOCK.finditer(text):
         before = text[: block.start(1)].count("\n")
         # The empty lines make a traceback point at the line of the page.
         code = compile("\n" * before + block.group(1), str(page), "exec")
         exec(code, namespace)
+        printed = "".join(capsys.readouterr())
+        line = disagreement(block.group(2) or "", printed)
+        other += [] if line is None else [f"{page.name}, line {before}, shows {line!r}, but prints:\n{printed}"]
+    assert not other, "\n".join(other)
     matplotlib.pyplot.close("all")
 
 
+def test_a_printed_line_agrees_but_for_times_and_last_digits() -> None:
+    shown = "order 2  energy 4.2e-07\n…\ntime 0.5 s, 10 steps/s\n[ 0.25 -0.1]"
+    printed = "order 2  energy 4.21e-07\nbetween\ntime 0.7 s, 8 steps/s\n[0.2501 -0.1001]"
+    assert disagreement(shown, printed) is None
+    assert disagreement(shown, printed.replace("order 2", "order 3")) == "order 2  energy 4.2e-07"
+    assert disagreement(shown, printed.replace("0.2501", "0.26")) == "[ 0.25 -0.1]"
+
+
 @pytest.mark.long
-def test_the_page_on_other_libraries_runs_where_they_are_installed(tmp_path: Path) -> None:
+def test_recipes_with_other_libraries_run_where_they_are_installed(tmp_path: Path) -> None:
     """In a process of its own, because it sets JAX to float64."""
     for name in ("optimistix", "diffrax", "blackjax"):
         pytest.importorskip(name)
-    text = (ROOT / "docs" / "recipes" / "other_libraries.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
     program = "\n".join(re.findall(r"^```py\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -119,12 +136,6 @@ def test_the_index_leads_to_every_page() -> None:
     assert not pages - linked, f"docs/index.md has no link to {sorted(pages - linked)}."
 
 
-def test_the_page_of_recipes_leads_to_every_recipe() -> None:
-    folder = ROOT / "docs" / "recipes"
-    index = (folder / "index.md").read_text(encoding="utf-8")
-    assert {target for target, _ in LINK.findall(index)} == {page.name for page in folder.glob("*.md")} - {"index.md"}
-
-
 def test_every_file_that_contributing_names_exists() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     named = {name for name in re.findall(r"`([\w./]+/[\w.]*)`", text) if "NAME" not in name}
@@ -151,9 +162,9 @@ def test_every_room_is_in_the_index_and_imports_only_from_those_above_it() -> No
 def test_every_dependency_has_its_reason() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     names = {re.split(r"[\[<>=~! ]", requirement)[0] for requirement in project["dependencies"]}
-    page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
     missing = [name for name in sorted(names) if f"| [{name}](" not in page and f", [{name}](" not in page]
-    assert not missing, f"docs/dependencies.md gives no reason for {missing}."
+    assert not missing, f"docs/installation.md gives no reason for {missing}."
 
 
 def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() -> None:
