@@ -40,25 +40,29 @@ ROWS = [*P, *B, *L, *C]
 
 HEAD = """# Theorems of both papers
 
-A row for every numbered theorem, definition and displayed algorithm of the papers that [errata](errata.md) names, and
-for the numbered equations between them. Functions stand under `coadjoint.`, tests under `tests/`.
-Where print and library differ, [errata](errata.md) says why.
+After this page you can find the function, the test and the residual of every theorem, definition, displayed algorithm
+and numbered equation of the papers that [errata](errata.md) names. Names of functions begin with `coadjoint.`.
 
-The residual is that of the corrected statement, relative to the largest term in it, over random systems with fixed
-seeds: several groups that do not commute, Lagrangians that are not quadratic in the velocities, spaces of several
-kinds, bundles with two shapes and random connections. The functions of the row are compared with the same quantity
-from matrices and derivatives of the action alone, at states and sequences that solve nothing, so that a wrong value
-has nothing to vanish with; algorithms by the stationarity of the action along what they return.
+The residual is that of the corrected statement, relative to its largest term, over random systems with fixed seeds:
+several noncommutative groups and kinds of spaces, Lagrangians that are not quadratic, bundles with two shapes. The
+functions are compared with matrices and derivatives of the action at states and sequences that solve nothing,
+algorithms by the stationarity of the action along their results.
 
-A residual is worth as much as the errors it would see. So every function of a row is mutated where the library uses
-it: the sign of its value, zero, a factor 1.001, the transpose of a matrix or of a linear map, the identity. A mutation
-is detected when the residual rises above the row's bound (at most 1e-11); an exception does not count.
+Every function of a row is mutated: the sign of its value, zero, a factor 1.001, the transpose, the identity. A mutation
+is detected if the residual exceeds the row's bound (at most 1e-11); an exception does not count.
 """
 
-TAIL = """This page is written by `PYTHONPATH=tests python tests/theory/theorem_table.py`.
-Tests import every function, look for every test, measure every residual and try every mutation anew, and see that no
-number is left out.
-`coadjoint.theory.printed_equations(run)` measures the discrete equations on a run of your own.
+TAIL = """`PYTHONPATH=tests python tests/theory/theorem_table.py` writes this page, and tests repeat its measurements.
+On a run of your own `printed_equations` measures the discrete equations:
+
+```python
+import coadjoint as co
+
+entry = co.models.catalogue["underwater_vehicle"]
+vehicle = entry.make()
+run = co.simulate(vehicle, entry.start(vehicle), dt=0.01, steps=100)
+print(co.theory.printed_equations(run).worst)
+```
 """
 
 
@@ -66,11 +70,9 @@ LARGE = """## L: chains, right-invariant systems and large groups
 
 The same statements on `co.Power(G, N)`, with `invariance="right"`, and on U(n), SU(n) and SO(n) that form no basis.
 Chains are compared with the block matrices of G × … × G, right-invariant systems with derivatives of L along
-(1 + εη̂)g, large groups with their matrices. Not for `co.Power`: a semidirect product of it (B1–B17), whose elements
-would have one matrix; the product is then that of a link. Isospectral steps have neither additional dynamics nor
-forces nor a discrete Lagrangian of their own: Theorems 1, 2, 6 and 7 apply to them, those of reduction and of bundles
-do not; with Θ no momentum is kept, but all Casimir functions are. On `co.SUn` Cayley's map leaves the group, so that
-no g is carried there.
+(1 + εη̂)g, large groups with their matrices. B1–B17 apply to the product of a link, not to one of `co.Power`.
+Isospectral steps have no additional dynamics, forces or discrete Lagrangian: Theorems 1, 2, 6 and 7 apply to them. With
+Θ no momentum is kept, but all Casimir functions are. On `co.SUn` no g is carried, because Cayley's map leaves the group.
 """
 
 
@@ -97,7 +99,7 @@ class Measured(NamedTuple):
     def line(self) -> str:
         """The row as the page has it."""
         row = self.row
-        functions, tests = ", ".join(f"`{name}`" for name in row.functions), ", ".join(map(link, row.tests))
+        functions, tests = ", ".join(f"`{name}`" for name in row.functions), ", ".join(links(row))
         mutated = f"{self.detected} of {self.tried}"
         return f"| {row.number} | {row.statement} | {functions} | {tests} | {self.residual:.0e} | {mutated} |"
 
@@ -117,10 +119,10 @@ def measured() -> list[Measured]:
         return [Measured(row, *found) for row, found in zip(ROWS, pool.map(measure, range(len(ROWS))), strict=True)]
 
 
-def link(test: str) -> str:
-    """A test as its name in words that leads to its file."""
-    file, name = test.split("::")
-    return f"[{name.removeprefix('test_').replace('_', ' ')}](../tests/{file})"
+def links(row: Row) -> list[str]:
+    """The files of the row's tests, each once."""
+    files = dict.fromkeys(test.split("::")[0] for test in row.tests)
+    return [f"[{Path(file).stem}](../tests/{file})" for file in files]
 
 
 def table(rows: list[Measured]) -> str:

@@ -66,11 +66,11 @@ class Audit:
     @property
     def refusals(self) -> list[str]:
         """What methods do not take, a line for every reason."""
-        found: dict[tuple[str, str], dict[str, None]] = {}
+        found: dict[tuple[str, str], dict[str, list[str]]] = {}
         for cell in self.cells:
             if cell.refusal:
-                found.setdefault((cell.method, cell.refusal), {})[f"{cell.map} on {cell.system}"] = None
-        return [f"{method} over {', '.join(where)}: {why}" for (method, why), where in found.items()]
+                found.setdefault((cell.method, cell.refusal), {}).setdefault(cell.system, []).append(cell.map)
+        return [f"{method} over {_places(systems)}: {why}" for (method, why), systems in found.items()]
 
     @property
     def failures(self) -> list[str]:
@@ -81,6 +81,14 @@ class Audit:
             why = {getattr(cell, name): cell.refusal for cell in self.cells if getattr(cell, name) not in taken}
             found += [f"{what} has shown nothing, as it was refused everywhere: {said}" for what, said in why.items()]
         return found
+
+
+def _places(systems: dict[str, list[str]]) -> str:
+    """Maps and the systems that have them in common, as "Cayley, Pade(2) on heavy top, plane motion"."""
+    shared: dict[str, list[str]] = {}
+    for system, maps in systems.items():
+        shared.setdefault(", ".join(maps), []).append(system)
+    return "; ".join(f"{maps} on {', '.join(names)}" for maps, names in shared.items())
 
 
 def _sentence(cell: Cell, found: Finding) -> str:
