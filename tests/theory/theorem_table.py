@@ -71,6 +71,7 @@ LARGE = """## L: chains, right-invariant systems and large groups
 The same statements on `co.Power(G, N)`, with `invariance="right"`, and on U(n), SU(n) and SO(n) that form no basis.
 Chains are compared with the block matrices of G × … × G, right-invariant systems with derivatives of L along
 (1 + εη̂)g, large groups with their matrices. B1–B17 apply to the product of a link, not to one of `co.Power`.
+
 Isospectral steps have no additional dynamics, forces or discrete Lagrangian: Theorems 1, 2, 6 and 7 apply to them. With
 Θ no momentum is kept, but all Casimir functions are. On `co.SUn` no g is carried, because Cayley's map leaves
 the group.

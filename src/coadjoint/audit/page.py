@@ -97,10 +97,10 @@ claimed order, the least and greatest measured, and the worst over the systems o
   {reversible:.0e}. Only for symmetric methods.
 - *momentum*: the largest change of ⟨c₀, Ad*_g⁻¹ m⟩ over the long run, for every c₀ that fixes the advected parameters,
   relative to |μ| + |π||n|; within {round_off:.1e} for each stage of each step.
-- *energy band*: the largest |E − E₀| of the long run, relative to the size of the energy's terms. *drift*: the gain
-  of a line through the means of |E − E₀| over twenty intervals, less three standard errors, relative to their mean;
-  at most {drift:g} where the band is above round-off. An error proportional to time gives 2, one that grows as its
-  square root above 1. For exact energy the band itself is within {wandering:.1e} times the square root of
+- *energy band*: the largest |E − E₀| of the long run, relative to the size of the energy's terms.
+- *drift*: the gain of a line through the means of |E − E₀| over twenty intervals, less three standard errors, relative
+  to their mean; at most {drift:g} where the band is above round-off. An error proportional to time gives 2, one that
+  grows as its square root above 1. For exact energy the band itself is within {wandering:.1e} times the square root of
   the number of stages. `EnergyMomentum` with one point claims this for quadratic ℋ only.
 - *gap*: the largest |φ|, |φ̇| and |A·(ξ, ν) − b| at the nodes of the long runs of the constrained systems; within
   {on_constraints:.0e}.
