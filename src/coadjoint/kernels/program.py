@@ -174,6 +174,73 @@ class Stage(Protocol):
         ...
 
 
+class LinkedStage(Protocol):
+    """The parts of a stage of N links whose equations hold those of a link and its neighbours, for loops over links.
+
+    Its unknowns are those of bodies, then the multipliers of joints, m a link, with a step as in `methods.rattle`: the
+    state `free` after the step of the bodies gets the impulse of other multipliers, for which `rate` = 0 at the
+    `velocities` of its momenta; `momenta` gives a state those of other velocities. Functions take parameters, a state,
+    h and unknowns as those of `Stage`.
+    """
+
+    @property
+    def count(self) -> int:
+        """N."""
+        ...
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """How many unknowns are of one kind and unit, those of the multipliers last."""
+        ...
+
+    @property
+    def structure(self) -> Any:
+        """Its `by_links` gives unknowns or equations (N·b,) as (N, b)."""
+        ...
+
+    def shortened(self, count: int) -> LinkedStage:
+        """The same stage of `count` links, whose functions may fail where they are those of N alone."""
+        ...
+
+    def per_link(self, parameters: Parameters) -> list[bool]:
+        """Of which leaves of the parameters every link has a row."""
+        ...
+
+    def short(self, parameters: Parameters, count: int) -> Parameters:
+        """The parameters of `count` links."""
+        ...
+
+    def short_state(self, state: State, count: int) -> State:
+        """A state with the shapes of one of `count` links."""
+        ...
+
+    def nearby(self, state: State, random: Any) -> State:
+        """A random state near another one."""
+        ...
+
+    def rows(self, state: State) -> tuple[PyTree, PyTree]:
+        """The numbers of a state that belong to links, as arrays (N, …), and those that belong to none."""
+        ...
+
+    def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns: ...
+
+    def residual(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Unknowns: ...
+
+    def chart(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Scalar: ...
+
+    def record(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State: ...
+
+    def free(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State: ...
+
+    def velocities(self, parameters: Parameters, free: State, impulse: Unknowns) -> State: ...
+
+    def momenta(self, parameters: Parameters, state: State, moving: State) -> State: ...
+
+    def rate(self, parameters: Parameters, state: State) -> Unknowns: ...
+
+    def ended(self, parameters: Parameters, free: State, h: Scalar, impulse: Unknowns) -> State: ...
+
+
 class Program(Protocol):
     """A complete step: `prepare`, then over every substep every stage in turn.
 
@@ -188,6 +255,10 @@ class Program(Protocol):
     @property
     def substeps(self) -> tuple[float, ...]:
         """The substeps as parts of h, which may be negative; (1.0,) for a method that is not composed."""
+        ...
+
+    def linked(self, state: State) -> LinkedStage | None:
+        """The only stage, where its equations are those of links and their neighbours; else None."""
         ...
 
     def prepare(self, parameters: Parameters, state: State, h: Scalar) -> State:

@@ -32,5 +32,14 @@ class Structured(Untraceable):
         Exception.__init__(self, "The step solves its equations by their structure, which native code does not know.")
 
 
+class NotLinked(Untraceable):
+    """The equations of a stage are not those of links and their neighbours, over which native code could loop."""
+
+    quiet = True
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("the step of a link", reason)
+
+
 class UnknownVersion(Untraceable):
     """This version of JAX writes a primitive in a form that the tracer does not know."""

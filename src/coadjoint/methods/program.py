@@ -22,6 +22,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import entered, with_jump
+from coadjoint.methods.linked_stage import LinkedStage, linked
 from coadjoint.methods.method import Method
 from coadjoint.methods.rattle import around
 from coadjoint.methods.step import Step
@@ -125,6 +126,13 @@ class StepProgram:
     @property
     def substeps(self) -> tuple[float, ...]:
         return self.method.substeps
+
+    def linked(self, state: State) -> LinkedStage | None:
+        """The only stage, where code that loops over links can run it (`linked_stage`)."""
+        pattern = around(self.skeleton, self.method.pattern)
+        if len(pattern) > 1 or len(self.substeps) > 1 or pattern[0][1] != 1.0 or self.events or self.stops:
+            return None
+        return linked(self.skeleton, pattern[0][0], state)
 
     @property
     def unknowns(self) -> int:

@@ -202,12 +202,12 @@ def _require_room(state: State, blocks: Blocks) -> None:
 def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:
     """Native code where JAX computes on this processor anyway, the step can be traced and the state is not XLA's.
 
-    Inside a transformation numbers are unknown: others of the same shapes replace them. Steps that may fail have no
-    derivative in native code.
+    Inside a transformation numbers are unknown: others of the same shapes replace them. Steps that may fail, and those
+    of many links, have no derivative in native code.
     """
     if backend == "auto" and (jax.default_backend() != "cpu" or isinstance(state.memory, Factors)):
         return "xla"
-    if inside and any(stage.tolerant for stage in program.stages):
+    if inside and any(stage.tolerant or not stage.structure.native for stage in program.stages):
         if backend == "native":
             raise ArgumentError(f'{program.method.title} has no derivative in native code: take backend="xla".')
         return "xla"

@@ -40,7 +40,9 @@ def choose(
     raises ArgumentError there.
     """
     require_backend(backend)
-    if backend == "xla" or (backend == "auto" and not all(stage.structure.native for stage in program.stages)):
+    written = all(stage.structure.native for stage in program.stages)
+    looped = not written and axes is None and native.loops(program, state, monitors)
+    if backend == "xla" or (backend == "auto" and not written and not looped):
         return "xla"
     try:
         if axes is None:

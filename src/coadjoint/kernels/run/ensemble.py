@@ -10,7 +10,6 @@ from contextvars import ContextVar
 from threading import Event
 
 import jax
-import llvmlite.binding as llvm
 import numpy as np
 
 from coadjoint.arrays import PyTree, Scalar
@@ -20,16 +19,8 @@ from coadjoint.kernels.lanes import in_lanes, of_lanes
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
+from coadjoint.kernels.run.machine import lanes
 from coadjoint.kernels.run.native import Kernel, LaneArrays, Variant
-
-
-def lanes() -> int:
-    """The number of doubles in the widest vectors of this processor."""
-    features = llvm.get_host_cpu_features()
-    if features.get("avx512f"):
-        return 8
-    return 4 if features.get("avx") else 2
-
 
 _MOST: ContextVar[int | None] = ContextVar("most cores", default=None)
 

@@ -136,6 +136,14 @@ def processor() -> tuple[str, ...]:
     return version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features, *level
 
 
+def lanes() -> int:
+    """The number of doubles in the widest vectors of this processor."""
+    features = llvm.get_host_cpu_features()
+    if features.get("avx512f"):
+        return 8
+    return 4 if features.get("avx") else 2
+
+
 def is_for_this_machine(code: bytes) -> bool:
     """Whether the head of an object file names this machine; LLVM loads that of any other, too."""
     return _named(code) == _own_name()

@@ -6,19 +6,23 @@ import ctypes
 import math
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.emit import link_loops
+from coadjoint.kernels.emit.link_check import require_links
+from coadjoint.kernels.emit.link_plan import plan_links
 from coadjoint.kernels.emit.plan import StepPlan, plan, specialised
 from coadjoint.kernels.emit.stepping import NAME, assemble
 from coadjoint.kernels.packing import Layout, layout, pack
-from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.program import Code, LinkedStage, Program
 from coadjoint.kernels.run import disk_cache, plans
 from coadjoint.kernels.run.interruptible import Clock, Cut, PieceLength
-from coadjoint.kernels.run.machine import Machine, kept_machine, machine
+from coadjoint.kernels.run.machine import Machine, kept_machine, lanes, machine
 from coadjoint.log import phase
 
 KEPT = 128
@@ -46,7 +50,7 @@ class Variant(NamedTuple):
 class Kernel(NamedTuple):
     """Machine code for a program at given shapes; `machine` keeps the code alive that `function` points to.
 
-    course: how many numbers follow each record.
+    course: how many numbers follow each record. workspace: how many it needs in addition to its arguments.
     """
 
     machine: Machine
@@ -56,6 +60,7 @@ class Kernel(NamedTuple):
     certificates: tuple[str, ...]
     pace: PieceLength
     course: int = 0
+    workspace: int = 0
 
     @property
     def row(self) -> int:
@@ -115,15 +120,39 @@ def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant)
     code = None if found is None else kept_machine(found["code"])
     if found is not None and code is not None:
         monitored = {one: tuple(shape) for one, shape in found["monitors"]}
-        return _kernel(code, shape, monitored, tuple(found["certificates"]), found["course"])
+        more = found["course"], found.get("workspace", 0)
+        return _kernel(code, shape, monitored, tuple(found["certificates"]), *more)
     phase("Compiling a step.")
-    planned = plan(program, parameters, state, variant.pattern, variant.monitors)
-    made = load(planned.with_course() if variant.course else planned, variant.width)
+    stage = _looped(program, state, variant)
+    if stage is None:
+        planned = plan(program, parameters, state, variant.pattern, variant.monitors)
+        made = load(planned.with_course() if variant.course else planned, variant.width)
+    else:
+        made = _load_links(stage, parameters, state, variant)
     if made.record == shape:
         shapes, names = list(made.monitor_shapes.items()), list(made.certificates)
         kept = {"code": made.machine.name, "monitors": shapes, "certificates": names, "course": made.course}
-        disk_cache.keep(name, kept)
+        disk_cache.keep(name, kept | {"workspace": made.workspace})
     return made
+
+
+def loops(program: Program, state: PyTree, monitors: bool) -> bool:
+    """Whether native code steps a single run by loops over links: where it does not write out their equations."""
+    written = all(stage.structure.native for stage in program.stages)
+    return not written and not monitors and program.linked(state) is not None
+
+
+def _looped(program: Program, state: PyTree, variant: Variant) -> LinkedStage | None:
+    one = variant.width == 1 and not variant.course
+    return program.linked(state) if one and loops(program, state, variant.monitors) else None
+
+
+def _load_links(stage: LinkedStage, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
+    """The kernel of loops over links; raises NotLinked where these are not all alike."""
+    planned = plan_links(stage, parameters, state, variant.pattern)
+    require_links(planned, stage, parameters, state)
+    code = machine(link_loops.assemble(planned, lanes()))
+    return _kernel(code, variant.state, {}, (), 0, link_loops.workspace(planned))
 
 
 def load(planned: StepPlan, width: int) -> Kernel:
@@ -133,9 +162,26 @@ def load(planned: StepPlan, width: int) -> Kernel:
 
 
 def _kernel(
-    code: Machine, record: Layout, monitors: dict[str, tuple[int, ...]], certificates: tuple[str, ...], course: int
+    code: Machine,
+    record: Layout,
+    monitors: dict[str, tuple[int, ...]],
+    certificates: tuple[str, ...],
+    course: int,
+    workspace: int = 0,
 ) -> Kernel:
-    return Kernel(code, code.function(NAME, *_SIGNATURE), record, monitors, certificates, PieceLength(), course)
+    function = code.function(NAME, *_SIGNATURE, *[ctypes.c_void_p] * (workspace > 0))
+    called = _with_workspace(function, workspace) if workspace else function
+    return Kernel(code, called, record, monitors, certificates, PieceLength(), course, workspace)
+
+
+def _with_workspace(function: Callable[..., None], size: int) -> Callable[..., None]:
+    """A function that each call gives so many numbers to work with."""
+
+    def call(*arguments: Any) -> None:
+        room = np.empty(size)
+        function(*arguments, room.ctypes.data)
+
+    return call
 
 
 def _record_layout(planned: StepPlan) -> Layout:

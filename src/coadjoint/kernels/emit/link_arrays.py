@@ -1,0 +1,236 @@
+"""Loops over the links of a chain as LLVM code: arrays with a place for each link, and numbers of all links."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
+from coadjoint.kernels.emit.lanes import LaneEmitter
+from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
+from coadjoint.kernels.emit.link_symbols import Places
+from coadjoint.kernels.expressions.expression import Expr, reachable
+
+LINE = 8
+"""Numbers of a line of the cache."""
+
+Roots = Callable[[LinkCode], list[Expr]]
+Write = Callable[[Emitter, list[Any], Any], None]
+Lanes = dict[Emitter, Any]
+"""A local variable for each emitter: of one link, and of several in SIMD lanes."""
+
+
+def sizes(plan: LinkPlan) -> dict[str, int]:
+    """How many numbers of a link each array holds.
+
+    s, n: the state and the next one. f: that after the free step. z, y: the unknowns and the next ones. x, q:
+    `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r. w: W and y of the sweep. d: its solution.
+    """
+    m, slots, inner = plan.joint, plan.state.links.shape[1], plan.codes[1]
+    found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "f": slots}
+    found |= {"z": len(plan.blocks), "y": len(plan.blocks), "x": len(inner.solved), "q": len(inner.joints)}
+    return found | {"t": 3 * m**2 + m, "w": m**2 + m, "d": m}
+
+
+def stride(plan: LinkPlan) -> int:
+    """From one number of a link to the next: an odd number of lines, because powers of two collide in the cache."""
+    return LINE * (-(-plan.count // LINE) | 1)
+
+
+class LinkArrays:
+    """Writes loops over links into a builder.
+
+    memory: a pointer to the arrays, in which number k of link i is at k·stride + i. exact: expressions whose sums keep
+    their order. width: of the SIMD lanes.
+    """
+
+    def __init__(self, plan: LinkPlan, module: ir.Module, b: ir.IRBuilder, memory: Any, width: int) -> None:
+        self.plan, self.module, self.b, self.memory, self.stride = plan, module, b, memory, stride(plan)
+        self.one = Emitter(module, b, 1)
+        alone = width == 1 or plan.count - 2 < width
+        self.many = self.one if alone else LaneEmitter(module, b, width)
+        self.emitters = [self.one] if alone else [self.one, self.many]
+        ends = np.cumsum([0, *(size * self.stride for size in sizes(plan).values())])
+        self.place = {name: INT64(int(end)) for name, end in zip(sizes(plan), ends[:-1], strict=True)}
+
+    # Numbers of links.
+
+    def at(self, array: str, slot: int, link: Any) -> Any:
+        """A pointer to number `slot` of a link in an array."""
+        start = self.b.add(self.place[array], INT64(slot * self.stride))
+        return self.b.gep(self.memory, [self.b.add(start, link)])
+
+    def load(self, emit: Emitter, array: str, slot: int, link: Any) -> Any:
+        """Number `slot` of a link, and of those after it in the other lanes."""
+        return self.b.load(self.b.bitcast(self.at(array, slot, link), emit.number.as_pointer()), align=8)
+
+    def store(self, emit: Emitter, value: Any, array: str, slot: int, link: Any) -> None:
+        """Set them."""
+        place = self.b.bitcast(self.at(array, slot, link), emit.number.as_pointer())
+        self.b.store(value, place, align=8)
+
+    def copied(self, source: str, to: str) -> None:
+        """Copy an array to another one."""
+        kind = ir.IntType(8).as_pointer()
+        copy = self.module.declare_intrinsic("llvm.memcpy", [kind, kind, INT64])
+        places = [self.b.bitcast(self.at(array, 0, INT64(0)), kind) for array in (to, source)]
+        self.b.call(copy, [*places, INT64(sizes(self.plan)[to] * self.stride * 8), ir.IntType(1)(0)])
+
+    def in_row(self, row: Any, places: Places, link: Any) -> list[Any]:
+        """Pointers to the numbers of a link in a row, which are at a constant distance from link to link."""
+        first, distance = places.links[0], places.links[1] - places.links[0]
+        pairs = zip(first.tolist(), distance.tolist(), strict=True)
+        return [self.b.gep(row, [self.b.add(INT64(a), self.b.mul(link, INT64(d)))]) for a, d in pairs]
+
+    def transposed(self, row: Any, places: Places, array: str, reading: bool) -> None:
+        """The numbers of all links from a row into an array, or back."""
+        if not places.links.size:
+            return
+        with self.over(INT64(0), INT64(self.plan.count)) as i:
+            for slot, there in enumerate(self.in_row(row, places, i)):
+                here = self.at(array, slot, i)
+                self.b.store(self.b.load(there if reading else here), here if reading else there)
+
+    def bind_all(self, node: Expr, value: Any) -> None:
+        """The same number for all links."""
+        for emit in self.emitters:
+            emit.bind(node, self._spread(emit, value))
+
+    def _spread(self, emit: Emitter, value: Any) -> Any:
+        if emit.width == 1:
+            return value
+        nothing, first = ir.Constant(emit.number, ir.Undefined), ir.IntType(32)(0)
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), emit.width), [first] * emit.width)
+        return self.b.shuffle_vector(self.b.insert_element(nothing, value, first), nothing, mask)
+
+    # Loops.
+
+    @contextmanager
+    def scopes(self) -> Iterator[None]:
+        """Values emitted inside are not used outside."""
+        with ExitStack() as stack:
+            for emit in self.emitters:
+                stack.enter_context(emit.scope())
+            yield
+
+    @contextmanager
+    def over(self, begin: Any, end: Any, step: int = 1) -> Iterator[Any]:
+        """for i in range(begin, end, step), at least once."""
+        b = self.b
+        before, body, after = b.block, b.append_basic_block("links"), b.append_basic_block("on")
+        b.branch(body)
+        b.position_at_end(body)
+        i = b.phi(INT64)
+        i.add_incoming(begin, before)
+        yield i
+        following = b.add(i, INT64(step))
+        i.add_incoming(following, b.block)
+        b.cbranch(b.icmp_signed("<" if step > 0 else ">", following, end), body, after)
+        b.position_at_end(after)
+
+    def links(self, roots: Roots, write: Write, emit: Emitter | None = None) -> None:
+        """The values of expressions of every link: of the first, of those between by lanes, and of the last.
+
+        The last lanes of those between may repeat links, from the same numbers: nothing is changed in place.
+        """
+        first, inner, last = self.plan.codes
+        end, emit = self.plan.count - 1, emit or self.many
+        self._link(self.one, first, roots, write, INT64(0))
+        final = INT64(end - emit.width)
+        with self.over(INT64(1), INT64(end), emit.width) as i:
+            here = i if emit.width == 1 else self.b.select(self.b.icmp_signed("<", i, final), i, final)
+            self._link(emit, inner, roots, write, here)
+        self._link(self.one, last, roots, write, INT64(end))
+
+    def _link(self, emit: Emitter, code: LinkCode, roots: Roots, write: Write, link: Any) -> None:
+        found = roots(code)
+        with emit.scope():
+            for node in reachable(found):
+                address = self.plan.address.get(node)
+                if address is not None and address.link is not None:
+                    there = self.b.add(link, INT64(address.link - code.link))
+                    emit.bind(node, self.load(emit, address.array, address.slot, there))
+            write(emit, emit.values(found), link)
+
+    def fill(self, array: str, roots: Roots, watched: Lanes | None = None) -> None:
+        """Store expressions of every link in an array; `watched` collects their sum."""
+
+        def write(emit: Emitter, values: list[Any], link: Any) -> None:
+            for slot, value in enumerate(values):
+                self.store(emit, value, array, slot, link)
+            if watched is not None:
+                self.add(emit, watched, values)
+
+        self.links(roots, write)
+
+    def swept(self) -> None:
+        """Block elimination of the rows in "t", from the first link to the last and back, into "d"."""
+        count, plan = INT64(self.plan.count), self.plan.sweep
+        self._carried(plan.rows, "t", plan.before, plan.forward, "w", (INT64(0), count, 1))
+        self._carried(plan.here, "w", plan.ahead, plan.backward, "d", (INT64(self.plan.count - 1), INT64(-1), -1))
+
+    def _carried(
+        self, rows: list[Expr], source: str, before: list[Expr], roots: list[Expr], to: str, links: tuple[Any, Any, int]
+    ) -> None:
+        """A loop whose results, of which the last are those of `before`, go on to the next link, from zero."""
+        b, one = self.b, self.one
+        carried = [one.variable(DOUBLE, DOUBLE(0.0)) for _ in before]
+        with self.over(*links) as i, one.scope():
+            for slot, node in enumerate(rows):
+                one.bind(node, self.load(one, source, slot, i))
+            for node, variable in zip(before, carried, strict=True):
+                one.bind(node, b.load(variable))
+            for slot, (value, variable) in enumerate(zip(one.values(roots), carried, strict=True)):
+                self.store(one, value, to, slot, i)
+                b.store(value, variable)
+
+    # Numbers of all links together.
+
+    def variables(self) -> Lanes:
+        """A variable for each emitter."""
+        return {emit: emit.variable(emit.number) for emit in self.emitters}
+
+    def set(self, places: Lanes, value: float) -> None:
+        """Set them to a number."""
+        for emit, place in places.items():
+            self.b.store(emit.constant(value), place)
+
+    def add(self, emit: Emitter, places: Lanes, values: Iterable[Any]) -> None:
+        """Add values, which only shows whether they are finite."""
+        total = self.b.load(places[emit])
+        for value in values:
+            total = self.b.fadd(total, value, flags=("reassoc",))
+        self.b.store(total, places[emit])
+
+    def widen(self, emit: Emitter, places: Lanes, values: Iterable[Any]) -> None:
+        """The larger of what is there and |value|; NaN is passed over."""
+        most = self.b.load(places[emit])
+        for value in values:
+            size = emit.intrinsic("fabs", value)
+            most = self.b.select(self.b.fcmp_ordered(">", size, most), size, most)
+        self.b.store(most, places[emit])
+
+    def largest(self, places: Lanes) -> Any:
+        """The largest number of all lanes."""
+        first, *others = self._numbers(places)
+        for value in others:
+            first = self.b.select(self.b.fcmp_ordered(">", value, first), value, first)
+        return first
+
+    def finite(self, places: Lanes) -> Any:
+        """Whether the sum of all lanes is finite."""
+        total, *others = self._numbers(places)
+        for value in others:
+            total = self.b.fadd(total, value)
+        return self.b.fcmp_ordered("<", self.one.intrinsic("fabs", total), DOUBLE(float("inf")))
+
+    def _numbers(self, places: Lanes) -> list[Any]:
+        found = []
+        for emit, place in places.items():
+            value, lanes = self.b.load(place), range(emit.width)
+            found += [value] if emit.width == 1 else [self.b.extract_element(value, ir.IntType(32)(k)) for k in lanes]
+        return found

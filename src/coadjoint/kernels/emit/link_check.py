@@ -1,0 +1,128 @@
+"""Whether the code of the first, an inner and the last link of a short chain is that of all links of a long one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from coadjoint.arrays import PyTree
+from coadjoint.kernels.emit.link_plan import LinkPlan
+from coadjoint.kernels.emit.link_symbols import unknowns_of
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.operations import BINARY, UNARY
+from coadjoint.kernels.packing import layout, pack
+from coadjoint.kernels.program import LinkedStage
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.untraceable import NotLinked
+
+APART = 1e-9
+"""The largest difference of a number, relative to the largest of its kind: round-off."""
+
+LENGTH = 0.1
+"""h of the comparison."""
+
+
+def require_links(plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
+    """Raise NotLinked unless the expressions of links have the values of the stage at a random state."""
+    check = _Check(plan, stage, parameters, stage.nearby(state, np.random.default_rng(1788)))
+    apart = check.differences()
+    wrong = max(apart, key=lambda name: apart[name])
+    if not apart[wrong] <= APART:
+        raise NotLinked(f"its links are not all alike, {wrong} differs by {apart[wrong]:.1g} of its size")
+
+
+class _Check:
+    """Both sides of the comparison at one state."""
+
+    def __init__(self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
+        self.plan, self.stage, self.parameters, self.state = plan, stage, parameters, state
+        random = np.random.default_rng(1834)
+        self.unknowns = unknowns_of(stage)
+        self.z = random.normal(size=self.unknowns.size)
+        self.multipliers = self.unknowns[:, plan.base :] - sum(stage.blocks[:-1])
+        self.impulse = random.normal(size=self.multipliers.size)
+        p = pack(parameters)[1]
+        self.arrays = {
+            "p": p[plan.parameters.links],
+            "s": self._numbers(state),
+            "z": self.z[self.unknowns],
+            "d": self.impulse[self.multipliers],
+        }
+        self.shared = {"p": p[plan.parameters.shared], "s": pack(state)[1][plan.state.shared]}
+
+    def _numbers(self, state: PyTree) -> np.ndarray:
+        return pack(state)[1][self.plan.state.links]
+
+    def differences(self) -> dict[str, float]:
+        """The largest relative difference of each function."""
+        p, stage, h = self.parameters, self.stage, np.float64(LENGTH)
+        free = evaluate(stage.free, p, self.state, h, self.z)
+        self.arrays["f"] = self._numbers(free)
+        moving = self._state(self._values("moving"), free)
+        after = evaluate(stage.ended, p, free, h, self.impulse)
+        by_velocities = evaluate(stage.momenta, p, after, moving)
+        chart = float(evaluate(stage.chart, p, self.state, h, self.z))
+        residual = evaluate(stage.residual, p, self.state, h, self.z)[self.unknowns]
+        record = self._numbers(evaluate(stage.record, p, self.state, h, self.z))
+        pairs = {
+            "the guess": (self._values("guess"), evaluate(stage.guess, p, self.state, h)[self.unknowns]),
+            "the residual": (self._values("residual"), residual),
+            "the step": (self._values("free"), self.arrays["f"]),
+            "a momentum": (self._numbers(by_velocities), self._numbers(after)),
+            "the rate of a constraint": (self._values("rate"), evaluate(stage.rate, p, moving)[self.multipliers]),
+            "the state after the step": (self._values("after"), self._numbers(after)),
+            "the record": (self._values("record"), record),
+            "the chart": (np.max(self._values("chart"), axis=0)[None], np.array([[chart]])),
+        }
+        return {name: _apart(*pair) for name, pair in pairs.items()}
+
+    def _values(self, name: str) -> np.ndarray:
+        """Expressions of all links, (N, k)."""
+        (first, inner, last), end = self.plan.codes, self.plan.count - 1
+        parts = ((first, np.array([0])), (inner, np.arange(1, end)), (last, np.array([end])))
+        return np.concatenate([self._at(getattr(code, name), code.link, links) for code, links in parts])
+
+    def _at(self, roots: Iterable[Expr], link: int, links: np.ndarray) -> np.ndarray:
+        """Expressions of a link of the short chain, as those of these links."""
+        values: dict[Expr, Any] = {}
+        roots = list(roots)
+        with np.errstate(all="ignore"):
+            for node in reachable(roots):
+                values[node] = self._value(node, [values[a] for a in node.args], link, links)
+        return np.stack([np.broadcast_to(values[root], len(links)) for root in roots], axis=1)
+
+    def _value(self, node: Expr, args: list[Any], link: int, links: np.ndarray) -> Any:
+        if node is self.plan.h:
+            return LENGTH
+        address = self.plan.address.get(node)
+        if address is not None:
+            if address.link is None:
+                return self.shared[address.array][address.slot]
+            return self.arrays[address.array][links + address.link - link, address.slot]
+        if node.op == "const":
+            return node.value
+        if node.op == "div":
+            return args[0] / args[1]
+        if node.op == "select":
+            return np.where(*args)
+        if node.op == "entry":
+            return node.value.numbers[np.asarray(args[0], int)]  # pyright: ignore[reportOptionalMemberAccess,reportAttributeAccessIssue]
+        function = (UNARY if len(args) == 1 else BINARY).get(node.op)
+        if function is None:
+            raise NotLinked(f"the operation `{node.op}` is not compared over links")
+        return function(*args)
+
+    def _state(self, numbers: np.ndarray, like: PyTree) -> Any:
+        """The state with these numbers of links, and the others of another state."""
+        row = pack(like)[1].copy()
+        row[self.plan.state.links] = numbers
+        return layout(like).unpack(row)
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> float:
+    """The largest difference of a column, relative to the largest number of it."""
+    sizes = np.maximum(np.max(np.abs(other), axis=0), 1e-3 * np.max(np.abs(other), initial=1e-300))
+    found = np.max(np.abs(one - other) / sizes)
+    return float(found) if np.isfinite(found) else np.inf

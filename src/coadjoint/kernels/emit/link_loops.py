@@ -1,0 +1,233 @@
+"""The LLVM function that steps a chain of joints by loops over its links.
+
+    void step(parameters, h, state, records, save_every, record_out, monitor_out, extrema, status, workspace)
+
+It is that of `kernels.emit.stepping` without lanes of members, monitors and extrema; `workspace` is memory for arrays.
+A Newton iteration is a loop for K⁻¹r, K⁻¹G and the contributions of links to S, one for the rows of S, block
+elimination from the first link to the last and back, and a loop for the increments (`link_elimination`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import BIT, DOUBLE, INT64, Emitter
+from coadjoint.kernels.emit.link_arrays import LinkArrays, sizes, stride
+from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
+from coadjoint.kernels.emit.stepping import NAME, POINTER
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
+
+
+def assemble(plan: LinkPlan, width: int) -> str:
+    """The module as LLVM assembly; width: of the SIMD lanes."""
+    return str(_LinkFunction(plan, width).module)
+
+
+def workspace(plan: LinkPlan) -> int:
+    """How many numbers the arrays hold."""
+    return sum(sizes(plan).values()) * stride(plan)
+
+
+def _exact(plan: LinkPlan) -> list[Expr]:
+    """Results and residuals, whose sums must not be reordered."""
+    roots = [*plan.after, *plan.record]
+    for code in plan.codes:
+        roots += [*code.guess, *code.residual, *code.chart, *code.free, *code.rate, *code.after, *code.record]
+    return reachable(roots)
+
+
+class _LinkFunction:
+    """Writes that function."""
+
+    def __init__(self, plan: LinkPlan, width: int) -> None:
+        self.plan = plan
+        self.module = ir.Module(name="coadjoint")
+        kinds = [*[POINTER] * 3, INT64, INT64, *[POINTER] * 3, INT64.as_pointer(), POINTER]
+        function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), name=NAME)
+        for argument in function.args:
+            if isinstance(argument.type, ir.PointerType):
+                argument.add_attribute("noalias")
+        self.arguments = function.args
+        self.b = ir.IRBuilder(function.append_basic_block("entry"))
+        self.arrays = LinkArrays(plan, self.module, self.b, function.args[-1], width)
+        for emit in self.arrays.emitters:
+            emit.keep_exact(_exact(plan))
+        self._function()
+
+    def _function(self) -> None:
+        b, plan, one = self.b, self.plan, self.arrays.one
+        p, h, s, records, every, self.record_out, _, _, status, _ = self.arguments
+        self.h, self.every, number = b.load(h), every, b.mul(records, every)
+        self._constants(p)
+        self.arrays.transposed(s, plan.state, "s", reading=True)
+        self.shared = [one.variable(DOUBLE, b.load(self._place(s, k))) for k in plan.state.shared]
+        self.steps, self.code, self.total, self.most, self.row, self.due = (
+            one.variable(INT64, INT64(0)) for _ in range(6)
+        )
+        self.kinds = sorted(set(plan.blocks))
+        self.sums, self.chart = self.arrays.variables(), self.arrays.variables()
+        self.sizes, self.scales = ({g: self.arrays.variables() for g in self.kinds} for _ in range(2))
+        loop, end = b.append_basic_block("step"), b.append_basic_block("end")
+        b.cbranch(b.icmp_signed(">", number, INT64(0)), loop, end)
+        b.position_at_end(loop)
+        with self.arrays.scopes():
+            self._step()
+        alive = b.icmp_signed("==", b.load(self.code), INT64(0))
+        b.cbranch(b.and_(b.icmp_signed("<", b.load(self.steps), number), alive), loop, end)
+        b.position_at_end(end)
+        self.arrays.transposed(s, plan.state, "s", reading=False)
+        for k, variable in zip(plan.state.shared, self.shared, strict=True):
+            b.store(b.load(variable), self._place(s, k))
+        for k, variable in enumerate((self.steps, self.code, self.total, self.most)):
+            b.store(b.load(variable), self._place(status, k))
+        b.ret_void()
+
+    def _place(self, row: Any, k: Any) -> Any:
+        return self.b.gep(row, [INT64(int(k))])
+
+    def _constants(self, p: Any) -> None:
+        """Bind h and the parameters."""
+        plan = self.plan
+        self.arrays.bind_all(plan.h, self.h)
+        for node, address in plan.address.items():
+            if address.array == "p" and address.link is None:
+                self.arrays.bind_all(node, self.b.load(self._place(p, plan.parameters.shared[address.slot])))
+        self.arrays.transposed(p, plan.parameters, "p", reading=True)
+
+    def _step(self) -> None:
+        arrays = self.arrays
+        for node, address in self.plan.address.items():
+            if address.array == "s" and address.link is None:
+                arrays.bind_all(node, self.b.load(self.shared[address.slot]))
+        arrays.fill("z", lambda code: code.guess)
+        settled, count = self._newton()
+        arrays.set(self.sums, 0.0)
+        arrays.set(self.chart, 0.0)
+
+        def judge(emit: Emitter, values: list[Any], link: Any) -> None:
+            *z, chart = values
+            arrays.add(emit, self.sums, z)
+            arrays.widen(emit, self.chart, [chart])
+
+        arrays.links(lambda code: [*self._unknowns(code), *code.chart], judge)
+        solved = arrays.finite(self.sums)
+        arrays.fill("f", lambda code: code.free)
+        arrays.fill("t", lambda code: code.closing)
+        arrays.swept()
+        arrays.fill("n", lambda code: code.after, self.sums)
+        after = arrays.one.values(self.plan.after)
+        arrays.add(arrays.one, self.sums, after)
+        self._ended(settled, solved, count, after)
+
+    def _unknowns(self, code: LinkCode) -> list[Expr]:
+        """The symbols of z of a link."""
+        slots = {a.slot: node for node, a in self.plan.address.items() if a.array == "z" and a.link == code.link}
+        return [slots[k] for k in range(len(slots))]
+
+    def _newton(self) -> tuple[Any, Any]:
+        """Newton's iteration, which stops by `program.TOLERANCE`: whether it settled, and the iterations.
+
+        The equations are linear in the multipliers, whose matrix S has a condition of N²: they have settled where they
+        stall while the unknowns of the bodies have met their tolerance twice in turn.
+        """
+        b, one = self.b, self.arrays.one
+        count, together = one.variable(INT64, INT64(0)), one.variable(BIT, BIT(0))
+        settled, last = one.variable(BIT, BIT(0)), {g: one.variable(DOUBLE, DOUBLE(0.0)) for g in self.kinds}
+        floor = b.fdiv(DOUBLE(FLOOR), one.intrinsic("fabs", self.h))
+        again, end = b.append_basic_block("newton"), b.append_basic_block("solved")
+        b.branch(again)
+        b.position_at_end(again)
+        with self.arrays.scopes():
+            self._increment()
+        sizes, scales = ({g: self.arrays.largest(x) for g, x in part.items()} for part in (self.sizes, self.scales))
+
+        def small(size: Any, scale: Any) -> Any:
+            return b.fcmp_ordered("<=", size, b.fadd(b.fmul(DOUBLE(TOLERANCE), scale), floor))
+
+        now, bodies = BIT(1), sorted(set(self.plan.blocks[: self.plan.base]))
+        for g in bodies:
+            now = b.and_(now, small(sizes[g], self._most([scales[k] for k in bodies])))
+        near, fine = b.and_(b.load(together), now), BIT(1)
+        for g, size in sizes.items():
+            stalled = b.fcmp_ordered(">", size, b.fmul(DOUBLE(STALLED), b.load(last[g])))
+            fine = b.and_(fine, b.or_(small(size, scales[g]), b.and_(near, stalled)))
+            b.store(size, last[g])
+        b.store(now, together)
+        b.store(fine, settled)
+        done = b.add(b.load(count), INT64(1))
+        b.store(done, count)
+        b.cbranch(b.or_(fine, b.icmp_signed(">=", done, INT64(MAX_ITERATIONS))), end, again)
+        b.position_at_end(end)
+        return b.load(settled), b.load(count)
+
+    def _most(self, values: list[Any]) -> Any:
+        first, *others = values
+        for value in others:
+            first = self.b.select(self.b.fcmp_ordered(">", value, first), value, first)
+        return first
+
+    def _increment(self) -> None:
+        """One increment of all unknowns, and the sizes of both by kinds."""
+        arrays, width = self.arrays, len(self.plan.codes[1].solved)
+
+        def contributions(emit: Emitter, values: list[Any], link: Any) -> None:
+            for slot, value in enumerate(values):
+                arrays.store(emit, value, *(("x", slot) if slot < width else ("q", slot - width)), link)
+
+        arrays.links(lambda code: [*code.solved, *code.joints], contributions)
+        arrays.fill("t", lambda code: code.rows)
+        arrays.swept()
+        for places in (*self.sizes.values(), *self.scales.values()):
+            arrays.set(places, 0.0)
+
+        def moved(emit: Emitter, values: list[Any], link: Any) -> None:
+            half = len(values) // 2
+            for slot, (z, delta, kind) in enumerate(zip(values[:half], values[half:], self.plan.blocks, strict=True)):
+                new = self.b.fadd(z, delta)
+                arrays.store(emit, new, "y", slot, link)
+                arrays.widen(emit, self.sizes[kind], [delta])
+                arrays.widen(emit, self.scales[kind], [new])
+
+        arrays.links(lambda code: [*self._unknowns(code), *code.increment], moved)
+        arrays.copied("y", "z")
+
+    def _ended(self, settled: Any, solved: Any, count: Any, after: list[Any]) -> None:
+        """Keep a sound step, with its record if it is due; else note why it failed."""
+        b, arrays = self.b, self.arrays
+        inside = b.fcmp_ordered("<", arrays.largest(self.chart), DOUBLE(1.0))
+        well = b.and_(b.and_(settled, inside), b.and_(solved, arrays.finite(self.sums)))
+        code = b.select(inside, INT64(Code.NOT_FINITE), INT64(Code.BEYOND_CHART))
+        code = b.select(settled, code, INT64(Code.NOT_CONVERGED))
+        code = b.select(solved, code, INT64(Code.NOT_FINITE))
+        with b.if_else(well, likely=True) as (fine, failed):
+            with fine:
+                self._recorded()
+                arrays.copied("n", "s")
+                for value, variable in zip(after, self.shared, strict=True):
+                    b.store(value, variable)
+                b.store(b.add(b.load(self.steps), INT64(1)), self.steps)
+                b.store(b.add(b.load(self.total), count), self.total)
+                most = b.load(self.most)
+                b.store(b.select(b.icmp_signed(">", most, count), most, count), self.most)
+            with failed:
+                b.store(code, self.code)
+
+    def _recorded(self) -> None:
+        b, plan, arrays = self.b, self.plan, self.arrays
+        first = b.icmp_signed("==", b.load(self.due), INT64(0))
+        with b.if_then(first), arrays.scopes():
+            size = plan.state.links.size + len(plan.state.shared)
+            row = b.gep(self.record_out, [b.mul(b.load(self.row), INT64(size))])
+
+            def write(emit: Emitter, values: list[Any], link: Any) -> None:
+                for value, place in zip(values, arrays.in_row(row, plan.state, link), strict=True):
+                    b.store(value, place)
+
+            arrays.links(lambda code: code.record, write, arrays.one)
+            for value, k in zip(arrays.one.values(plan.record), plan.state.shared, strict=True):
+                b.store(value, self._place(row, k))
+            b.store(b.add(b.load(self.row), INT64(1)), self.row)
+        b.store(b.sub(b.select(first, self.every, b.load(self.due)), INT64(1)), self.due)

@@ -1,0 +1,157 @@
+"""A step of a chain of joints as expressions of one link and its neighbours, ready to be emitted as loops.
+
+The functions are traced for a chain of `SHORT` links. The expressions of its first, middle and last link are the code
+of the first, of every inner and of the last link of the chain (`link_check` compares them with those of all links).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from coadjoint.arrays import PyTree
+from coadjoint.kernels.emit.link_elimination import Schur, Sweep, closing, sweep
+from coadjoint.kernels.emit.link_symbols import POSITIONS, SHORT, Address, Places, ShortChain
+from coadjoint.kernels.expressions.collection import Collector
+from coadjoint.kernels.expressions.expression import Expr, reachable, substitute
+from coadjoint.kernels.program import LinkedStage
+from coadjoint.kernels.trace.tracer import flat
+from coadjoint.kernels.untraceable import NotLinked
+
+
+@dataclass(frozen=True)
+class LinkCode:
+    """The expressions of one link, number `link` of the short chain.
+
+    guess: z, (b,). residual: of z. solved, joints: `Schur.solved`. rows: L, D, U and the right side of S. increment:
+    δ. chart: how far it is into the chart. free: the state after Φ_h. moving, rate: it after the impulse d, with the
+    velocities of its momenta, and φ̇ of these. closing: L, D, U and the right side for the last impulse. after, record:
+    states.
+    """
+
+    link: int
+    guess: list[Expr]
+    residual: list[Expr]
+    solved: list[Expr]
+    joints: list[Expr]
+    rows: list[Expr]
+    increment: list[Expr]
+    chart: list[Expr]
+    free: list[Expr]
+    moving: list[Expr]
+    rate: list[Expr]
+    closing: list[Expr]
+    after: list[Expr]
+    record: list[Expr]
+
+    @property
+    def roots(self) -> list[Expr]:
+        """All expressions."""
+        return [x for part in fields(self) if part.name != "link" for x in getattr(self, part.name)]
+
+
+@dataclass(frozen=True)
+class LinkPlan:
+    """The code of three links, and of what all share: `after` of a state and `record` of a record.
+
+    count: N. base: how many unknowns of a link are not multipliers. blocks: of which kind each unknown is. state,
+    parameters: the places of their numbers in a row.
+    """
+
+    count: int
+    base: int
+    blocks: list[int]
+    address: dict[Expr, Address]
+    h: Expr
+    state: Places
+    parameters: Places
+    codes: tuple[LinkCode, ...]
+    after: list[Expr]
+    record: list[Expr]
+    sweep: Sweep
+
+    @property
+    def joint(self) -> int:
+        """m, the number of multipliers of a link."""
+        return len(self.blocks) - self.base
+
+
+def plan_links(stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: tuple[int, ...]) -> LinkPlan:
+    """Trace a stage; raises NotLinked where its equations are not those of links and their neighbours alone.
+
+    pattern: that of `kernels.emit.plan.specialised`.
+    """
+    try:
+        plan = _plan(ShortChain(stage, parameters, state, pattern))
+    except (ArithmeticError, LookupError, TypeError, ValueError) as reason:
+        raise NotLinked(f"its functions do not take {SHORT} links ({reason})") from reason
+    for code in plan.codes:
+        addresses = [plan.address[node] for node in reachable(code.roots) if node in plan.address]
+        if any(a.link is not None and abs(a.link - code.link) > 1 for a in addresses):
+            raise NotLinked("it reads links beyond its neighbours")
+    if any(plan.address[node].link is not None for node in reachable(plan.after) if node in plan.address):
+        raise NotLinked("the time depends on links")
+    return plan
+
+
+def _plan(chain: ShortChain) -> LinkPlan:
+    stage, graph, trace = chain.stage, chain.graph, chain.tracer.trace
+    p, s, h, z, f, d = chain.p, chain.s, chain.h, chain.z, chain.f, chain.d
+    collect = Collector(graph, chain.fixed)
+
+    def by_links(values: PyTree, places: np.ndarray) -> np.ndarray:
+        return np.array(flat(values), object)[places]
+
+    guess = by_links(trace(stage.guess, p, s, h), chain.z_places)
+    residual = by_links(trace(stage.residual, p, s, h, z), chain.z_places)
+    residual = np.array(collect(list(residual.ravel())), object).reshape(residual.shape)
+    free, record = trace(stage.free, p, s, h, z), trace(stage.record, p, s, h, z)
+    known = dict(zip(chain.shared(f), chain.shared(free), strict=True))
+
+    def here(values: np.ndarray) -> np.ndarray:
+        """Expressions of f, in which time and its rest are those of the step."""
+        found = np.empty(values.size, object)
+        found[:] = collect(substitute(graph, list(values.ravel()), known))
+        return found.reshape(values.shape)
+
+    moving, after = trace(stage.velocities, p, f, d), trace(stage.ended, p, f, h, d)
+    rate = here(by_links(trace(stage.rate, p, moving), chain.d_places))
+    velocities, ends = here(chain.of_links(moving)), here(chain.of_links(after))
+    schur, last, charts = Schur(chain, residual, collect), closing(chain, rate, collect), chain.chart()
+    solved = {c: schur.solved(c) for c in POSITIONS}
+    x, q = (chain.own(name, len(part)) for name, part in zip("xq", solved[POSITIONS[1]], strict=True))
+    codes = [
+        LinkCode(
+            link=c,
+            guess=list(guess[c]),
+            residual=list(residual[c]),
+            solved=solved[c][0],
+            joints=solved[c][1],
+            rows=schur.rows(c, q),
+            increment=schur.increment(c, x[c]),
+            chart=[charts[c]],
+            free=list(chain.of_links(free)[c]),
+            moving=list(velocities[c]),
+            rate=list(rate[c]),
+            closing=last[c],
+            after=list(ends[c]),
+            record=list(chain.of_links(record)[c]),
+        )
+        for c in POSITIONS
+    ]
+    shared = list(here(np.array(chain.shared(after), object)))
+    kinds = np.searchsorted(np.cumsum(stage.blocks), chain.z_places[0], side="right")
+    return LinkPlan(
+        count=chain.long.count,
+        base=chain.base,
+        blocks=[int(kind) for kind in kinds],
+        address=chain.address,
+        h=h[()],
+        state=chain.state,
+        parameters=chain.parameters,
+        codes=tuple(codes),
+        after=shared,
+        record=chain.shared(record),
+        sweep=sweep(graph, chain.joint),
+    )

@@ -1,0 +1,168 @@
+"""A chain of a few links with a symbol for every number, and where the numbers of each link are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from coadjoint.arrays import PyTree
+from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.packing import layout
+from coadjoint.kernels.program import LinkedStage
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.tracer import Tracer, flat
+from coadjoint.kernels.untraceable import NotLinked
+
+SHORT = 5
+"""How many links are traced."""
+
+POSITIONS = (0, 2, 4)
+"""The first, the middle and the last of them."""
+
+
+class Address(NamedTuple):
+    """Where the value of a symbol is: number `slot` of a link in an array, or of all links together (None)."""
+
+    array: str
+    slot: int
+    link: int | None
+
+
+class Places(NamedTuple):
+    """The places in a row of numbers: of each link (N, slots), and of those that belong to none."""
+
+    links: np.ndarray
+    shared: np.ndarray
+
+
+def places_of(stage: LinkedStage, state: PyTree) -> Places:
+    """The places of the numbers of a state; raises NotLinked if some belong to no link or to several."""
+    links, shared = evaluate(stage.rows, layout(state).places)
+    parts = [np.asarray(part) for part in jax.tree_util.tree_leaves(links)]
+    if any(part.shape[:1] != (stage.count,) for part in parts):
+        raise NotLinked("arrays of the state have other sizes than a number of each link")
+    rows = np.concatenate([part.reshape(stage.count, -1) for part in parts], axis=1)
+    others = np.array([x for part in jax.tree_util.tree_leaves(shared) for x in np.ravel(part)])
+    found = Places(rows.astype(int), others.astype(int))
+    everything = np.sort(np.concatenate([found.links.ravel(), found.shared]))
+    if not np.array_equal(everything, np.arange(layout(state).size)):
+        raise NotLinked("numbers of the state belong to no link")
+    first, distance = found.links[0], found.links[1 % stage.count] - found.links[0]
+    if np.any(found.links != first + np.arange(stage.count)[:, None] * distance):
+        raise NotLinked("the numbers of links are not evenly spaced")
+    return found
+
+
+def unknowns_of(stage: LinkedStage) -> np.ndarray:
+    """The places of the unknowns of each link in z, (N, b)."""
+    return np.asarray(stage.structure.by_links(np.arange(sum(stage.blocks), dtype=float))).astype(int)
+
+
+def constants_of(flags: Iterable[bool], parameters: PyTree, count: int) -> Places:
+    """The places of the constants of each link, those of leaves with a flag, and of the others."""
+    flags, sizes = list(flags), [np.size(leaf) for leaf in jax.tree_util.tree_leaves(parameters)]
+    parts = [np.arange(end - size, end) for size, end in zip(sizes, np.cumsum(sizes), strict=True)]
+    rows = [part.reshape(count, -1) for part, own in zip(parts, flags, strict=True) if own]
+    others = [part for part, own in zip(parts, flags, strict=True) if not own]
+    nothing = np.zeros((count, 0), int)
+    return Places(np.concatenate([nothing, *rows], axis=1), np.concatenate([np.zeros(0, int), *others]))
+
+
+class ShortChain:
+    """A stage of `SHORT` links, with symbols for its constants p, a state s, the state f after its free step, the
+    unknowns z, the impulses d of the multipliers, and the length h; `address` says where their values are.
+
+    base, joint: how many unknowns of a link are not multipliers, and how many are. state, parameters: the places of the
+    numbers of all links of the long chain; places, z_places, d_places: of the short one.
+    """
+
+    def __init__(self, stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: tuple[int, ...]) -> None:
+        self.long, self.stage, self.tracer = stage, stage.shortened(SHORT), Tracer()
+        self.graph: Graph = self.tracer.graph
+        self.address: dict[Expr, Address] = {}
+        self.flags = stage.per_link(parameters)
+        self.state, self.parameters = places_of(stage, state), constants_of(self.flags, parameters, stage.count)
+        short = stage.short_state(state, SHORT)
+        self.places, self.z_places = places_of(self.stage, short), unknowns_of(self.stage)
+        self.joint = stage.blocks[-1] // stage.count
+        self.base = self.z_places.shape[1] - self.joint
+        self.d_places = self.z_places[:, self.base :] - sum(self.stage.blocks[:-1])
+        self.p, self.h = self._constants(stage.short(parameters, SHORT), pattern), self.tracer.symbols("h", 0.0)
+        self.s, self.f = (self._state(name, short) for name in "sf")
+        self.z, self.d = self._vector("z", self.z_places), self._vector("d", self.d_places)
+
+    @property
+    def fixed(self) -> list[Expr]:
+        """The symbols that are the same at every step and link."""
+        return [*(node for node, a in self.address.items() if a.array == "p" and a.link is None), self.h[()]]
+
+    def own(self, name: str, slots: int) -> list[list[Expr]]:
+        """Symbols of an array that has `slots` numbers of each link, by links."""
+        places = np.arange(SHORT * slots).reshape(SHORT, slots)
+        return [list(row) for row in self._vector(name, places)[places]]
+
+    def of_links(self, tree: PyTree) -> np.ndarray:
+        """The expressions of a state by links, (SHORT, slots)."""
+        return np.array(flat(tree), object)[self.places.links]
+
+    def shared(self, tree: PyTree) -> list[Expr]:
+        """Those that belong to no link."""
+        return list(np.array(flat(tree), object)[self.places.shared])
+
+    def chart(self) -> dict[int, Expr]:
+        """How far each of `POSITIONS` is into the chart: the function of one link with the symbols of that one."""
+        one, state = self.long.shortened(1), self.long.short_state(self.s, 1)
+        places, z_places = places_of(one, state), unknowns_of(one)[0]
+        found = {}
+        for c in POSITIONS:
+            s = self._filled(state, places, self.of_links(self.s)[c], self.shared(self.s))
+            z = np.empty(len(z_places), object)
+            z[z_places] = self.z[self.z_places[c]]
+            leaves, structure = jax.tree_util.tree_flatten(self.p)
+            own = [leaf[c : c + 1] if flag else leaf for leaf, flag in zip(leaves, self.flags, strict=True)]
+            p = jax.tree_util.tree_unflatten(structure, own)
+            (found[c],) = flat(self.tracer.trace(one.chart, p, s, self.h, z))
+        return found
+
+    @staticmethod
+    def _filled(tree: PyTree, places: Places, link: np.ndarray, shared: list[Expr]) -> Any:
+        """The state of one link with these expressions."""
+        row = np.empty(layout(tree).size, object)
+        row[places.links[0]], row[places.shared] = link, shared
+        return layout(tree).unpack(row)
+
+    def _state(self, name: str, tree: PyTree) -> Any:
+        found = self.tracer.symbols(name, tree)
+        self._addressed(name, flat(found), self.places)
+        return found
+
+    def _vector(self, name: str, places: np.ndarray) -> Any:
+        found = self.tracer.symbols(name, np.zeros(places.size))
+        self._addressed(name, flat(found), Places(places, np.zeros(0, int)))
+        return found
+
+    def _addressed(self, name: str, symbols: list[Expr], places: Places) -> None:
+        for link, row in enumerate(places.links):
+            for slot, place in enumerate(row):
+                self.address[symbols[place]] = Address(name, slot, link)
+        for slot, place in enumerate(places.shared):
+            self.address[symbols[place]] = Address(name, slot, None)
+
+    def _constants(self, given: PyTree, pattern: tuple[int, ...]) -> Any:
+        """The constants; those of all links that are exactly 0 or 1 by `specialised` as numbers."""
+        found = self.tracer.symbols("p", given)
+        places = constants_of(self.flags, given, SHORT)
+        self._addressed("p", flat(found), places)
+        kinds = [pattern[place] for place in self.parameters.shared]
+        known = {flat(found)[k]: float(kind) for k, kind in zip(places.shared, kinds, strict=True) if kind < 2}
+
+        def place(leaf: np.ndarray) -> np.ndarray:
+            nodes = [self.graph.constant(known[x]) if x in known else x for x in leaf.ravel()]
+            out = np.empty(len(nodes), object)
+            out[:] = nodes
+            return out.reshape(leaf.shape)
+
+        return jax.tree_util.tree_map(place, found)
