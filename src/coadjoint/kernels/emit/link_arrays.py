@@ -30,7 +30,7 @@ def sizes(plan: LinkPlan) -> dict[str, int]:
     s, n: the state and the next one. f: that after the free step. z, y: the unknowns and the next ones. x, q:
     `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r. w: W and y of the sweep. d: its solution.
     """
-    m, slots, inner = plan.joint, plan.state.links.shape[1], plan.codes[1]
+    m, slots, inner = plan.joint, plan.state.links.shape[1], plan.codes[plan.reach]
     found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "f": slots}
     found |= {"z": len(plan.blocks), "y": len(plan.blocks), "x": len(inner.solved), "q": len(inner.joints)}
     return found | {"t": 3 * m**2 + m, "w": m**2 + m, "d": m}
@@ -51,7 +51,7 @@ class LinkArrays:
     def __init__(self, plan: LinkPlan, module: ir.Module, b: ir.IRBuilder, memory: Any, width: int) -> None:
         self.plan, self.module, self.b, self.memory, self.stride = plan, module, b, memory, stride(plan)
         self.one = Emitter(module, b, 1)
-        alone = width == 1 or plan.count - 2 < width
+        alone = width == 1 or plan.count - 2 * plan.reach < width
         self.many = self.one if alone else LaneEmitter(module, b, width)
         self.emitters = [self.one] if alone else [self.one, self.many]
         ends = np.cumsum([0, *(size * self.stride for size in sizes(plan).values())])
@@ -133,18 +133,20 @@ class LinkArrays:
         b.position_at_end(after)
 
     def links(self, roots: Roots, write: Write, emit: Emitter | None = None) -> None:
-        """The values of expressions of every link: of the first, of those between by lanes, and of the last.
+        """The values of expressions of every link: of the first ones, of those between by lanes, and of the last ones.
 
         The last lanes of those between may repeat links, from the same numbers: nothing is changed in place.
         """
-        first, inner, last = self.plan.codes
-        end, emit = self.plan.count - 1, emit or self.many
-        self._link(self.one, first, roots, write, INT64(0))
+        codes, reach, emit = self.plan.codes, self.plan.reach, emit or self.many
+        for link, code in enumerate(codes[:reach]):
+            self._link(self.one, code, roots, write, INT64(link))
+        end, inner = self.plan.count - reach, codes[reach]
         final = INT64(end - emit.width)
-        with self.over(INT64(1), INT64(end), emit.width) as i:
+        with self.over(INT64(reach), INT64(end), emit.width) as i:
             here = i if emit.width == 1 else self.b.select(self.b.icmp_signed("<", i, final), i, final)
             self._link(emit, inner, roots, write, here)
-        self._link(self.one, last, roots, write, INT64(end))
+        for link, code in enumerate(codes[reach + 1 :], end):
+            self._link(self.one, code, roots, write, INT64(link))
 
     def _link(self, emit: Emitter, code: LinkCode, roots: Roots, write: Write, link: Any) -> None:
         found = roots(code)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -80,9 +81,11 @@ class _Check:
 
     def _values(self, name: str) -> np.ndarray:
         """Expressions of all links, (N, k)."""
-        (first, inner, last), end = self.plan.codes, self.plan.count - 1
-        parts = ((first, np.array([0])), (inner, np.arange(1, end)), (last, np.array([end])))
-        return np.concatenate([self._at(getattr(code, name), code.link, links) for code, links in parts])
+        codes, reach, count = self.plan.codes, self.plan.reach, self.plan.count
+        ends = [*range(reach + 1), *range(count - reach, count + 1)]
+        parts = [np.arange(a, b) for a, b in pairwise(ends)]
+        pairs = zip(codes, parts, strict=True)
+        return np.concatenate([self._at(getattr(code, name), code.link, links) for code, links in pairs])
 
     def _at(self, roots: Iterable[Expr], link: int, links: np.ndarray) -> np.ndarray:
         """Expressions of a link of the short chain, as those of these links."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.kernels.emit.link_symbols import POSITIONS, SHORT, ShortChain
+from coadjoint.kernels.emit.link_symbols import ShortChain
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.expressions.elimination import Matrix, dot
@@ -68,7 +68,7 @@ def _square(values: list[Expr], m: int) -> Matrix:
 
 
 class Schur:
-    """One Newton iteration of the residual (SHORT, b) of a short chain, link by link.
+    """One Newton iteration of the residual (count, b) of a short chain, link by link.
 
     across, back, inside: the neighbours whose blocks of G, Cᵀ and E are not zero.
     """
@@ -76,12 +76,12 @@ class Schur:
     def __init__(self, chain: ShortChain, residual: np.ndarray, collect: Collect) -> None:
         self.chain, self.graph, self.residual, self.collect = chain, chain.graph, residual, collect
         self.derivatives = forward(self.graph, list(residual.ravel()), list(chain.z[chain.z_places.ravel()]))
-        self.b = residual.shape[1]
+        self.b, count = residual.shape[1], chain.count
         bodies, joints = range(chain.base), range(chain.base, self.b)
         self._require_separate()
-        self.K = {i: self._block(i, bodies, i, bodies) for i in range(SHORT)}
+        self.K = {i: self._block(i, bodies, i, bodies) for i in range(count)}
         self.G, self.C, self.E = (
-            {(i, d): self._block(i, rows, i + d, columns) for i in range(SHORT) for d in NEAR if 0 <= i + d < SHORT}
+            {(i, d): self._block(i, rows, i + d, columns) for i in range(count) for d in NEAR if 0 <= i + d < count}
             for rows, columns in ((bodies, joints), (joints, bodies), (joints, joints))
         )
         self.across, self.inside = ([d for d in NEAR if self._filled(part, d)] for part in (self.G, self.E))
@@ -117,17 +117,17 @@ class Schur:
         first = m * (1 + len(self.back))
         for o in NEAR:
             total = [graph.zero] * m**2
-            if o in self.inside and 0 <= i + o < SHORT:
+            if o in self.inside and 0 <= i + o < self.chain.count:
                 start = first + m**2 * (len(self.keys) + self.inside.index(o))
                 total = q[i][start : start + m**2]
             for n, (d, e) in enumerate(self.keys):
-                if d + e == o and 0 <= i + d < SHORT and 0 <= i + o < SHORT:
+                if d + e == o and 0 <= i + d < self.chain.count and 0 <= i + o < self.chain.count:
                     part = q[i + d][first + m**2 * n : first + m**2 * (n + 1)]
                     total = [graph.sub(x, y) for x, y in zip(total, part, strict=True)]
             blocks += total
         right = [graph.neg(x) for x in q[i][:m]]
         for n, d in enumerate(self.back, 1):
-            if 0 <= i + d < SHORT:
+            if 0 <= i + d < self.chain.count:
                 right = [graph.add(x, y) for x, y in zip(right, q[i + d][m * n : m * (n + 1)], strict=True)]
         return [*blocks, *right]
 
@@ -136,7 +136,7 @@ class Schur:
         chain, graph, base, m = self.chain, self.graph, self.chain.base, self.chain.joint
         total = [graph.neg(value) for value in x[:base]]
         for n, e in enumerate(self.across):
-            if 0 <= k + e < SHORT:
+            if 0 <= k + e < self.chain.count:
                 columns = np.array(x[base * (1 + n * m) : base * (1 + (n + 1) * m)], object).reshape(m, base).T
                 moved = list(chain.d[chain.d_places[k + e]])
                 total = [graph.sub(value, dot(graph, row, moved)) for value, row in zip(total, columns, strict=True)]
@@ -162,11 +162,11 @@ class Schur:
 
 
 def closing(chain: ShortChain, rate: np.ndarray, collect: Collect) -> dict[int, list[Expr]]:
-    """L, D, U and the right side of φ̇(½hλ′) = 0 of each of `POSITIONS`, which is affine; rate: φ̇ (SHORT, m)."""
+    """L, D, U and the right side of φ̇(½hλ′) = 0 of each of its positions, which is affine; rate: φ̇ (count, m)."""
     graph, m = chain.graph, chain.joint
     symbols = list(chain.d[chain.d_places.ravel()])
     nothing, found = dict.fromkeys(symbols, graph.zero), {}
-    for i in POSITIONS:
+    for i in chain.positions:
         derivatives = forward(graph, list(rate[i]), symbols)
         if any(node in nothing for node in reachable(x for row in derivatives for x in row.values())):
             raise NotLinked("the velocities of a node are not affine in the momenta")

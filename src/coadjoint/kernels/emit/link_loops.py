@@ -171,7 +171,7 @@ class _LinkFunction:
 
     def _increment(self) -> None:
         """One increment of all unknowns, and the sizes of both by kinds."""
-        arrays, width = self.arrays, len(self.plan.codes[1].solved)
+        arrays, width = self.arrays, len(self.plan.codes[self.plan.reach].solved)
 
         def contributions(emit: Emitter, values: list[Any], link: Any) -> None:
             for slot, value in enumerate(values):

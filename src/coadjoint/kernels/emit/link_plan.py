@@ -1,7 +1,7 @@
 """A step of a chain of joints as expressions of one link and its neighbours, ready to be emitted as loops.
 
-The functions are traced for a chain of `SHORT` links. The expressions of its first, middle and last link are the code
-of the first, of every inner and of the last link of the chain (`link_check` compares them with those of all links).
+The functions are traced for a chain of a few links. The expressions of its first, middle and last links are the code of
+the first, of every inner and of the last links of the chain (`link_check` compares them with those of all links).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.link_elimination import Schur, Sweep, closing, sweep
-from coadjoint.kernels.emit.link_symbols import POSITIONS, SHORT, Address, Places, ShortChain
+from coadjoint.kernels.emit.link_symbols import Address, Places, ShortChain
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, reachable, substitute
 from coadjoint.kernels.program import LinkedStage
@@ -53,7 +53,8 @@ class LinkCode:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """The code of three links, and of what all share: `after` of a state and `record` of a record.
+    """The code of the first, of every inner and of the last links, and what all share: `after` of a state, `record` of
+    a record.
 
     count: N. base: how many unknowns of a link are not multipliers. blocks: of which kind each unknown is. state,
     parameters: the places of their numbers in a row.
@@ -72,9 +73,18 @@ class LinkPlan:
     sweep: Sweep
 
     @property
+    def reach(self) -> int:
+        """How many links at each end have code of their own."""
+        return len(self.codes) // 2
+
+    @property
     def joint(self) -> int:
         """m, the number of multipliers of a link."""
         return len(self.blocks) - self.base
+
+
+REACHES = (1, 2)
+"""How far the links are whose numbers a link reads: 2 where reactions have directions by the places of neighbours."""
 
 
 def plan_links(stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: tuple[int, ...]) -> LinkPlan:
@@ -82,17 +92,25 @@ def plan_links(stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: t
 
     pattern: that of `kernels.emit.plan.specialised`.
     """
-    try:
-        plan = _plan(ShortChain(stage, parameters, state, pattern))
-    except (ArithmeticError, LookupError, TypeError, ValueError) as reason:
-        raise NotLinked(f"its functions do not take {SHORT} links ({reason})") from reason
-    for code in plan.codes:
-        addresses = [plan.address[node] for node in reachable(code.roots) if node in plan.address]
-        if any(a.link is not None and abs(a.link - code.link) > 1 for a in addresses):
-            raise NotLinked("it reads links beyond its neighbours")
-    if any(plan.address[node].link is not None for node in reachable(plan.after) if node in plan.address):
-        raise NotLinked("the time depends on links")
-    return plan
+    for reach in REACHES:
+        if stage.count < 4 * reach + 1:
+            raise NotLinked(f"a chain of {stage.count} links is too short")
+        try:
+            chain = ShortChain(stage, parameters, state, pattern, reach)
+            plan = _plan(chain)
+        except (ArithmeticError, LookupError, TypeError, ValueError) as reason:
+            raise NotLinked(f"its functions do not take {4 * reach + 1} links ({reason})") from reason
+        if any(chain.address[node].link is not None for node in reachable(plan.after) if node in chain.address):
+            raise NotLinked("the time depends on links")
+        if all(_reach(chain, code) <= reach for code in plan.codes):
+            return plan
+    raise NotLinked("it reads links beyond its neighbours")
+
+
+def _reach(chain: ShortChain, code: LinkCode) -> int:
+    """How far the links are whose numbers the code of a link reads."""
+    links = [chain.address[node].link for node in reachable(code.roots) if node in chain.address]
+    return max((abs(link - code.link) for link in links if link is not None), default=0)
 
 
 def _plan(chain: ShortChain) -> LinkPlan:
@@ -119,8 +137,8 @@ def _plan(chain: ShortChain) -> LinkPlan:
     rate = here(by_links(trace(stage.rate, p, moving), chain.d_places))
     velocities, ends = here(chain.of_links(moving)), here(chain.of_links(after))
     schur, last, charts = Schur(chain, residual, collect), closing(chain, rate, collect), chain.chart()
-    solved = {c: schur.solved(c) for c in POSITIONS}
-    x, q = (chain.own(name, len(part)) for name, part in zip("xq", solved[POSITIONS[1]], strict=True))
+    solved = {c: schur.solved(c) for c in chain.positions}
+    x, q = (chain.own(name, len(part)) for name, part in zip("xq", solved[2 * chain.reach], strict=True))
     codes = [
         LinkCode(
             link=c,
@@ -138,7 +156,7 @@ def _plan(chain: ShortChain) -> LinkPlan:
             after=list(ends[c]),
             record=list(chain.of_links(record)[c]),
         )
-        for c in POSITIONS
+        for c in chain.positions
     ]
     shared = list(here(np.array(chain.shared(after), object)))
     kinds = np.searchsorted(np.cumsum(stage.blocks), chain.z_places[0], side="right")

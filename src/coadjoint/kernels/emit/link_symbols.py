@@ -16,12 +16,6 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.kernels.untraceable import NotLinked
 
-SHORT = 5
-"""How many links are traced."""
-
-POSITIONS = (0, 2, 4)
-"""The first, the middle and the last of them."""
-
 
 class Address(NamedTuple):
     """Where the value of a symbol is: number `slot` of a link in an array, or of all links together (None)."""
@@ -72,25 +66,31 @@ def constants_of(flags: Iterable[bool], parameters: PyTree, count: int) -> Place
 
 
 class ShortChain:
-    """A stage of `SHORT` links, with symbols for its constants p, a state s, the state f after its free step, the
+    """A stage of a few links, with symbols for its constants p, a state s, the state f after its free step, the
     unknowns z, the impulses d of the multipliers, and the length h; `address` says where their values are.
 
-    base, joint: how many unknowns of a link are not multipliers, and how many are. state, parameters: the places of the
-    numbers of all links of the long chain; places, z_places, d_places: of the short one.
+    reach: how far the links are whose numbers a link may read. count: how many links there are. positions: those at its
+    ends whose neighbours are missing, and the middle one. base, joint: how many unknowns of a link are not multipliers,
+    and how many are. state, parameters: the places of the numbers of all links of the long chain; places, z_places,
+    d_places: of the short one.
     """
 
-    def __init__(self, stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: tuple[int, ...]) -> None:
-        self.long, self.stage, self.tracer = stage, stage.shortened(SHORT), Tracer()
+    def __init__(
+        self, stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: tuple[int, ...], reach: int
+    ) -> None:
+        self.reach, self.count = reach, 4 * reach + 1
+        self.positions = (*range(reach), 2 * reach, *range(self.count - reach, self.count))
+        self.long, self.stage, self.tracer = stage, stage.shortened(self.count), Tracer()
         self.graph: Graph = self.tracer.graph
         self.address: dict[Expr, Address] = {}
         self.flags = stage.per_link(parameters)
         self.state, self.parameters = places_of(stage, state), constants_of(self.flags, parameters, stage.count)
-        short = stage.short_state(state, SHORT)
+        short = stage.short_state(state, self.count)
         self.places, self.z_places = places_of(self.stage, short), unknowns_of(self.stage)
         self.joint = stage.blocks[-1] // stage.count
         self.base = self.z_places.shape[1] - self.joint
         self.d_places = self.z_places[:, self.base :] - sum(self.stage.blocks[:-1])
-        self.p, self.h = self._constants(stage.short(parameters, SHORT), pattern), self.tracer.symbols("h", 0.0)
+        self.p, self.h = self._constants(stage.short(parameters, self.count), pattern), self.tracer.symbols("h", 0.0)
         self.s, self.f = (self._state(name, short) for name in "sf")
         self.z, self.d = self._vector("z", self.z_places), self._vector("d", self.d_places)
 
@@ -101,11 +101,11 @@ class ShortChain:
 
     def own(self, name: str, slots: int) -> list[list[Expr]]:
         """Symbols of an array that has `slots` numbers of each link, by links."""
-        places = np.arange(SHORT * slots).reshape(SHORT, slots)
+        places = np.arange(self.count * slots).reshape(self.count, slots)
         return [list(row) for row in self._vector(name, places)[places]]
 
     def of_links(self, tree: PyTree) -> np.ndarray:
-        """The expressions of a state by links, (SHORT, slots)."""
+        """The expressions of a state by links, (count, slots)."""
         return np.array(flat(tree), object)[self.places.links]
 
     def shared(self, tree: PyTree) -> list[Expr]:
@@ -113,11 +113,11 @@ class ShortChain:
         return list(np.array(flat(tree), object)[self.places.shared])
 
     def chart(self) -> dict[int, Expr]:
-        """How far each of `POSITIONS` is into the chart: the function of one link with the symbols of that one."""
+        """How far each of `positions` is into the chart: the function of one link with the symbols of that one."""
         one, state = self.long.shortened(1), self.long.short_state(self.s, 1)
         places, z_places = places_of(one, state), unknowns_of(one)[0]
         found = {}
-        for c in POSITIONS:
+        for c in self.positions:
             s = self._filled(state, places, self.of_links(self.s)[c], self.shared(self.s))
             z = np.empty(len(z_places), object)
             z[z_places] = self.z[self.z_places[c]]
@@ -154,7 +154,7 @@ class ShortChain:
     def _constants(self, given: PyTree, pattern: tuple[int, ...]) -> Any:
         """The constants; those of all links that are exactly 0 or 1 by `specialised` as numbers."""
         found = self.tracer.symbols("p", given)
-        places = constants_of(self.flags, given, SHORT)
+        places = constants_of(self.flags, given, self.count)
         self._addressed("p", flat(found), places)
         kinds = [pattern[place] for place in self.parameters.shared]
         known = {flat(found)[k]: float(kind) for k, kind in zip(places.shared, kinds, strict=True) if kind < 2}
