@@ -26,7 +26,7 @@ RANDOM = 0.1
 
 
 @dataclass(frozen=True)
-class LinkedStage:
+class RattleOfLinks:
     """The step of `Rattle` as `kernels.program.LinkedStage`: a kick with λ, Φ_h, a kick with λ′.
 
     The functions are pure, of a run's constants, a state, h and z = (ξ, y, λ) as those of `StepStage`. `shortened` is
@@ -47,7 +47,7 @@ class LinkedStage:
         """How many unknowns are of one kind and unit, those of the multipliers last."""
         return self.step.blocks(self.skeleton)
 
-    def shortened(self, count: int) -> LinkedStage:
+    def shortened(self, count: int) -> RattleOfLinks:
         """The same of a chain of `count` links."""
         given = self.skeleton.group
         assert isinstance(given, Power)
@@ -55,7 +55,7 @@ class LinkedStage:
         skeleton = replaced(self.skeleton, group=Power(given.factor, count, "chain"), constraints=bound)
         how = self.step.structure(skeleton)
         assert isinstance(how, Coupled)
-        return LinkedStage(skeleton, self.step, how)
+        return RattleOfLinks(skeleton, self.step, how)
 
     def per_link(self, parameters: PyTree) -> list[bool]:
         """Of which leaves of the constants every link has a row."""
@@ -153,22 +153,21 @@ class LinkedStage:
             return x + RANDOM * (1 + np.abs(x)) * random.normal(size=x.shape)
 
         names = ("n", "a", "mu", "pi", "xi", "nu")
-        memory = Reactions(*(random.normal(size=count(self.skeleton)) for _ in range(2)), None)
+        memory = Reactions(random.normal(size=count(self.skeleton)), random.normal(size=count(self.skeleton)), None)
         eta = RANDOM * random.normal(size=group.dim)
         g = evaluate(lambda g, eta: group.compose(g, group.exp(eta)), state.g, eta)
         return state.replace(g=g, memory=memory, **{name: moved(getattr(state, name)) for name in names})
 
 
-def linked(skeleton: System, step: object, state: State) -> LinkedStage | None:
+def linked(skeleton: System, step: object, state: State) -> RattleOfLinks | None:
     """The stage of a step that loops over links can run: RATTLE on a chain on flat spaces that nothing else drives."""
-    if not isinstance(step, Rattle) or not isinstance(state.memory, Reactions):
+    group, memory = skeleton.group, state.memory
+    if not isinstance(step, Rattle) or not isinstance(memory, Reactions) or not isinstance(group, Power):
         return None
-    how, group = step.structure(skeleton), skeleton.group
-    driven = (skeleton.inputs, skeleton.internal, state.internal, state.inputs, state.ledger)
-    plain = all(part is None for part in driven) and state.memory.base is None and state.memory.independent is None
-    chain = isinstance(how, Coupled) and isinstance(group, Power) and group.coupling == "chain"
-    of_links = all(one.size % group.count == 0 for one in skeleton.constraints) if chain else False
-    holonomic = all(one.holonomic for one in skeleton.constraints)
-    if not (plain and of_links and holonomic and skeleton.additional.flat and skeleton.hamiltonian is None):
+    how = step.structure(skeleton)
+    if not isinstance(how, Coupled) or group.coupling != "chain":
         return None
-    return LinkedStage(skeleton, step, how)
+    driven = (skeleton.inputs, skeleton.internal, skeleton.hamiltonian, state.internal, state.inputs, state.ledger)
+    plain = all(part is None for part in (*driven, memory.base, memory.independent))
+    holonomic = all(one.holonomic and one.size % group.count == 0 for one in skeleton.constraints)
+    return RattleOfLinks(skeleton, step, how) if plain and holonomic and skeleton.additional.flat else None

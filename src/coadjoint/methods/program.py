@@ -22,7 +22,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import entered, with_jump
-from coadjoint.methods.linked_stage import LinkedStage, linked
+from coadjoint.methods.linked_stage import RattleOfLinks, linked
 from coadjoint.methods.method import Method
 from coadjoint.methods.rattle import around
 from coadjoint.methods.step import Step
@@ -127,12 +127,11 @@ class StepProgram:
     def substeps(self) -> tuple[float, ...]:
         return self.method.substeps
 
-    def linked(self, state: State) -> LinkedStage | None:
+    def linked(self, state: State) -> RattleOfLinks | None:
         """The only stage, where code that loops over links can run it (`linked_stage`)."""
-        pattern = around(self.skeleton, self.method.pattern)
-        if len(pattern) > 1 or len(self.substeps) > 1 or pattern[0][1] != 1.0 or self.events or self.stops:
-            return None
-        return linked(self.skeleton, pattern[0][0], state)
+        stages = self.stages
+        alone = len(stages) == len(self.substeps) == 1 and stages[0].fraction == 1.0
+        return linked(self.skeleton, stages[0].step, state) if alone and not (self.events or self.stops) else None
 
     @property
     def unknowns(self) -> int:

@@ -12,7 +12,7 @@ from llvmlite import ir
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
 from coadjoint.kernels.emit.lanes import LaneEmitter
 from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
-from coadjoint.kernels.emit.link_symbols import Places
+from coadjoint.kernels.emit.link_symbols import LinkPlaces
 from coadjoint.kernels.expressions.expression import Expr, reachable
 
 LINE = 8
@@ -80,13 +80,13 @@ class LinkArrays:
         places = [self.b.bitcast(self.at(array, 0, INT64(0)), kind) for array in (to, source)]
         self.b.call(copy, [*places, INT64(sizes(self.plan)[to] * self.stride * 8), ir.IntType(1)(0)])
 
-    def in_row(self, row: Any, places: Places, link: Any) -> list[Any]:
+    def in_row(self, row: Any, places: LinkPlaces, link: Any) -> list[Any]:
         """Pointers to the numbers of a link in a row, which are at a constant distance from link to link."""
         first, distance = places.links[0], places.links[1] - places.links[0]
         pairs = zip(first.tolist(), distance.tolist(), strict=True)
         return [self.b.gep(row, [self.b.add(INT64(a), self.b.mul(link, INT64(d)))]) for a, d in pairs]
 
-    def transposed(self, row: Any, places: Places, array: str, reading: bool) -> None:
+    def transposed(self, row: Any, places: LinkPlaces, array: str, reading: bool) -> None:
         """The numbers of all links from a row into an array, or back."""
         if not places.links.size:
             return
@@ -205,7 +205,7 @@ class LinkArrays:
         """Add values, which only shows whether they are finite."""
         total = self.b.load(places[emit])
         for value in values:
-            total = self.b.fadd(total, value, flags=("reassoc",))
+            total = self.b.fadd(total, value)
         self.b.store(total, places[emit])
 
     def widen(self, emit: Emitter, places: Lanes, values: Iterable[Any]) -> None:

@@ -28,7 +28,7 @@ NEAR = (-1, 0, 1)
 Collect = Callable[[list[Expr]], list[Expr]]
 
 
-class Sweep(NamedTuple):
+class BlockSweep(NamedTuple):
     """Block elimination: W = (D − L W₋)⁻¹U and y = (D − L W₋)⁻¹(r − L y₋) from the first link to the last, then
     x = y − W x₊ back.
 
@@ -44,7 +44,7 @@ class Sweep(NamedTuple):
     backward: list[Expr]
 
 
-def sweep(graph: Graph, m: int) -> Sweep:
+def sweep(graph: Graph, m: int) -> BlockSweep:
     """The sweeps over blocks of m unknowns."""
 
     def symbols(name: str, count: int) -> list[Expr]:
@@ -60,7 +60,7 @@ def sweep(graph: Graph, m: int) -> Sweep:
     here, ahead = symbols("here", m**2 + m), symbols("ahead", m)
     W = _square(here[: m**2], m)
     back = [graph.sub(here[m**2 + i], dot(graph, W[i], ahead)) for i in range(m)]
-    return Sweep(rows, before, forward, here, ahead, back)
+    return BlockSweep(rows, before, forward, here, ahead, back)
 
 
 def _square(values: list[Expr], m: int) -> Matrix:
@@ -139,7 +139,9 @@ class Schur:
             if 0 <= k + e < self.chain.count:
                 columns = np.array(x[base * (1 + n * m) : base * (1 + (n + 1) * m)], object).reshape(m, base).T
                 moved = list(chain.d[chain.d_places[k + e]])
-                total = [graph.sub(value, dot(graph, row, moved)) for value, row in zip(total, columns, strict=True)]
+                total = [
+                    graph.sub(value, dot(graph, list(row), moved)) for value, row in zip(total, columns, strict=True)
+                ]
         return [*total, *chain.d[chain.d_places[k]]]
 
     def _block(self, i: int, rows: range, j: int, columns: range) -> Matrix:

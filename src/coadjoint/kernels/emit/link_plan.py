@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.emit.link_elimination import Schur, Sweep, closing, sweep
-from coadjoint.kernels.emit.link_symbols import Address, Places, ShortChain
+from coadjoint.kernels.emit.link_elimination import BlockSweep, Schur, closing, sweep
+from coadjoint.kernels.emit.link_symbols import Address, LinkPlaces, ShortChain
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, reachable, substitute
 from coadjoint.kernels.program import LinkedStage
@@ -65,12 +65,12 @@ class LinkPlan:
     blocks: list[int]
     address: dict[Expr, Address]
     h: Expr
-    state: Places
-    parameters: Places
+    state: LinkPlaces
+    parameters: LinkPlaces
     codes: tuple[LinkCode, ...]
     after: list[Expr]
     record: list[Expr]
-    sweep: Sweep
+    sweep: BlockSweep
 
     @property
     def reach(self) -> int:

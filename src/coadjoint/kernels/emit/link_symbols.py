@@ -25,14 +25,14 @@ class Address(NamedTuple):
     link: int | None
 
 
-class Places(NamedTuple):
+class LinkPlaces(NamedTuple):
     """The places in a row of numbers: of each link (N, slots), and of those that belong to none."""
 
     links: np.ndarray
     shared: np.ndarray
 
 
-def places_of(stage: LinkedStage, state: PyTree) -> Places:
+def places_of(stage: LinkedStage, state: PyTree) -> LinkPlaces:
     """The places of the numbers of a state; raises NotLinked if some belong to no link or to several."""
     links, shared = evaluate(stage.rows, layout(state).places)
     parts = [np.asarray(part) for part in jax.tree_util.tree_leaves(links)]
@@ -40,7 +40,7 @@ def places_of(stage: LinkedStage, state: PyTree) -> Places:
         raise NotLinked("arrays of the state have other sizes than a number of each link")
     rows = np.concatenate([part.reshape(stage.count, -1) for part in parts], axis=1)
     others = np.array([x for part in jax.tree_util.tree_leaves(shared) for x in np.ravel(part)])
-    found = Places(rows.astype(int), others.astype(int))
+    found = LinkPlaces(rows.astype(int), others.astype(int))
     everything = np.sort(np.concatenate([found.links.ravel(), found.shared]))
     if not np.array_equal(everything, np.arange(layout(state).size)):
         raise NotLinked("numbers of the state belong to no link")
@@ -55,14 +55,14 @@ def unknowns_of(stage: LinkedStage) -> np.ndarray:
     return np.asarray(stage.structure.by_links(np.arange(sum(stage.blocks), dtype=float))).astype(int)
 
 
-def constants_of(flags: Iterable[bool], parameters: PyTree, count: int) -> Places:
+def constants_of(flags: Iterable[bool], parameters: PyTree, count: int) -> LinkPlaces:
     """The places of the constants of each link, those of leaves with a flag, and of the others."""
     flags, sizes = list(flags), [np.size(leaf) for leaf in jax.tree_util.tree_leaves(parameters)]
     parts = [np.arange(end - size, end) for size, end in zip(sizes, np.cumsum(sizes), strict=True)]
     rows = [part.reshape(count, -1) for part, own in zip(parts, flags, strict=True) if own]
     others = [part for part, own in zip(parts, flags, strict=True) if not own]
     nothing = np.zeros((count, 0), int)
-    return Places(np.concatenate([nothing, *rows], axis=1), np.concatenate([np.zeros(0, int), *others]))
+    return LinkPlaces(np.concatenate([nothing, *rows], axis=1), np.concatenate([np.zeros(0, int), *others]))
 
 
 class ShortChain:
@@ -128,7 +128,7 @@ class ShortChain:
         return found
 
     @staticmethod
-    def _filled(tree: PyTree, places: Places, link: np.ndarray, shared: list[Expr]) -> Any:
+    def _filled(tree: PyTree, places: LinkPlaces, link: np.ndarray, shared: list[Expr]) -> Any:
         """The state of one link with these expressions."""
         row = np.empty(layout(tree).size, object)
         row[places.links[0]], row[places.shared] = link, shared
@@ -141,10 +141,10 @@ class ShortChain:
 
     def _vector(self, name: str, places: np.ndarray) -> Any:
         found = self.tracer.symbols(name, np.zeros(places.size))
-        self._addressed(name, flat(found), Places(places, np.zeros(0, int)))
+        self._addressed(name, flat(found), LinkPlaces(places, np.zeros(0, int)))
         return found
 
-    def _addressed(self, name: str, symbols: list[Expr], places: Places) -> None:
+    def _addressed(self, name: str, symbols: list[Expr], places: LinkPlaces) -> None:
         for link, row in enumerate(places.links):
             for slot, place in enumerate(row):
                 self.address[symbols[place]] = Address(name, slot, link)
