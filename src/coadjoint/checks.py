@@ -222,6 +222,13 @@ def shape(value: Any, name: str, *expected: str | tuple[int, ...], error: Error 
     raise error(f"{subject(name)} must {what}, but has shape {found}.")
 
 
+def one_of_each(found: tuple[int, ...], expected: tuple[int, ...], name: str) -> str:
+    """The remedy for an array with a leading axis of members, where one member is expected; empty for other shapes."""
+    if found[1:] != expected or not found or found[0] < 1:
+        return ""
+    return f"; for an ensemble of {found[0]:,} members write {name}=co.each(values)"
+
+
 def _fits(found: tuple[int, ...], pattern: str) -> bool:
     axes = [one.strip() for one in pattern.strip("()").split(",") if one.strip()]
     if axes[:1] == ["…"]:

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import Array, Coordinates, PyTree, Scalar
-from coadjoint.checks import float64, numeric
+from coadjoint.checks import float64, numeric, one_of_each
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup, Power
 from coadjoint.groups.group import Element
@@ -77,7 +77,7 @@ def _of_links(group: LieGroup, xi: object, name: str) -> Array:
     if np.ndim(given) > 1:
         raise ArgumentError(
             f"Argument `{name}` of {rows[0]} links must have shape {rows}, a row a link, or ({group.dim},), but has "
-            f"shape {np.shape(given)}."
+            f"shape {np.shape(given)}{one_of_each(np.shape(given), rows, name)}."
         )
     return checked_vector(xi, group.dim, name)
 
@@ -150,10 +150,9 @@ def checked_element(group: LieGroup, g: Element) -> Element:
             raise ArgumentError(f"Argument `g` must hold the numbers of an element of {group!r}, but is {shown(g)}.")
         names = group.leaf_names if len(expected) > 1 else ("of shape",)
         arrays = ", ".join(f"{name} {shape}" for name, shape in zip(names, expected, strict=False))
-        raise ArgumentError(
-            f"Argument `g` must be an element of {group!r}, arrays {arrays}, "
-            f"but has {'another structure' if shapes is None else 'shape ' + ', '.join(map(str, shapes))}."
-        )
+        has = "another structure" if shapes is None else f"shape {', '.join(map(str, shapes))}"
+        remedy = one_of_each(shapes[0], expected[0], "g") if shapes and len(shapes) == len(expected) == 1 else ""
+        raise ArgumentError(f"Argument `g` must be an element of {group!r}, arrays {arrays}, but has {has}{remedy}.")
     element = jax.tree.unflatten(structure, [float64(leaf, "Argument `g`") for leaf in given])
     if not traced(element):
         _require_inside(group, element)

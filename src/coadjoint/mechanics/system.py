@@ -193,8 +193,8 @@ class System(ReducedFunctions, Portable, WithOverview):
     def replace(self, **values: object) -> System:
         """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`.
 
-        Raises ArgumentError for unknown parameters, and, of models and vehicles, for values that they reject when they
-        are made, such as a mass of −15 kg.
+        `with_forces`, `with_constraints` and `watching` add functions. Raises ArgumentError for unknown parameters,
+        and, of models and vehicles, for values that they reject when they are made, such as a mass of −15 kg.
         """
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
@@ -206,6 +206,29 @@ class System(ReducedFunctions, Portable, WithOverview):
     def driven(self, inputs: Given | Inputs | None) -> System:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
         return replaced(self, inputs=inputs_from(inputs))
+
+    def with_forces(self, forces: Callable[..., Force] | Mapping[str, Callable[..., Force]]) -> System:
+        """A copy with more forces: `body.with_forces({"drag": drag})`; those of a name that it has are replaced.
+
+        forces: as `co.System` takes them; `unforced` leaves out those that are there. Raises LagrangianError and
+        ArgumentError for others.
+        """
+        has = self.parameters is not None
+        more = forces_from(forces, has)
+        made = replaced(self, forces=None if more is None else forces_from(dict((*(self.forces or ()), *more)), has))
+        bound(made, tuple((one.name, one.constraint) for one in self.constraints))
+        return made
+
+    def with_constraints(self, constraints: Mapping[str, Constraint]) -> System:
+        """A copy with more constraints: `body.with_constraints({"pin": co.Holonomic(hold)})`; those of a name that it
+        has are replaced.
+
+        constraints: as `co.System` takes them. Raises LagrangianError and ArgumentError for others.
+        """
+        held = {one.name: one.constraint for one in self.constraints}
+        return replaced(
+            self, constraints=bound(self, constraints_from({**held, **dict(constraints_from(constraints))}))
+        )
 
     @property
     def unforced(self) -> System:

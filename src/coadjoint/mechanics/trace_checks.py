@@ -73,6 +73,8 @@ def _sentence(what: str, error: Exception, arguments: tuple[object, ...]) -> str
             f"{what} asks an array for `{name}`, which it does not have: what a dictionary of spaces has named is "
             f"read by `state.named`, as in state.named.a.{name}."
         )
+    if kind == "TypeError" and "shape" in said:
+        said += "; one value for each member of an ensemble is co.each(values)"
     return f"{what} raised {said}."
 
 

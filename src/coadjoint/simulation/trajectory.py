@@ -82,7 +82,8 @@ def trajectory(
     keep: Keep | None = None,
     accuracy: bool = True,
 ) -> Trajectory:
-    """`steps` steps of length dt from `start`, as a pure function of parameters, start and dt that JAX differentiates.
+    """`steps` steps from `start`, a pure function of parameters, start and dt: JAX maps and differentiates it inside
+    `with co.float64():`, for chains as for single bodies.
 
         def height(mass):  # inside `with co.float64():`
             return co.trajectory(body.replace(mass=mass), start, dt=0.01, steps=200).final.q[2]

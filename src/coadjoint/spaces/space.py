@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree
-from coadjoint.checks import float64, numeric
+from coadjoint.checks import float64, numeric, one_of_each
 from coadjoint.errors import ArgumentError, GroupError, must_give, shown
 from coadjoint.groups.group import Element, LieGroup, transpose
 from coadjoint.kernels.trace.evaluate import evaluate, traced
@@ -182,7 +182,8 @@ def checked_vector(value: Any, size: int, name: str) -> Array:
     if shape != (size,):
         if not numeric(value):
             raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
-        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
+        remedy = one_of_each(shape, (size,), name)
+        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}{remedy}.")
     return float64(value, f"Argument `{name}`")
 
 
