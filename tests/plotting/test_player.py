@@ -13,6 +13,7 @@ import pytest
 import xarray
 
 from coadjoint.errors import ArgumentError
+from coadjoint.models.multibody import Body, Joint, Mechanism
 from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
@@ -53,6 +54,41 @@ def test_a_page_holds_places_turns_and_readings_of_every_member():
     assert np.allclose(first["current"], [[0.0] * 100, [0.2] * 100, [0.0] * 100])
     assert second["label"] == HARMFUL
     assert second["time"][-1] == 10 and len(second["time"]) <= 4002
+
+
+def linked(count=2):
+    """Two links of a power that turn about their own axes, apart from each other."""
+    turns = np.stack([np.tile(np.eye(3), (4, 1, 1)), np.tile(np.diag([1.0, -1, -1]), (4, 1, 1))], axis=1)
+    q = np.arange(4.0)[:, None] * np.array([1.0, 0, 0, 0, 0, 2.0]) + np.array([0, 0, 1.0, 0, 0, 0])
+    found = {"R": (("time", "link", "row", "column"), turns), "q": (("time", "q_axis"), q)}
+    return xarray.Dataset(found, coords={"time": np.arange(4.0)})
+
+
+def test_links_of_a_power_are_bodies_at_their_own_places():
+    first, second = held(page(scene(entries([linked()], None))))["members"][0]["bodies"]
+    assert np.allclose(first["place"], [[t, 0, 1] for t in range(4)])
+    assert np.allclose(second["place"], [[0, 0, 2 * t] for t in range(4)])
+    assert np.allclose(np.abs(second["turn"]), np.tile([1, 0, 0, 0], (4, 1)))
+
+
+def test_bodies_of_a_mechanism_reach_their_joints_and_wheels_have_their_radius():
+    mechanism = Mechanism(
+        bodies={
+            "arm": Body(mass=1.0, inertia=(1.0, 1.0, 1.0), position=(0.5, 0, 0)),
+            "wheel": Body(mass=1.0, inertia=(1.0, 1.0, 1.0), position=(1, 0, 0)),
+        },
+        joints={
+            "hinge": Joint("revolute", "ground", "arm", at=(0, 0, 0), axis=(0, 0, 1)),
+            "axle": Joint("revolute", "arm", "wheel", at=(1, 0, 0), axis=(0, 1, 0)),
+            "road": Joint("rolling", "ground", "wheel", at=(1, 0, 0), radius=0.3, normal=(0, 0, 1), axis=(0, 1, 0)),
+        },
+    )
+    arm, wheel = bodies.linkage(mechanism)
+    rods = [shape for shape in arm.shapes if shape["kind"] == "rod"]
+    assert [shape["to"] for shape in rods] == [[-0.5, 0, 0], [0.5, 0, 0]]
+    assert wheel.shapes[-1]["axes"] == pytest.approx([0.3, 0.015, 0.3])
+    shown = scene(entries([linked()], None), [arm, wheel])
+    assert [len(one.shapes) for one in shown.members[0].bodies] == [4, 2]
 
 
 def test_a_page_opens_with_all_of_a_vehicles_track_and_a_compass_instead_of_axes():

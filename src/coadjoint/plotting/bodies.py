@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.scene import POINTS, DrawnBody, Member, Readout, Scene, Shape, quaternions
 from coadjoint.plotting.style import COLOURS
+
+if TYPE_CHECKING:
+    from coadjoint.models.multibody import Mechanism
 
 _BOX = (1.0, 0.6, 0.36)
 """The sides of a body without a description, in proportion."""
@@ -68,6 +71,35 @@ def mesh(path: str | os.PathLike[str], unit: str = "m", at: object = (0.0, 0.0, 
     from coadjoint.plotting.meshes import read_mesh
 
     return {**read_mesh(path, unit, axes), "at": _three(at, "at")}
+
+
+def linkage(mechanism: Mechanism) -> list[Solid]:
+    """The bodies of a mechanism: rods to its joints, which are balls, and wheels of the radius with which they roll.
+
+    run.plot.scene(path="linkage.html", bodies=bodies.linkage(linkage))
+    """
+    held: dict[str, list[list[float]]] = {name: [] for name in mechanism.bodies}
+    wheels: dict[str, Shape] = {}
+    for key, joint in mechanism.joints.items():
+        if joint.kind == "gear":
+            continue
+        numbers: Any = getattr(mechanism.system.parameters, key)
+        for name, end in ((joint.first, "first"), (joint.second, "second")):
+            if name in held and joint.kind != "rolling":
+                held[name].append(np.asarray(getattr(numbers, end), dtype=float).tolist())
+        if joint.kind == "rolling" and joint.second in held:
+            axis = 0.0 if joint.axis is None else mechanism.reference(joint.second)[0].T @ joint.axis
+            wheels[joint.second] = ellipsoid(float(joint.radius) * (1 - 0.95 * np.abs(np.broadcast_to(axis, 3))))
+    radius = 0.03 * max((float(np.linalg.norm(at)) for points in held.values() for at in points), default=1.0) or 0.03
+    return [Solid([*_bars(held[name], radius), *([wheels[name]] if name in wheels else [])]) for name in held]
+
+
+def _bars(points: list[list[float]], radius: float) -> list[Shape]:
+    """A ball at each joint, and rods between these and the mass centre; one joint holds a rod through the centre."""
+    far = [at for at in points if np.linalg.norm(at) > radius]
+    ends = [*far, *([[-x for x in far[0]]] if len(far) == 1 else [])]
+    rods = [rod((0.0, 0.0, 0.0), end, radius) for end in ends]
+    return [*rods, *(ellipsoid([1.6 * radius] * 3, at) for at in points)]
 
 
 def scene(runs: Sequence[Entry], solids: Sequence[Solid] | None = None, z_down: bool = False) -> Scene:
@@ -129,10 +161,12 @@ def reach(shape: Shape) -> float:
 def poses(run: Entry) -> list[tuple[np.ndarray, np.ndarray]]:
     """Places (nodes, 3) and rotations (nodes, 3, 3) of the bodies of a run, by its variables; raises ArgumentError.
 
-    A body for every rotation: R with x of SE(3) or q, R_1, R_2, … of products in a row; without rotations a point for
-    three columns of q.
+    A body for every rotation: R with x of SE(3) or q, also of the links of a power, R_1, R_2, … of products in a row;
+    without rotations a point for three columns of q.
     """
     nodes = len(run.time)
+    if "R" in run.dataset and run.values("R").ndim == 4:
+        return _links(run)
     still, level = np.zeros((nodes, 3)), np.tile(np.eye(3), (nodes, 1, 1))
     names = [str(name) for name in run.dataset.data_vars if str(name).split("_")[0] == "R"]
     turns = [(name, _rotation(run.values(name))) for name in names]
@@ -149,6 +183,18 @@ def poses(run: Entry) -> list[tuple[np.ndarray, np.ndarray]]:
         f"A scene shows rotations R or places q in space, but the run of {run.label or 'this system'} has {held}: give "
         "the places of its bodies by `bodies`."
     )
+
+
+def _links(run: Entry) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Those of the links of a power, at x or at q, or in a row."""
+    turns = [_rotation(turn) for turn in np.moveaxis(run.values("R"), 1, 0)]
+    nodes, count = len(run.time), len(turns)
+    for name in ("x", "q"):
+        if name in run.dataset and run.values(name).size in (2 * nodes * count, 3 * nodes * count):
+            places = run.values(name).reshape(nodes, count, -1)
+            places = np.pad(places, ((0, 0), (0, 0), (0, 3 - places.shape[2])))
+            return list(zip(np.moveaxis(places, 1, 0), turns, strict=True))
+    return [(np.tile([1.6 * k, 0.0, 0.0], (nodes, 1)), turn) for k, turn in enumerate(turns)]
 
 
 def _rotation(values: np.ndarray) -> np.ndarray:
