@@ -76,6 +76,11 @@ def at_rest(function, kind=co.Holonomic):
     return run(system, rest(system))
 
 
+def lifted():
+    """The body whose pin is moved by an input."""
+    return holonomic(lambda n, a, p, *, inputs: n + p.pin - inputs.lift * a, size=3)
+
+
 USES = {
     "a list": (lambda: body(constraints=[co.Holonomic(hold)]), r"`constraints` must be a dictionary of names"),
     "nothing in the dictionary": (lambda: body(constraints={}), r"`constraints` must be a dictionary of names"),
@@ -152,6 +157,15 @@ USES = {
     "a steady motion": (
         lambda: co.stability.steady_motion(pinned(), start(pinned())),
         r"Steady motions would leave out the reactions of the constraints .* minimal coordinates, such as the angles",
+    ),
+    "a projection of a state of another system": (
+        lambda: pinned().project(bare().state()),
+        r"`state` must be a state of `lagrangian`, but is",
+    ),
+    "a projection of a number": (lambda: pinned().project(3), r"`state` must be a state of `lagrangian`, but is 3"),
+    "an input that jumps": (
+        lambda: run(lifted(), inputs={"lift": lambda motion: 0.0 * motion.t}),
+        r"`pin` reads an input that is a function of the motion, .* such as co\.Linear",
     ),
     "a projection onto nothing": (lambda: body().project(start(body())), r"no constraints to project a state onto"),
     "a quantity with a reaction's name": (with_quantity, r"quantity `reaction_pin` must have a name of its own"),

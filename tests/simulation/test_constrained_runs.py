@@ -73,6 +73,13 @@ def test_a_driven_constraint_has_a_line_in_the_energy_budget_which_closes():
     assert "lift" in made.certificate.long()
 
 
+def test_a_constraint_that_reads_a_signal_moves_with_it():
+    by_input = co.Holonomic(lambda n, a, p, *, inputs: n + p.pin - inputs.lift * a, size=3)
+    system = body(constraints={"pin": by_input})
+    end = run(system, 0.02, 10, inputs={"lift": co.mechanics.Signal(lambda t: 0.5 * t**2)}, **QUIET).final
+    assert end.n + PIN == pytest.approx(0.5 * 0.2**2 * end.a, abs=1e-15)
+
+
 def test_redundant_rows_share_the_least_reactions_and_are_reported(plain):
     system = body(constraints={"pin": co.Holonomic(hold), "again": co.Holonomic(lambda n, a, p: (n + p.pin)[:2])})
     made = run(system)

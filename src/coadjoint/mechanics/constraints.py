@@ -112,6 +112,11 @@ class Bound(Portable):
             return [self.constraint.function]
         return [one for one in (self.constraint.rows, self.constraint.right) if one is not None]
 
+    @property
+    def takes_inputs(self) -> bool:
+        """Whether one of the functions takes the keyword `inputs`."""
+        return any(keyword_only(inspect.signature(f).parameters, INPUTS) for f in self.functions)
+
     def value(self, system: ReducedFunctions, at: Site) -> Array:
         """φ, (m,), of a holonomic constraint."""
         assert isinstance(self.constraint, Holonomic)
@@ -221,12 +226,12 @@ def bound(system: ReducedFunctions, given: tuple[tuple[str, Constraint], ...]) -
 
 def _bound(system: ReducedFunctions, name: str, constraint: Constraint) -> Bound:
     what, expected = f"The constraint `{name}`", _arguments(system)
-    functions = Bound(name, constraint, 0).functions
+    unsized = Bound(name, constraint, 0)
+    functions, takes_inputs = unsized.functions, unsized.takes_inputs
     for function in functions:
         require_signature(function, what, expected)
         if keyword_only(inspect.signature(function).parameters, INTERNAL):
             raise LagrangianError(f"{what} cannot take `internal`: the place that it demands would jump at nodes.")
-    takes_inputs = any(keyword_only(inspect.signature(f).parameters, INPUTS) for f in functions)
     in_time = takes_inputs or any(keyword_only(inspect.signature(f).parameters, "t") for f in functions)
     moving = in_time if isinstance(constraint, Holonomic) else constraint.right is not None
     size = constraint.size

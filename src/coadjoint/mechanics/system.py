@@ -300,6 +300,8 @@ class System(ReducedFunctions, Portable, WithOverview):
         """
         if not self.constraints:
             raise ArgumentError("This system has no constraints to project a state onto.")
+        if not isinstance(state, State) or state.places != self.places:
+            raise ArgumentError(f"Argument `state` must be a state of `{self.name}`, but is {shown(state)}.")
         return projected(self, state)
 
 

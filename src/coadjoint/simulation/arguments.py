@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -10,13 +11,16 @@ import numpy as np
 from jax import hessian, jacfwd
 from jax import numpy as jnp
 
-from coadjoint.arrays import PyTree, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import MOST, array, positive, uneven, whole
 from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
+from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics.constraints import Bound
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import Each, member_of
+from coadjoint.mechanics.reactions import site
 from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
@@ -99,7 +103,8 @@ def with_inputs(system: System, start: State, inputs: PyTree, by_velocities: boo
     own, system = system, system.driven(inputs)
     if system.inputs is None:
         return system, start
-    if not (system.forces or system.internal or system.quantities or system.takes("inputs")):
+    reading = [one for one in system.constraints if one.takes_inputs]
+    if not (system.forces or system.internal or system.quantities or reading or system.takes("inputs")):
         raise ArgumentError(
             "Nothing takes these inputs: this system has no forces and no rule, and its functions do not take `inputs`."
         )
@@ -111,9 +116,21 @@ def with_inputs(system: System, start: State, inputs: PyTree, by_velocities: boo
     many = np.ndim(start.t) > 0
     first = jax.tree.map(lambda leaf: leaf[0], start) if many else start
     held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
+    for one in reading if held is not None else ():
+        if one.holonomic and any(depends(partial(_place, system, one, first), held)):
+            raise ArgumentError(
+                f"The constraint `{one.name}` reads an input that is a function of the motion, held over steps, so "
+                "that its place would jump: give a signal, such as co.Linear(times, values)."
+            )
     if many:
         held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
     return system, start.replace(inputs=held)
+
+
+def _place(system: System, constraint: Bound, state: State, held: PyTree) -> Array:
+    """φ of a constraint at a state with these inputs held, (m,)."""
+    here = replace_parameters(system, member_of(system.parameters, 0))
+    return constraint.value(here, site(state.replace(inputs=held)))
 
 
 def held_at(system: System, state: State) -> PyTree:
