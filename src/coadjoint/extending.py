@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from coadjoint.kernels.trace.evaluate import evaluate as evaluate
     from coadjoint.kernels.trace.evaluate import tabulate as tabulate
     from coadjoint.kernels.trace.evaluate import traced as traced
+    from coadjoint.kernels.trace.while_loops import keep_loop as keep_loop
+    from coadjoint.kernels.trace.while_loops import with_slope as with_slope
     from coadjoint.kernels.untraceable import Untraceable as Untraceable
     from coadjoint.lazy import lazy as lazy
     from coadjoint.log import logger as logger

@@ -10,6 +10,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.while_loops import keep_loop
 
 POINTS = np.array([[0.3, 0.7], [-0.4, 0.2], [0.9, -0.6]])
 
@@ -33,6 +34,20 @@ FUNCTIONS = {
     "linear algebra": lambda x: jnp.linalg.solve(jnp.array([[2 + x[0], x[1]], [x[1], 3.0]]), x) @ x,
     "loops": lambda x: jax.lax.fori_loop(0, 4, lambda i, y: jnp.sin(y) + x * y[::-1], x)[0],
 }
+
+
+def test_a_loop_that_stays_one_in_machine_code_is_unrolled_as_far_as_its_count_goes():
+    def heron(x, trips):
+        y = 3.0 + x
+        moved = (lambda s: (s[1] < trips) & (s[0] ** 2 - y > 1e-12)), (lambda s: ((s[0] + y / s[0]) / 2, s[1] + 1))
+        return keep_loop(*moved, (y, 0))[0]
+
+    found = co.control.casadi_function(lambda x: heron(x, 12), {"x": 0.0})
+    assert float(found(0.7)) == pytest.approx(float(np.sqrt(3.7)), abs=1e-15)
+    slope = found.factory("slope", ["x"], ["grad:value:x"])
+    assert float(slope(0.7)) == pytest.approx(0.5 / np.sqrt(3.7), abs=1e-11)
+    with pytest.raises(co.errors.LagrangianError, match="no known end within 2,000 trips"):
+        co.control.casadi_function(lambda x: heron(x, jnp.inf * (2 + x)), {"x": 0.0})
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

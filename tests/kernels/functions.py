@@ -6,7 +6,32 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.kernels.trace.while_loops import keep_loop, with_slope
+
+
+def heron(x):
+    """√(3 + x) by Heron's iteration in a loop that stays one, with the derivative of the root."""
+    y = 3.0 + x
+    root, _ = keep_loop(
+        lambda s: (s[1] < 12) & (jnp.max(jnp.abs(s[0] ** 2 - y)) > 1e-12),
+        lambda s: ((s[0] + y / s[0]) / 2, s[1] + 1),
+        (y, 0),
+    )
+    return with_slope(root, jnp.sqrt(y))
+
+
+def doubled_within(a, b):
+    """A kept loop in a kept loop, and one without a trip."""
+
+    def doubled(x):
+        return keep_loop(lambda s: s[0] < 10, lambda s: (2 * s[0], s[1] + b), (jnp.abs(x) + 1, b))
+
+    found = keep_loop(lambda s: jnp.sum(s[0]) < 99, lambda s: (s[0] + doubled(s[0][0])[1], s[1] + 1), (jnp.abs(b), 0.0))
+    return *found, keep_loop(lambda x: x[0] > 1e9, lambda x: a @ x, b)
+
+
 LANGUAGE = {
+    "kept loops": doubled_within,
     "solve": lambda a, b: jnp.linalg.solve(a, b),
     "solve for a matrix": lambda a, b: jnp.linalg.solve(a, a @ a.T),
     "derivative of solve": lambda a, b: jax.jacfwd(lambda x: jnp.linalg.solve(a, x * x))(b),
@@ -57,6 +82,7 @@ LANGUAGE = {
 """Functions of a 3×3 matrix and three numbers."""
 
 SMOOTH = {
+    "kept loop": heron,
     "polynomial": lambda x: x[0] ** 3 * x[1] - x[2] / (1.0 + x[0] ** 2),
     "trigonometric": lambda x: jnp.sin(x) * jnp.cos(2 * x) + jnp.tan(x / 3) + jnp.arctan2(x[0], x[1]),
     "inverse": lambda x: jnp.arcsin(x / 4) + jnp.arccos(x / 5) + jnp.arctan(x) + jnp.arcsinh(x) + jnp.arctanh(x / 6),

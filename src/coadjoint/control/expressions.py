@@ -9,8 +9,9 @@ from typing import Any
 from coadjoint.arrays import PyTree
 from coadjoint.control.library import casadi
 from coadjoint.errors import LagrangianError
-from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.expression import Expr, Loop, reachable
 from coadjoint.kernels.expressions.operations import Table
+from coadjoint.kernels.trace.control import MAX_TRIPS
 
 SAME = ("sign", "floor", "ceil", "sqrt", "exp", "log", "log1p", "expm1", "sin", "cos", "tan", "sinh", "cosh", "tanh",
         "asin", "acos", "atan", "asinh", "acosh", "atanh", "atan2", "erf", "lt", "le", "eq", "ne")  # fmt: skip
@@ -37,6 +38,10 @@ def casadi_expressions(roots: Iterable[Expr], known: Mapping[Expr, Any]) -> list
             found[node] = _entry(ca, node.value, found[node.args[0]])
         elif node.op == "pivoted":
             found[node] = None
+        elif isinstance(node.value, Loop):
+            found[node] = _unrolled(ca, node.value, [found[a] for a in node.args])
+        elif node.op == "outcome":
+            found[node] = found[node.args[0]][node.value[0]]  # pyright: ignore[reportIndexIssue, reportOptionalSubscript]
         elif node.op in operations:
             found[node] = operations[node.op](*(found[a] for a in node.args))
         else:
@@ -64,7 +69,7 @@ def _operations(ca: Any) -> dict[str, Callable[..., PyTree]]:
         "max": ca.fmax,
         "gt": ca.gt,
         "ge": ca.ge,
-        "and": ca.logic_and,
+        "and": lambda a, b: ca.SX(0) if a.is_zero() or b.is_zero() else ca.logic_and(a, b),
         "or": ca.logic_or,
         "xor": ca.ne,
         "not": ca.logic_not,
@@ -72,7 +77,24 @@ def _operations(ca: Any) -> dict[str, Callable[..., PyTree]]:
         "truncate": lambda a: ca.sign(a) * ca.floor(ca.fabs(a)),
         "select": ca.if_else,
         "solution": lambda quick, safe, pivoted: quick,
+        "sloped": lambda value, slope: value,
     }
+
+
+def _unrolled(ca: Any, loop: Loop, start: list[Any]) -> list[Any]:
+    """The values at the end of a loop whose test fails after a number of trips that is known."""
+    values = end = start  # `values` go on after the end, so that a count stays a number
+    running = ca.SX(1)
+    for _ in range(MAX_TRIPS):
+        known = dict(zip(loop.carried, values, strict=True))
+        again, *values = casadi_expressions([loop.test, *loop.results], known)
+        if again.is_zero():
+            return end
+        running = ca.logic_and(running, again)
+        end = [ca.if_else(running, new, old) for new, old in zip(values, end, strict=True)]
+    raise LagrangianError(
+        f"CasADi unrolls loops, and one has no known end within {MAX_TRIPS:,} trips: count them, and test the count."
+    )
 
 
 def _entry(ca: Any, table: Table, place: PyTree) -> PyTree:

@@ -13,6 +13,7 @@ from coadjoint.kernels.expressions.expression import Graph, reachable
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.tracer import Tracer, flat
+from coadjoint.kernels.trace.while_loops import keep_loop
 from coadjoint.kernels.untraceable import Untraceable
 
 SEED = 5
@@ -43,9 +44,20 @@ def values(roots, given):
             known[node] = args[1] if args[0] else args[2]
         elif node.op == "entry":
             known[node] = node.value.numbers[int(args[0])]
+        elif node.op == "loop":
+            known[node] = ended(node.value, args)
+        elif node.op in ("outcome", "sloped"):
+            known[node] = args[0][node.value[0]] if node.op == "outcome" else args[0]
         else:
             known[node] = (UNARY if len(args) == 1 else BINARY)[node.op](*args)
     return np.array([known[root] for root in roots], dtype=float)
+
+
+def ended(loop, state):
+    """The numbers at the end of a loop."""
+    while values([loop.test], given := dict(zip(loop.carried, state, strict=True)))[0]:
+        state = values(loop.results, given)
+    return state
 
 
 def traced(function, *args):
@@ -113,6 +125,18 @@ def test_forward_and_backward_derivatives_agree_with_jax(name):
     for root, weight in zip(roots, weights, strict=True):
         bars[root] = graph.add(bars.get(root, graph.zero), graph.constant(weight))
     np.testing.assert_allclose(values(backward(graph, bars, symbols), given), weights @ theirs, rtol=1e-10, atol=1e-11)
+
+
+def test_a_kept_loop_has_no_derivative_of_its_own():
+    def loop(x):
+        return keep_loop(lambda y: jnp.max(y) < 10, lambda y: 2 * y + 1, jnp.abs(x))
+
+    graph, roots, symbols, _ = traced(lambda x: loop(x) + jnp.floor(x), B)
+    for derivative in (lambda: forward(graph, roots, symbols), lambda: backward(graph, {roots[0]: graph.one}, symbols)):
+        with pytest.raises(Untraceable, match="has no derivative"):
+            derivative()
+    graph, roots, symbols, _ = traced(lambda x: jnp.where(loop(x) > 12, x, jnp.floor(loop(x))), B)
+    assert all(set(row) <= {i} for i, row in enumerate(forward(graph, roots, symbols)))
 
 
 def test_equal_expressions_are_one_node():

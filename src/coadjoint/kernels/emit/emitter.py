@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import ir
 
 from coadjoint.kernels.emit.gauss import solution_where_unsafe
-from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.expression import Expr, Loop, reachable
 from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -120,7 +120,8 @@ class Emitter:
             node = stack.pop()
             if node.number not in found:
                 found[node.number] = node
-                stack.extend(a for a in node.args if self._known(a) is None)
+                used = node.args[:1] if node.op == "sloped" else node.args
+                stack.extend(a for a in used if self._known(a) is None)
         return [found[number] for number in sorted(found)]
 
     def _known(self, node: Expr) -> Any:
@@ -151,6 +152,12 @@ class Emitter:
             assert isinstance(node.value, tuple)
             end = 1 + len(node.value)
             return solution_where_unsafe(self, args[0], dict(zip(node.value, args[1:end], strict=True)), args[end:])
+        if isinstance(node.value, Loop):
+            return self._loop(node.value, args)
+        if op == "outcome":
+            return args[0][node.value[0]]  # pyright: ignore[reportIndexIssue, reportOptionalSubscript]
+        if op == "sloped":
+            return args[0]
         if op == "solution":
             quick, safe, pivoted = args
             return builder.select(safe, quick, builder.load(builder.gep(pivoted, [INT64(node.value)]), align=8))
@@ -170,6 +177,32 @@ class Emitter:
         if op in _LIBM:
             return self._libm(_LIBM[op], *args)
         raise Untraceable(op)
+
+    def _loop(self, loop: Loop, start: list[Any]) -> list[Any]:
+        """The values at the end of a loop; a lane that is done keeps its own until the last one is."""
+        b, exact = self.builder, self._exact
+        before, head, body, end = b.block, *(b.append_basic_block(name) for name in ("while", "trip", "done"))
+        b.branch(head)
+        b.position_at_end(head)
+        carried = [b.phi(self.number) for _ in start]
+        self._exact = None
+        with self.scope():
+            for symbol, value in zip(loop.carried, carried, strict=True):
+                self.bind(symbol, value)
+            (again,) = self.values([loop.test])
+            b.cbranch(self.any(again), body, end)
+            b.position_at_end(body)
+            found = self.values(loop.results)
+            if self.width > 1:
+                found = [b.select(again, new, old) for new, old in zip(found, carried, strict=True)]
+        self._exact = exact
+        back = b.block
+        b.branch(head)
+        for value, first, new in zip(carried, start, found, strict=True):
+            value.add_incoming(first, before)
+            value.add_incoming(new, back)
+        b.position_at_end(end)
+        return carried
 
     def _fused(self, node: Expr) -> Any:
         """A sum or difference, as one operation with the first of its arguments that is a product.

@@ -233,11 +233,12 @@ class StepFunction:
                 for i, value in enumerate(values):
                     self.store(value, out, b.add(start, INT64(i)))
         b.store(b.add(row, INT64(1)), self.row)
+        last = b.block  # values may hold loops, which end in blocks of their own
         b.branch(on)
         b.position_at_end(on)
         left = b.phi(INT64)
         left.add_incoming(due, before)
-        left.add_incoming(self.every, now)
+        left.add_incoming(self.every, last)
         b.store(b.sub(left, INT64(1)), self.due)
 
     def _extremum(self, value: Any, i: int, well: object) -> None:

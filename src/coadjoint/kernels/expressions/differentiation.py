@@ -113,8 +113,8 @@ PARTIALS: dict[str, Partial] = {
     "erfc": _gauss(-1.0),
     **{op: lambda g, n: (g.zero,) for op in _FLAT},
 }
-"""The partial derivatives of a node by its arguments; `select`, "solution" and truth values are treated where they
-occur."""
+"""The partial derivatives of a node by its arguments; `select`, "solution", "sloped", loops and truth values are
+treated where they occur."""
 
 
 class _System:
@@ -164,7 +164,13 @@ class _System:
 
 def _inputs(node: Expr) -> tuple[Expr, ...]:
     """The arguments of which the value of a node depends; of a solution the system alone, not how it is solved."""
-    return node.args[2:] if node.op == "solution" else node.args
+    return node.args[{"solution": 2, "sloped": 1}.get(node.op, 0) :]
+
+
+def _lacks(node: Expr, lacking: set[Expr]) -> bool:
+    """Whether a node has no derivative because one of its arguments has none."""
+    given = node.args[1:] if node.op == "select" else _inputs(node)
+    return node.op not in TRUTH and node.op not in _FLAT and any(a in lacking for a in given)
 
 
 def _reachable(roots: Iterable[Expr]) -> list[Expr]:
@@ -180,6 +186,8 @@ def _reachable(roots: Iterable[Expr]) -> list[Expr]:
 
 
 def _partials(graph: Graph, node: Expr) -> Sequence[Expr]:
+    if node.op == "sloped":
+        return graph.zero, graph.one
     rule = PARTIALS.get(node.op)
     if rule is None:
         raise Untraceable(node.op, "it has no derivative here")
@@ -200,11 +208,14 @@ def directional(graph: Graph, roots: Sequence[Expr], along: Mapping[Expr, Expr])
 def _pushed(graph: Graph, roots: Sequence[Expr], tangents: dict[Expr, dict[int, Expr]]) -> list[dict[int, Expr]]:
     """The sparse tangents of the roots from those of the symbols, to which all others on the way are added."""
     solved: dict[Expr, dict[int, list[Expr]]] = {}
+    lacking: set[Expr] = set()  # nodes that depend on the symbols through loops, which have no derivatives
     for node in _reachable(roots):
         if node in tangents:
             continue
         inner = [tangents.get(a) for a in node.args]
-        if node.op == "solution":
+        if _lacks(node, lacking) or (node.op == "loop" and any(inner)):
+            lacking.add(node)
+        elif node.op == "solution":
             columns = solved.get(node.args[2], {})
             tangents[node] = {i: column[node.value] for i, column in columns.items()}  # pyright: ignore
         elif not any(inner):
@@ -215,6 +226,8 @@ def _pushed(graph: Graph, roots: Sequence[Expr], tangents: dict[Expr, dict[int, 
             tangents[node] = _select_tangent(graph, node, inner[1] or {}, inner[2] or {})
         elif node.op not in TRUTH:
             tangents[node] = _tangent(graph, node, inner)
+    if any(root in lacking for root in roots):
+        raise Untraceable("while", "the number of its trips depends on values, so that it has no derivative")
     return [{i: d for i, d in tangents.get(root, {}).items() if d is not graph.zero} for root in roots]
 
 
@@ -267,6 +280,8 @@ def backward(graph: Graph, roots: Mapping[Expr, Expr], by: Sequence[Expr]) -> li
             send(node.args[1], graph.select(node.args[0], bar, graph.zero))
             send(node.args[2], graph.select(node.args[0], graph.zero, bar))
             continue
+        if node.op == "outcome":
+            raise Untraceable("while", "the number of its trips depends on values, so that it has no derivative")
         for argument, partial in zip(node.args, _partials(graph, node), strict=True):
             send(argument, graph.mul(bar, partial))
     return [bars.get(symbol, graph.zero) for symbol in by]

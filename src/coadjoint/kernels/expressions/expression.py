@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,14 +28,24 @@ TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite
 """Operations whose results are true or false."""
 
 
-Value = float | bool | str | Table | tuple[int, ...] | None
+class Loop(NamedTuple):
+    """carried ← results while `test` holds: expressions of the symbols `carried` and of nothing else."""
+
+    carried: tuple[Expr, ...]
+    test: Expr
+    results: tuple[Expr, ...]
+
+
+Value = float | bool | str | Table | tuple[int, ...] | Loop | None
 
 
 class Expr:
     """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth.
 
     "entry" is the number at an integer index, its argument, in the table that is its `value`. "pivoted" is the solution
-    of a linear system by elimination with pivots, and "solution" an unknown of such a system: `Graph.guarded`.
+    of a linear system by elimination with pivots, and "solution" an unknown of such a system: `Graph.guarded`. "loop"
+    runs the `Loop` that is its `value` from its arguments, and "outcome" is a value at its end: `Graph.loop`. "sloped"
+    has the value of its first argument and the derivatives of its second.
     """
 
     __slots__ = ("args", "number", "op", "value")
@@ -128,11 +139,22 @@ class Graph:
     def _solution(self, place: Value, quick: Expr, safe: Expr, pivoted: Expr) -> Expr:
         return quick if safe is self.true else self._node("solution", (quick, safe, pivoted), place)
 
+    def loop(self, loop: Loop, start: Iterable[Expr]) -> list[Expr]:
+        """The carried values where `test` first fails, beginning with `start`; they have no derivatives."""
+        run = self._node("loop", tuple(start), loop)
+        return [self._node("outcome", (run,), (i,)) for i in range(len(loop.carried))]
+
+    def sloped(self, value: Expr, slope: Expr) -> Expr:
+        """`value`, with the derivatives of `slope`."""
+        return value if value is slope or value.op == "const" == slope.op else self._node("sloped", (value, slope))
+
     def again(self, node: Expr, args: Iterable[Expr]) -> Expr:
         """The operation of a node on other arguments."""
         if node.op == "solution":
             return self._solution(node.value, *args)
-        if node.op == "pivoted":
+        if node.op == "sloped":
+            return self.sloped(*args)
+        if node.op in ("pivoted", "loop", "outcome"):
             return self._node(node.op, tuple(args), node.value)
         return self.entry(node.value, *args) if isinstance(node.value, Table) else self.apply(node.op, *args)
 

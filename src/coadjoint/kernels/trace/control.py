@@ -1,10 +1,10 @@
-"""Primitives that hold jaxprs: calls, branches, loops; loops are unrolled, their counters fold."""
+"""Primitives that hold jaxprs: calls, branches, loops; loops are unrolled, their counters fold, but for `keep_loop`."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.kernels.trace import jaxprs, structured
+from coadjoint.kernels.trace import jaxprs, structured, while_loops
 from coadjoint.kernels.trace.interpreter import Array, Interpreter, Rule, symbolic
 from coadjoint.kernels.trace.jaxprs import Atom, Equation
 from coadjoint.kernels.trace.parameters import CALLS
@@ -15,7 +15,14 @@ MAX_TRIPS = 2_000
 
 
 def _call(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
-    return interpreter.run(structured.body(equation), inputs)
+    if any(map(symbolic, inputs)) and while_loops.is_sloped(equation):
+        return [np.asarray(interpreter.expressions["sloped"]({}, *inputs))]
+    inside, before = structured.body(equation), interpreter.looping
+    interpreter.looping |= while_loops.is_kept(equation)
+    try:
+        return interpreter.run(inside, inputs)
+    finally:
+        interpreter.looping = before
 
 
 def _cond(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
@@ -57,6 +64,8 @@ def _while(interpreter: Interpreter, equation: Equation, inputs: list[Array]) ->
     trips = 0
     while True:
         (again,) = interpreter.run(loop.test, [*of_test, *carry])
+        if symbolic(again) and interpreter.looping and again.size == 1:
+            return while_loops.kept(interpreter, loop, of_test, of_body, carry)
         if symbolic(again):
             raise Untraceable("while", "the number of its trips depends on values")
         if not again.any():

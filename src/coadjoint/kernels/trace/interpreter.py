@@ -37,6 +37,8 @@ class Interpreter:
         self.numeric = numeric
         self.control = control
         self.expressions = expressions if expressions is not None else {}
+        self.looping, self.depth = False, 0
+        """Whether a loop stays one where the number of its trips depends on values (`while_loops`), and in how many."""
 
     def run(self, jaxpr: object, inputs: Sequence[Array]) -> list[Array]:
         """The outputs of a jaxpr."""

@@ -63,6 +63,9 @@ def expression_rules(graph: Graph) -> dict[str, Rule]:
         **_derived(graph, elementwise),
         **_reductions(graph),
         **_linear(graph),
+        "loop": lambda loop, start: graph.loop(loop, start),
+        "lift": lambda p, x: lift(graph, x),
+        "symbol": lambda p, name: graph.symbol(name),
     }
 
 
@@ -123,6 +126,7 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Expr], int], Rul
         "round": lambda p, x: each(lambda n: graph.apply(round_name(p), n), x),
         "rsqrt": elementwise(lambda x: graph.div(graph.one, graph.apply("sqrt", x)), 1),
         "select_n": select,
+        "sloped": elementwise(graph.sloped, 2),
         "square": elementwise(lambda x: graph.mul(x, x), 1),
     }
 

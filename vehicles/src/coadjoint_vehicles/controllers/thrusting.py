@@ -44,7 +44,7 @@ class Thrusting(Controller):
     W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
     turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
     parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate` along the axes that the thrusters
-    control, and where one of them is at its limit the force is scaled down before the torque.
+    control, and where one of them is at its limit force gives way before torque.
 
     thrusters: the name of the part. attitude_gains: k_R in 1/s², k_I in 1/s³, k_ω in 1/s. reach: a place further off is
     approached as if it were there, m. weigh: how much of net weight and righting torque is fed forward, 0 to 1. mass:

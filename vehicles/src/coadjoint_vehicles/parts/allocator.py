@@ -1,7 +1,8 @@
-"""The share of each thruster in a wrench: the axes that thrusters control, and the least thrusts along them."""
+"""The share of each thruster in a wrench: the axes that thrusters control, and the thrusts within their limits."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,13 +15,13 @@ from coadjoint_vehicles.parts.bounded_thrusts import bounded, independent
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LEAST_AUTHORITY = 5e-3
 """The part of the largest singular value below which a direction is uncontrollable: data have three digits."""
-SHARES = (1.0, 0.5, 0.0)
-"""The parts of the allowed force with which the torque is tried."""
+ATTITUDE_FIRST = (1.0, 1.0, 1.0, 100.0, 100.0, 100.0)
+"""The weights of the axes by default: at limits, force gives way before torque."""
 
 
 @dataclass(frozen=True, eq=False)
 class Allocator:
-    """Thrusts f with B f = W along the controllable axes, of those the least |f|, within l ≤ f ≤ u.
+    """Thrusts f with B f = W along the controllable axes, of those the least Σ_i (v_i f_i)², within l ≤ f ≤ u.
 
     matrix: B, (6, n). low, high: l ≤ 0 ≤ u, (n,) N, infinite without limits. With S = diag(1, 1, 1, 1/L, 1/L, 1/L), L
     the root mean square arm of the thrusters, and F = diag(max(−l, u)), a left singular vector of S B F whose singular
@@ -28,15 +29,16 @@ class Allocator:
     largest entry is left out. The others get what they ask for, and what comes with it along that axis, such as the
     pitch of thrusters below the centre of mass, is left to the vehicle.
 
-    weights: (6,) of the axes, torques divided by L: within the limits the thrusts have least Σ_j (w_j (B f − W)_j)²
-    over the controllable axes, of several the least |f|. None: force gives way before torque, each along its direction.
+    weights: w, (6,) of the axes, torques divided by L: where a limit is in the way, the thrusts within the limits have
+    least Σ_j (w_j (B f − W)_j)² over the controllable axes. thruster_weights: v, (n,), all alike by default.
     """
 
     matrix: np.ndarray
     low: np.ndarray
     high: np.ndarray
     least_authority: float = LEAST_AUTHORITY
-    weights: np.ndarray | None = None
+    weights: Sequence[float] | np.ndarray = ATTITUDE_FIRST
+    thruster_weights: np.ndarray | None = None
 
     @cached_property
     def units(self) -> np.ndarray:
@@ -75,46 +77,27 @@ class Allocator:
         """B⁺ of the controllable axes, (n, 6), with zeros for the others."""
         found = np.zeros(self.matrix.T.shape)
         working = np.any(self.matrix != 0, axis=0)
-        found[np.ix_(working, self.kept)] = np.linalg.pinv(self.matrix[np.ix_(self.kept, working)])
+        scaled = (self.matrix / self._weighed)[np.ix_(self.kept, working)]
+        found[np.ix_(working, self.kept)] = np.linalg.pinv(scaled) / self._weighed[working, None]
         return found
+
+    @property
+    def _weighed(self) -> np.ndarray:
+        return np.ones(len(self.low)) if self.thruster_weights is None else self.thruster_weights
 
     def thrusts(self, wrench: Array) -> Array:
-        """f, (n,) N, for a wrench (6,), N and N m; beyond the limits attitude comes before position.
-
-        f = s f_T + r f_F, with f_T the thrusts for the torque and f_F those for the force. From a common scale of both,
-        or from all, half or none of the force that the limits allow by itself, s grows as far as they allow, to 1; the
-        largest s counts, and then r grows, to 1. So torque and force keep their directions, and thrusters that push
-        one way turn by what they push together.
-        """
-        turn, push = (jnp.asarray(self.inverse[:, axes]) @ wrench[axes] for axes in (slice(3, 6), slice(3)))
-        if not np.all(np.isfinite(self.low) & np.isfinite(self.high)):
-            return turn + push
-        if self.weights is not None:
-            return self._least_squares(turn + push, self.weights)
-        none = jnp.zeros(len(self.low))
-        both, allowed = self._most(turn + push, none), self._most(push, none)
-        s = r = jnp.zeros(())
-        for begin, share in ((both, both), *((0.0, part * allowed) for part in SHARES)):
-            found = jnp.minimum(1.0, begin + self._most(turn, begin * turn + share * push))
-            s, r = jnp.where(found > s, found, s), jnp.where(found > s, share, r)
-        r = jnp.minimum(1.0, r + self._most(push, s * turn + r * push))
-        return s * turn + r * push
-
-    def _least_squares(self, free: Array, weights: np.ndarray) -> Array:
-        """The thrusts within the limits whose wrench is nearest to that of the free ones."""
-        scaled = self.matrix[self.kept] / self.units[self.kept, None]
-        A = weights[self.kept, None] * scaled / np.linalg.norm(scaled, 2)
+        """f, (n,) N, for a wrench (6,), N and N m; beyond the limits attitude comes before position."""
+        free = jnp.asarray(self.inverse) @ wrench
+        limited = np.isfinite(self.low) | np.isfinite(self.high)
+        scaled = self.matrix[self.kept] / self.units[self.kept, None] / self._weighed
+        A = np.asarray(self.weights)[self.kept, None] * scaled / max(np.linalg.norm(scaled, 2), 1e-300)
         found = jnp.zeros(len(self.low))
-        for axes, thrusters in independent(A):
-            f = bounded(A[np.ix_(axes, thrusters)], free[thrusters], self.low[thrusters], self.high[thrusters])
-            found = found.at[thrusters].set(f)
+        for axes, some in independent(A):
+            v, f = self._weighed[some], free[some]
+            if np.any(limited[some]):
+                f = bounded(A[np.ix_(axes, some)], v * f, v * self.low[some], v * self.high[some]) / v
+            found = found.at[some].set(f)
         return found
-
-    def _most(self, along: Array, base: Array) -> Array:
-        """The largest s ≤ 1 with base + s along within the limits, for a base that is within them."""
-        end = jnp.where(along > 0, self.high, self.low)
-        room = jnp.where(along == 0, 1.0, (end - base) / jnp.where(along == 0, 1.0, along))
-        return jnp.clip(jnp.min(room), 0.0, 1.0)
 
     def lost(self, wrench: Array, thrusts: Array) -> Array:
         """W − B f, (6,), along the controllable axes, and 0 along the others."""

@@ -19,7 +19,7 @@ from coadjoint.mechanics import Force
 from coadjoint.models.quantities import direction, positive, vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles import axes as border
-from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY, Allocator
+from coadjoint_vehicles.parts.allocator import ATTITUDE_FIRST, LEAST_AUTHORITY, Allocator
 from coadjoint_vehicles.parts.force_curves import Polynomial
 from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, numbers, share
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
@@ -27,6 +27,8 @@ from coadjoint_vehicles.parts.published_curves import force_curve
 
 COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
 """The dimension of values in the unit of the commands."""
+OF_ALLOCATION = ("least_authority", "axis_weights", "thruster_weights")
+"""Fields that count in `allocate` alone."""
 
 
 def _columns(value: Any, axes: PyTree) -> PyTree:
@@ -48,8 +50,9 @@ class Thrusters(Part):
     left out. effectiveness: e_i, the part of its force that a thruster has, from 0, dead, to 1, a number or (n,): B's
     columns are times e_i, also in the model of software on board, unless the parameter is replaced. least_authority:
     the part of the largest singular value of the scaled B below which `allocate` takes a direction as uncontrollable.
-    axis_weights: w of surge … yaw, with which `allocate` finds the least squares within the limits (`parts.allocator`);
-    by default force gives way before torque. Raises ArgumentError for impossible values.
+    axis_weights: w of surge … yaw, with which `allocate` finds the least squares within the limits (`parts.allocator`),
+    by default such that force gives way before torque; thruster_weights: v, (n,): of several the least Σ_i (v_i f_i)².
+    Raises ArgumentError for impossible values.
     """
 
     kind: ClassVar[str] = "thrusters"
@@ -65,7 +68,8 @@ class Thrusters(Part):
     density: Measured = measured(u.DENSITY, positive, default=None)
     effectiveness: Measured = measured(u.NUMBER, None, default=1.0)
     least_authority: Measured = measured(u.NUMBER, share, default=LEAST_AUTHORITY)
-    axis_weights: Measured = measured(u.NUMBER, numbers(6), default=None)
+    axis_weights: Measured = measured(u.NUMBER, numbers(6), default=ATTITUDE_FIRST)
+    thruster_weights: Measured = measured(u.NUMBER, None, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -76,10 +80,11 @@ class Thrusters(Part):
                 f"Argument `curve{of}` must have one number for all thrusters or one for each of the {self.count}, but "
                 f"has {', '.join(map(str, sorted(self.curve.counts)))}."
             )
-        if self.axis_weights is not None and not np.all(self.axis_weights > 0):
-            raise ArgumentError(
-                f"Argument `axis_weights{of}` must be positive, but is {np.asarray(self.axis_weights).tolist()}."
-            )
+        if self.thruster_weights is not None:
+            self.set(thruster_weights=checks.array(self.thruster_weights, f"thruster_weights{of}", (self.count,)))
+        for name in ("axis_weights", "thruster_weights"):
+            if (value := getattr(self, name)) is not None and not np.all(np.asarray(value) > 0):
+                raise ArgumentError(f"Argument `{name}{of}` must be positive, but is {np.asarray(value).tolist()}.")
         self.set(limit=self._limits(of), effectiveness=self._effectiveness(of))
         if self.limit is not None:
             low, high = np.min(self.limit[0]), np.max(self.limit[1])
@@ -149,7 +154,7 @@ class Thrusters(Part):
 
     def parameters(self) -> dict[str, PyTree]:
         found = {**super().parameters(), "curve": self.curve.parameters()}
-        return {name: value for name, value in found.items() if name not in ("least_authority", "axis_weights")}
+        return {name: value for name, value in found.items() if name not in OF_ALLOCATION}
 
     def matrix(self, own: Named) -> Array:
         """B, (6, n), from the geometry or as given, of thrusters that have all or a part of their force."""
@@ -199,10 +204,10 @@ class Thrusters(Part):
     def allocate(self, wrench: object) -> Array:
         """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m, along the axes that the thrusters control.
 
-        Thrusts of least |f| with B f = w along these axes (`parts.allocator`). If one of them exceeds the limit of its
-        thruster attitude comes before position: first the force is scaled down, then the torque, each without change of
-        its direction; with `axis_weights` the weighted least squares count. Computed with the numbers of the part as it
-        was made, as software on board is. Raises ArgumentError for another shape.
+        Thrusts of least |f| with B f = w along these axes. If one of them would exceed the limit of its thruster, those
+        within the limits of least squares by `axis_weights` (`parts.allocator`), by which attitude comes before
+        position. Computed with the numbers of the part as it was made, as software on board is. Raises ArgumentError
+        for another shape.
         """
         return evaluate(self._allocated, vector(wrench, "wrench", 6))
 
@@ -212,7 +217,8 @@ class Thrusters(Part):
     @cached_property
     def allocator(self) -> Allocator:
         """The allocation of wrenches to its thrusters, with the numbers of the part as it was made."""
-        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority, self.axis_weights)
+        weights = self.axis_weights, self.thruster_weights
+        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority, *weights)
 
     @property
     def nominal(self) -> Named:
