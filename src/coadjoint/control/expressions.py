@@ -87,7 +87,8 @@ def _unrolled(ca: Any, loop: Loop, start: list[Any]) -> list[Any]:
     running = ca.SX(1)
     for _ in range(MAX_TRIPS):
         known = dict(zip(loop.carried, values, strict=True))
-        again, *values = casadi_expressions([loop.test, *loop.results], known)
+        found: list[Any] = casadi_expressions([loop.test, *loop.results], known)
+        again, values = found[0], found[1:]
         if again.is_zero():
             return end
         running = ca.logic_and(running, again)

@@ -17,13 +17,37 @@ def test_a_thruster_that_pushes_one_way_is_not_at_a_limit_at_rest():
     np.testing.assert_array_equal(at_limits(values, PAIR.limit, True), [False, True, True, True, False])
 
 
+def test_a_command_at_a_limit_or_beyond_counts_though_the_actuator_lags_behind():
+    pushed = np.where(np.arange(10)[:, None] % 4 < 2, [5.0, 0.0], [-5.0, 0.0])
+    value = {"pair": pushed, "memory": {"lost": np.zeros((10, 6))}}
+    one = named({"pair": np.zeros((10, 2)), "controller": {"value": value}})
+    assert "for 100% of the time" in next(saturated((PAIR,), {"pair": PAIR.limit}, [one]))
+
+
+def test_the_absence_of_pulses_is_no_limit():
+    part = Thrusters("jets", "T200", positions=np.eye(3), directions=np.eye(3), unit="µs")
+    value = {"jets": np.zeros((10, 3)), "memory": {}}
+    one = named({"jets": np.full((10, 3), 1500.0), "controller": {"value": value}})
+    assert not list(saturated((part,), {"jets": part.limit}, [one]))
+
+
+@pytest.mark.parametrize("at_the_helm", [False, True])
+def test_what_thrusters_lack_counts_though_none_is_at_a_limit_but_0(at_the_helm):
+    """A pair that pushes ahead only brakes by nothing; guidance keeps the memory of its helm within its own."""
+    lost = {"lost": np.where(np.arange(10)[:, None] < 3, [-4.0, 0, 0, 0, 0, 0], 1e-12)}
+    value = {"pair": np.zeros((10, 2)), "memory": {"helm": lost} if at_the_helm else lost}
+    one = named({"pair": np.zeros((10, 2)), "controller": {"value": value}})
+    (said,) = saturated((PAIR,), {"pair": PAIR.limit}, [one])
+    assert "for 30% of the time; it lacks 1.2 N of surge" in said
+
+
 def test_of_each_axis_the_mean_and_the_largest_loss_is_told():
     found = lost(np.array([[1.0, 0, 0, 0, 0, -4], [-3.0, 0, 0, 0, 0, 0]]))
     assert found["surge"] == {"mean": 2.0, "max": 3.0} and found["yaw"] == {"mean": 2.0, "max": 4.0}
 
 
 def internal(values: np.ndarray, steered: bool = True) -> Named:
-    memory = {"lost": np.full((len(values), 6), [1.5, 0, 0, 0, 0, 0])}
+    memory = {"lost": np.where(np.any(values >= 2, axis=1)[:, None], [1.5, 0, 0, 0, 0, 0], 0.0)}
     value = {"pair": values, "memory": memory} if steered else {"memory": memory}
     return named({"pair": values, "controller": {"value": value}})
 
@@ -34,7 +58,9 @@ def test_more_than_a_tenth_of_the_time_at_a_limit_is_a_warning_with_the_loss(oft
     said = list(saturated((PAIR,), {"pair": PAIR.limit}, [internal(values[:4]), internal(values[4:])]))
     assert bool(said) == warns
     if warns:
-        assert f"`pair` is at its limits for {10 * often}% of the time; it lacks 1.5 N of surge" in said[0]
+        assert (
+            f"`pair` is at its limits for {10 * often}% of the time; it lacks {0.15 * often:.3g} N of surge" in said[0]
+        )
 
 
 def test_a_part_that_no_controller_steers_is_not_judged():

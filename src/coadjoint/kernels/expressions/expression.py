@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,7 +28,8 @@ TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite
 """Operations whose results are true or false."""
 
 
-class Loop(NamedTuple):
+@dataclass(frozen=True)
+class Loop:
     """carried ← results while `test` holds: expressions of the symbols `carried` and of nothing else."""
 
     carried: tuple[Expr, ...]

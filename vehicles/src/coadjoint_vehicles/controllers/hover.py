@@ -12,7 +12,7 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import vector
 from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.attitude import attitude_of, level
-from coadjoint_vehicles.controllers.pid import nearest_turn, pid
+from coadjoint_vehicles.controllers.pid import asked, nearest_turn
 from coadjoint_vehicles.controllers.thrusting import LARGEST_TURN, SHARE, Thrusting, poles
 from coadjoint_vehicles.model.controller import Feedback
 from coadjoint_vehicles.model.vehicle import Vehicle
@@ -141,14 +141,18 @@ class Manoeuvre(Thrusting):
     ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         T, v, zero, U = own.period, feedback.velocity, jnp.zeros(()), feedback.inputs.speed
         drag = (own.drag[0] + own.drag[1] * jnp.abs(U)) * U / own.mass[0, 0]
-        ahead, of_speed = pid(own.speed_gains, U - v[0], zero, memory.speed, T, own.surge_limit, base=drag)
+        ahead, of_speed = asked(own.speed_gains, U - v[0], zero, memory.speed, T, own.surge_limit, base=drag)
         off = feedback.inputs.depth - feedback.depth
         near = jnp.clip(off, -own.reach, own.reach)
-        down, of_depth = pid(own.depth_gains, near, feedback.sink, memory.depth, T, own.heave_limit)
+        down, of_depth = asked(own.depth_gains, near, feedback.sink, memory.depth, T, own.heave_limit)
         of_depth = jnp.where(near == off, of_depth, memory.depth)
         turn, of_attitude = self.turn_to(heading_near(feedback), feedback, memory.attitude, own)
-        acceleration = jnp.stack([ahead, -own.depth_gains[2] * v[1], zero]) + down * feedback.down
+        aside = -own.depth_gains[2] * v[1]
+        wanted = jnp.stack([ahead, aside, zero]) + down * feedback.down
+        ahead, down = (jnp.clip(a, -b, b) for a, b in ((ahead, own.surge_limit), (down, own.heave_limit)))
+        acceleration = jnp.stack([ahead, aside, zero]) + down * feedback.down
         commands, lost = self.commands(acceleration, turn, feedback, own, vehicle)
+        lost = jnp.concatenate([lost[:3] + own.mass[:3, :3] @ (wanted - acceleration), lost[3:]])
         return commands, {"lost": lost, "depth": of_depth, "speed": of_speed, "attitude": of_attitude}
 
 

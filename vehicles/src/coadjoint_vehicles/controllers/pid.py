@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from coadjoint.arrays import Array, PyTree
 
 
-def pid(
+def asked(
     gains: PyTree,
     error: Array,
     rate: Array,
@@ -20,7 +20,7 @@ def pid(
     base: Any = 0.0,
     low: Any = None,
 ) -> tuple[Array, Array]:
-    """(u, I) with u = clip(u₀ + k_p e + k_i I − k_d ė_m, low, limit) and I ← I + T e unless that winds up.
+    """(u, I) with u = u₀ + k_p e + k_i I − k_d ė_m, not clipped to [low, limit], and I ← I + T e unless that winds up.
 
     gains: (k_p, k_i, k_d). rate: of the measured value, so that a step of the set point does not kick. period: T, s.
     base: u₀, the feed-forward part. low: −limit by default.
@@ -31,7 +31,13 @@ def pid(
     free = base + gains[0] * error + gains[1] * integral - gains[2] * rate
     outwards = jnp.where(free > limit, 1.0, jnp.where(free < low, -1.0, 0.0))
     following = jnp.where(outwards * error * gains[1] > 0, integral, integral + period * error)
-    return jnp.clip(base + gains[0] * error + gains[1] * following - gains[2] * rate, low, limit), following
+    return base + gains[0] * error + gains[1] * following - gains[2] * rate, following
+
+
+def pid(*given: Any, base: Any = 0.0, low: Any = None) -> tuple[Array, Array]:
+    """(clip(u, low, limit), I) with (u, I) of `asked` for the same arguments."""
+    found, following = asked(*given, base=base, low=low)
+    return jnp.clip(found, -given[5] if low is None else low, given[5]), following
 
 
 def nearest_turn(angle: Array) -> Array:

@@ -89,12 +89,18 @@ def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndar
 
 
 def saturation(log: VehicleRecords) -> dict[str, float]:
-    """The fraction of the saved nodes at which each actuator, or one of its thrusters, is at a limit other than 0."""
-    return {
-        name: float(np.mean(at_limits(actuator.actual, actuator.ends, actuator.actual.ndim > 1)))
-        for name, actuator in log.actuators.items()
-        if actuator.ends
-    }
+    """The fraction of the saved nodes at which each actuator, its command or one of its thrusters is at a limit.
+
+    A limit of 0 is none.
+    """
+    found = {}
+    for name, actuator in log.actuators.items():
+        if not actuator.ends:
+            continue
+        values = [actuator.actual] if actuator.command is None else [actuator.actual, actuator.command]
+        at = [at_limits(value, actuator.ends, value.ndim > 1) for value in values]
+        found[name] = float(np.mean(np.logical_or.reduce(at)))
+    return found
 
 
 def spread(values: np.ndarray) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Actuators at their limits: for what part of a run, and what of the wanted wrench is lost."""
+"""Actuators at their limits, or commanded to be: for what part of a run, and what of the wanted wrench is lost."""
 
 from __future__ import annotations
 
@@ -10,21 +10,32 @@ from coadjoint.arrays import PyTree
 from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.allocator import AXES
 from coadjoint_vehicles.parts.part import Part
+from coadjoint_vehicles.parts.thrusters import Thrusters
 
 NEAR = 1e-3
 """The part of a limit by which an actuator at it may be short of it."""
 OFTEN = 0.1
 """The part of a run at limits above which the run warns."""
+NOTICED = 1e-6
+"""N, N m: a missing force or torque that is more than round-off."""
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 
 def at_limits(values: np.ndarray, ends: Sequence[PyTree], each: bool) -> np.ndarray:
-    """Where an actuator is at a limit, that is not 0, of values (…) or, of several thrusters, (…, n): any of them."""
-    found = np.zeros(np.shape(values), dtype=bool)
-    for end in ends:
-        end = np.asarray(end, dtype=float)
-        found |= (end != 0) & (np.abs(values - end) <= NEAR * np.abs(end))
+    """Where an actuator is at a limit, that is not 0, of values (…) or, of several thrusters, (…, n): any of them.
+
+    A command beyond a limit is at it.
+    """
+    low, high = (np.asarray(end, dtype=float) for end in ends)
+    found = (low != 0) & (values <= low + NEAR * np.abs(low))
+    found |= (high != 0) & (values >= high - NEAR * np.abs(high))
     return np.any(found, axis=-1) if each else found
+
+
+def short(missing: np.ndarray) -> np.ndarray:
+    """Where a part of the wanted wrench is missing, of W − B f at nodes, (…, 6)."""
+    sizes = np.abs(missing)
+    return np.any(sizes > max(NOTICED, NEAR * float(np.max(sizes, initial=0.0))), axis=-1)
 
 
 def lost(missing: np.ndarray) -> dict[str, dict[str, float]]:
@@ -43,15 +54,14 @@ def saturated(
     """
     steered = getattr(stretches[0], "controller", None)
     for part in commanded:
-        if steered is None or part.name not in steered.value or part.name not in ranges or part.units is not None:
+        if steered is None or part.name not in steered.value or part.name not in ranges:
             continue
-        each = part.command is not None and part.command.shape != ()
-        at = [at_limits(np.asarray(getattr(one, part.name)), ranges[part.name], each) for one in stretches]
+        at = [_held(part, one, ranges[part.name]) for one in stretches]
         shares = np.atleast_1d(np.mean(np.concatenate(at), axis=0))
         worst = int(np.argmax(shares))
         if shares[worst] <= OFTEN:
             continue
-        said = _short([one.controller.value for one in stretches], worst)
+        said = _lacks([one.controller.value for one in stretches], worst)
         whose = "" if np.ndim(at[0]) == 1 else f"Of member {worst}, and of {np.sum(shares > OFTEN) - 1} others, "
         yield (
             f"{whose}`{part.name}` is at its limits for {shares[worst]:.0%} of the time"
@@ -60,11 +70,32 @@ def saturated(
         )
 
 
-def _short(samples: Sequence[Named], member: int) -> str:
+def _held(part: Part, one: Named, ends: tuple[PyTree, PyTree]) -> np.ndarray:
+    """Where a part, its command or one of its thrusters is at a limit, or thrusters lack a part of their wrench."""
+    each = part.command is not None and part.command.shape != ()
+    wanted = np.asarray(getattr(one.controller.value, part.name), dtype=float)
+    if part.no_signal is not None:
+        wanted = np.where(wanted == part.no_signal, np.nan, wanted)
+    found = at_limits(wanted, ends, each)
+    if part.units is None:
+        found |= at_limits(np.asarray(getattr(one, part.name)), ends, each)
+    missing = _missing(one.controller.value)
+    return found | short(missing) if isinstance(part, Thrusters) and missing is not None else found
+
+
+def _missing(value: Named) -> np.ndarray | None:
+    """What thrusters fall short by at nodes, (…, 6), if their controller, or the one at its helm, remembers."""
+    memory = value.memory if "memory" in value else None
+    while memory is not None and "lost" not in memory:
+        memory = memory.helm if "helm" in memory else None
+    return None if memory is None else np.asarray(memory.lost)
+
+
+def _lacks(samples: Sequence[Named], member: int) -> str:
     """What thrusters fall short by, in the mean over a run: "12 N of surge"; empty if their controller does not say."""
-    if "memory" not in samples[0] or "lost" not in samples[0].memory:
+    found = [rows for one in samples if (rows := _missing(one)) is not None]
+    if not found:
         return ""
-    found = [np.asarray(one.memory.lost) for one in samples]
     sizes = lost(np.concatenate([rows[:, member] if rows.ndim > 2 else rows for rows in found]))
     least = 1e-9 * max(size["max"] for size in sizes.values())
     units: dict[str, str] = dict(zip(AXES, UNITS, strict=True))
