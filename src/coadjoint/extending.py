@@ -50,11 +50,10 @@ if TYPE_CHECKING:
     from coadjoint.extensions import import_string as import_string
     from coadjoint.kernels.run import backend as kernel_backend
     from coadjoint.kernels.run import disk_cache as disk_cache
+    from coadjoint.kernels.trace import while_loops as while_loops
     from coadjoint.kernels.trace.evaluate import evaluate as evaluate
     from coadjoint.kernels.trace.evaluate import tabulate as tabulate
     from coadjoint.kernels.trace.evaluate import traced as traced
-    from coadjoint.kernels.trace.while_loops import keep_loop as keep_loop
-    from coadjoint.kernels.trace.while_loops import with_slope as with_slope
     from coadjoint.kernels.untraceable import Untraceable as Untraceable
     from coadjoint.lazy import lazy as lazy
     from coadjoint.log import logger as logger

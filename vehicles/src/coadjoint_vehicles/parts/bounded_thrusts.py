@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, Scalar
-from coadjoint.extending import keep_loop, with_slope
+from coadjoint.extending import while_loops
 
 EPSILON = 1e-6
 """ε of the path, where the largest singular value of A is that of its rows of weight 1."""
@@ -54,7 +54,7 @@ def bounded(A: np.ndarray, f0: Array, low: np.ndarray, high: np.ndarray) -> Arra
     room = jnp.where(aim == 0, 1.0, jnp.where(aim > 0, top, bottom) / jnp.where(aim == 0, 1.0, aim))
     first, none = jnp.minimum(jnp.min(room), 1.0), jnp.zeros(())
     start = (first * aim, jnp.zeros_like(aim), first, none)
-    t, at, s, _ = keep_loop(lambda path: (path[2] < 1) & (path[3] < PIECES * A.shape[1]), piece, start)
+    t, at, s, _ = while_loops.keep_loop(lambda path: (path[2] < 1) & (path[3] < PIECES * A.shape[1]), piece, start)
 
     def refined(end: tuple[Array, Scalar]) -> tuple[Array, Scalar]:
         (f, count), free = end, at == 0
@@ -64,9 +64,9 @@ def bounded(A: np.ndarray, f0: Array, low: np.ndarray, high: np.ndarray) -> Arra
 
     free = at == 0
     f = jnp.where(free, jnp.clip(t, bottom, top), jnp.where(at > 0, top, bottom))
-    f, _ = keep_loop(lambda end: (first < 1) & (end[1] < REFINEMENTS), refined, (f, none))
+    f, _ = while_loops.keep_loop(lambda end: (first < 1) & (end[1] < REFINEMENTS), refined, (f, none))
     slope = f0 + A.T @ _solved(A, free, FINE, A @ jnp.where(free, 0.0, f0))
-    return with_slope(f, jnp.where(free, slope, 0.0))
+    return while_loops.with_slope(f, jnp.where(free, slope, 0.0))
 
 
 def _solved(A: np.ndarray, free: Array, epsilon: float, right: Array) -> Array:
