@@ -44,7 +44,7 @@ def assert_same(run, whole):
         assert found.dims == values.dims and found.attrs == values.attrs
         assert found.values.dtype == values.dtype
         np.testing.assert_array_equal(found.values, values.values, err_msg=str(name))
-    times = {"card", "seconds", "set_up_seconds"}
+    times = {"certificate", "card", "seconds", "set_up_seconds"}
     for name in set(expected.attrs) - times:
         np.testing.assert_array_equal(run.dataset.attrs[name], expected.attrs[name], err_msg=name)
     assert set(run.dataset.attrs) == set(expected.attrs)
