@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -128,6 +130,7 @@ def test_loops_move_as_written_code(monkeypatch):
     start = leaning(system)
     written = co.simulate(system, start, dt=H, steps=40, **QUIET)
     monkeypatch.setattr(rattle, "WRITTEN", 0)
+    monkeypatch.setattr(native, "_kernels", OrderedDict())
     looped = co.simulate(bobs(13), start, dt=H, steps=40, **QUIET)
     assert written.plan.backend == looped.plan.backend == "native"
     assert max(differences(looped.records, written.records)) < 1e-8

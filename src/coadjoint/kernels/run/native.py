@@ -115,7 +115,8 @@ def kernel_for(program: Program, parameters: PyTree, state: PyTree, variant: Var
 def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
     """The kernel from the disk cache, or planned and stored there."""
     _, shape, *given = variant
-    name = plans.name(program, parameters, state, "kernel", *given)
+    stage = _looped(program, state, variant)
+    name = plans.name(program, parameters, state, "kernel", *given, *(() if stage is None else ("links",)))
     found = disk_cache.find(name)
     code = None if found is None else kept_machine(found["code"])
     if found is not None and code is not None:
@@ -123,7 +124,6 @@ def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant)
         more = found["course"], found.get("workspace", 0)
         return _kernel(code, shape, monitored, tuple(found["certificates"]), *more)
     phase("Compiling a step.")
-    stage = _looped(program, state, variant)
     if stage is None:
         planned = plan(program, parameters, state, variant.pattern, variant.monitors)
         made = load(planned.with_course() if variant.course else planned, variant.width)
