@@ -64,6 +64,33 @@ def four_bar(**options) -> Mechanism:
     )
 
 
+FLAT = {5e-4: (0.3284465114, 0.9445225721), 2.5e-4: (0.3284552113, 0.9445195467), 1.25e-4: (0.3284573768, 0.9445187937)}
+"""B0 of the double four-bar linkage after 10 s by steps of a generalised-alpha method: numbers that the model
+`fourBarMechanismIftomm` of Exudyn states, x and y in m."""
+
+
+def double_four_bar() -> Mechanism:
+    """Two four-bar windows of five bars of 1 m and 1 kg, upright at first: A02 of IFToMM's library with N = 2.
+
+    Where all bars lie flat, the rows lose rank: González, Dopico, Lugrís and Cuadrado, Multibody System Dynamics 16
+    (2006) 179.
+    """
+
+    def link(start, end):
+        return Body(**{**bar(start, end), "inertia": (1e-3, 1 / 12, 1 / 12)})
+
+    hinge = {"axis": (0, 0, 1)}
+    bodies, joints = {}, {}
+    for i in range(3):
+        bodies[f"rocker_{i}"] = link((i, 0, 0), (i, 1, 0))
+        joints[f"A{i}"] = Joint("revolute", "ground", f"rocker_{i}", at=(i, 0, 0), **hinge)
+    for i in range(2):
+        bodies[f"coupler_{i}"] = link((i, 1, 0), (i + 1, 1, 0))
+        joints[f"B{i}"] = Joint("revolute", f"rocker_{i}", f"coupler_{i}", at=(i, 1, 0), **hinge)
+        joints[f"C{i}"] = Joint("revolute", f"coupler_{i}", f"rocker_{i + 1}", at=(i + 1, 1, 0), **hinge)
+    return Mechanism(bodies=bodies, joints=joints, gravity=(0, -9.81, 0))
+
+
 HEXAGON = np.array([(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)], float)
 """The corners of a closed path along the edges of a cube."""
 

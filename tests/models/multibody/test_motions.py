@@ -13,6 +13,7 @@ from coadjoint.models.multibody import Joint, Mechanism
 from mechanisms import (
     ANDREWS,
     ARM,
+    FLAT,
     JOINTS,
     LEAN,
     MASS,
@@ -25,6 +26,7 @@ from mechanisms import (
     andrews,
     bricard,
     disk,
+    double_four_bar,
     gears,
     rod,
     shafts,
@@ -179,6 +181,18 @@ def test_bricards_linkage_has_a_freedom_although_its_rows_are_as_many_as_its_vel
     linkage = bricard()
     assert sum(one.size for one in linkage.system.constraints) == 6 * len(linkage.bodies)
     assert linkage.freedoms(linkage.state()) == 1
+
+
+def test_the_double_four_bar_linkage_of_iftomm_passes_its_flat_position_to_published_digits() -> None:
+    """Two of Exudyn's results, of second order in the step, extrapolate to B0 after 10 s."""
+    (_, coarse), (_, fine) = sorted(FLAT.items(), reverse=True)[1:]
+    exact = np.array(fine) + (np.array(fine) - coarse) / 3
+    linkage = double_four_bar()
+    start = linkage.state(speeds={"A0": -1.0})
+    assert linkage.freedoms(start) == 1
+    quiet = {"accuracy": False, "monitors": False, "save_every": 100}
+    end = co.simulate(linkage.system, start, dt=0.005, duration=10.0, method=SUZUKI, **quiet).final
+    assert end.q[:2] + end.g[0, :2, 0] / 2 == pytest.approx(exact, abs=1e-8)
 
 
 def test_a_rolling_disk_stays_on_its_circle_to_second_order() -> None:
