@@ -122,13 +122,12 @@ class Bound(Portable):
         assert isinstance(self.constraint, Holonomic)
         return _numbers(_called(system, self.constraint.function, at), self._what, (self.size,))
 
-    def rate(self, system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
-        """φ̇, or A·(ξ, ν) − b, (m,); xi: (dim G,). nu: (ambient,)."""
-        group, Q, V = system.places
+    def rate(self, system: ReducedFunctions, at: Site, xi: Array, nu: Array, moving: Moving | None = None) -> Array:
+        """φ̇, or A·(ξ, ν) − b, (m,); xi: (dim G,). nu: (ambient,). moving: `moving_at` these, where it is known."""
         if not self.holonomic:
             rows, right = self.rows(system, at)
             return rows @ jnp.concatenate([xi, nu]) - right
-        moving = nu - Q.infinitesimal(group, xi, at.n), -V.infinitesimal(group, xi, at.a), jnp.ones_like(at.t)
+        moving = moving or moving_at(system, at, xi, nu)
         if not self.moving:
             return jax.jvp(lambda n, a: self.value(system, at._replace(n=n, a=a)), (at.n, at.a), moving[:2])[1]
         return jax.jvp(lambda n, a, t: self.value(system, at._replace(n=n, a=a, t=t)), at[:3], moving)[1]
@@ -145,14 +144,15 @@ class Bound(Portable):
 
     def reaction(self, system: ReducedFunctions, at: Site, strength: Array) -> tuple[Array, Array]:
         """The torque (dim G,) and the force (ambient,) of multipliers λ (m,)."""
-        (group, Q, V), dim = system.places, system.group.dim
-        if not self.holonomic:
-            both = self.rows(system, at)[0].T @ strength
-            return both[:dim], Q.project(group, at.n, both[dim:])
-        value = jax.vjp(lambda n, a: self.value(system, at._replace(n=n, a=a)), at.n, at.a)[1]
-        along_n, along_a = value(strength)
-        torque = V.diamond(group, along_a, at.a) + Q.diamond(group, along_n, at.n)
-        return torque, Q.project(group, at.n, along_n)
+        (group, Q, _), dim = system.places, system.group.dim
+        if self.holonomic:
+            return reaction_along(system, at, *self.along(system, at, strength))
+        both = self.rows(system, at)[0].T @ strength
+        return both[:dim], Q.project(group, at.n, both[dim:])
+
+    def along(self, system: ReducedFunctions, at: Site, strength: Array) -> tuple[Array, Array]:
+        """∂_nφᵀλ (ambient,) and ∂_aφᵀλ (dim V*,) of multipliers λ (m,) of a holonomic constraint."""
+        return jax.vjp(lambda n, a: self.value(system, at._replace(n=n, a=a)), at.n, at.a)[1](strength)
 
     def power(self, system: ReducedFunctions, at: Site, strength: Array) -> Array:
         """The power of the reaction, one number: −⟨λ, ∂_tφ⟩, or ⟨λ, b⟩."""
@@ -165,6 +165,22 @@ class Bound(Portable):
     @property
     def _what(self) -> str:
         return f"The constraint `{self.name}`"
+
+
+Moving = tuple[Array, Array, Scalar]
+
+
+def moving_at(system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Moving:
+    """ṅ = ν − ξ·n, ȧ = −ξ·a and ṫ = 1 at velocities xi (dim G,) and nu (ambient,)."""
+    group, Q, V = system.places
+    return nu - Q.infinitesimal(group, xi, at.n), -V.infinitesimal(group, xi, at.a), jnp.ones_like(at.t)
+
+
+def reaction_along(system: ReducedFunctions, at: Site, along_n: Array, along_a: Array) -> tuple[Array, Array]:
+    """The torque ∂_aφᵀλ⋄a + ∂_nφᵀλ⋄n (dim G,) and the force ∂_nφᵀλ (ambient,), from these derivatives."""
+    group, Q, V = system.places
+    torque = V.diamond(group, along_a, at.a) + Q.diamond(group, along_n, at.n)
+    return torque, Q.project(group, at.n, along_n)
 
 
 def constraints_from(given: Any) -> tuple[tuple[str, Constraint], ...]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import reduce
+from operator import add
 from typing import Any, NamedTuple
 
 import jax
@@ -13,7 +15,7 @@ from coadjoint.arrays import Array
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre
-from coadjoint.mechanics.constraints import Bound, Site
+from coadjoint.mechanics.constraints import Bound, Site, moving_at, reaction_along
 from coadjoint.mechanics.coupling import rows_of_links
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
@@ -46,13 +48,18 @@ def parts(system: ReducedFunctions) -> Iterator[tuple[Bound, slice]]:
 
 def rate(system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
     """φ̇ and A·(ξ, ν) − b of all constraints, (m,). xi: (dim G,). nu: (ambient,)."""
-    return jnp.concatenate([one.rate(system, at, xi, nu) for one in system.constraints])
+    moving = moving_at(system, at, xi, nu) if any(one.holonomic for one in system.constraints) else None
+    return jnp.concatenate([one.rate(system, at, xi, nu, moving) for one in system.constraints])
 
 
 def reaction(system: ReducedFunctions, at: Site, strength: Array) -> tuple[Array, Array]:
     """The torque (dim G,) and the force (ambient,) of multipliers λ (m,): Aᵀλ."""
-    found = [one.reaction(system, at, strength[part]) for one, part in parts(system)]
-    return sum(torque for torque, _ in found), sum(force for _, force in found)  # type: ignore[return-value]
+    found = [one.reaction(system, at, strength[part]) for one, part in parts(system) if not one.holonomic]
+    along = [one.along(system, at, strength[part]) for one, part in parts(system) if one.holonomic]
+    if along:  # ⋄ is linear, and of many joints it costs more than their derivatives
+        found.append(reaction_along(system, at, *(reduce(add, part) for part in zip(*along, strict=True))))
+    torques, forces = zip(*found, strict=True)
+    return reduce(add, torques), reduce(add, forces)
 
 
 def source(system: ReducedFunctions, at: Site, strength: Array) -> Array:
