@@ -21,8 +21,8 @@ from coadjoint.identification.sensor_model import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
-from coadjoint.mechanics.constraints import require_free
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.declared_constraints import require_free
 from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State

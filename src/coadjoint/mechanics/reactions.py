@@ -15,7 +15,7 @@ from coadjoint.arrays import Array
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre
-from coadjoint.mechanics.constraints import Bound, Site, moving_at, reaction_along
+from coadjoint.mechanics.constraints import Bound, Site, place_rates, place_reactions
 from coadjoint.mechanics.coupling import rows_of_links
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
@@ -48,16 +48,20 @@ def parts(system: ReducedFunctions) -> Iterator[tuple[Bound, slice]]:
 
 def rate(system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
     """φ̇ and A·(ξ, ν) − b of all constraints, (m,). xi: (dim G,). nu: (ambient,)."""
-    moving = moving_at(system, at, xi, nu) if any(one.holonomic for one in system.constraints) else None
-    return jnp.concatenate([one.rate(system, at, xi, nu, moving) for one in system.constraints])
+    places = [one for one in system.constraints if one.holonomic]
+    found = iter(place_rates(system, places, at, xi, nu) if places else ())
+    return jnp.concatenate(
+        [next(found) if one.holonomic else one.rate(system, at, xi, nu) for one in system.constraints]
+    )
 
 
 def reaction(system: ReducedFunctions, at: Site, strength: Array) -> tuple[Array, Array]:
     """The torque (dim G,) and the force (ambient,) of multipliers λ (m,): Aᵀλ."""
+    places = [(one, strength[part]) for one, part in parts(system) if one.holonomic]
     found = [one.reaction(system, at, strength[part]) for one, part in parts(system) if not one.holonomic]
-    along = [one.along(system, at, strength[part]) for one, part in parts(system) if one.holonomic]
-    if along:  # ⋄ is linear, and of many joints it costs more than their derivatives
-        found.append(reaction_along(system, at, *(reduce(add, part) for part in zip(*along, strict=True))))
+    if places:  # together: ⋄ and the views of n and a cost more than the derivatives of one joint
+        bounds, strengths = zip(*places, strict=True)
+        found.append(place_reactions(system, bounds, at, list(strengths)))
     torques, forces = zip(*found, strict=True)
     return reduce(add, torques), reduce(add, forces)
 

@@ -14,9 +14,10 @@ from coadjoint.groups.group import Element
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.constrained_start import projected
-from coadjoint.mechanics.constraints import Bound, Constraint, bound, constraints_from
+from coadjoint.mechanics.constraints import Bound, Constraint
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.coupling import require_room
+from coadjoint.mechanics.declared_constraints import bound, constraints_from
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.integrability import integrable_rows

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.constraints import require_free
+from coadjoint.mechanics.declared_constraints import require_free
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.portable import Remade
