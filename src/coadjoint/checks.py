@@ -17,6 +17,7 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, CoadjointError, shown
 from coadjoint.errors import nearest as nearest
+from coadjoint.units import split_name
 
 if TYPE_CHECKING:
     from coadjoint.kernels.trace.jaxprs import Tracer
@@ -157,12 +158,36 @@ def either(words: Sequence[str]) -> str:
 
 def unknown(what: str, where: str, given: str, known: Collection[str]) -> str:
     """The sentence for a name that is not known, with the nearest one that is."""
-    near = nearest(given, known, 0.5)
+    near = written_out(given, known) or nearest(given, known, 0.5)
     listed = ", ".join(sorted(known))
     if not listed:
         return f"{where} has no {what}: it has none."
     hint = f"did you mean `{near}`? It knows {listed}." if near else f"it knows {listed}."
     return f"{where} has no {what}: {hint}"
+
+
+UNITS = {
+    "kts": "knots", "kt": "knots", "knot": "knots", "mps": "m_s", "kph": "km_per_h", "kmh": "km_per_h", "sec": "s",
+    "secs": "s", "second": "s", "seconds": "s", "mins": "min", "minute": "min", "minutes": "min", "hr": "h", "hrs": "h",
+    "hour": "h", "hours": "h", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+    "foot": "ft", "feet": "ft", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "pct": "percent",
+}  # fmt: skip
+"""Other words for units at the end of names, and those that files know."""
+SHORT = {
+    "hdg": "heading", "pos": "position", "vel": "velocity", "spd": "speed", "alt": "altitude", "att": "attitude",
+    "acc": "acceleration", "dur": "duration", "freq": "frequency", "temp": "temperature", "vol": "volume", "lat":
+    "latitude", "lon": "longitude", "dia": "diameter", "len": "length", "dens": "density", "ctrl": "controller",
+}  # fmt: skip
+"""Abbreviations in names."""
+
+
+def written_out(given: str, known: Collection[str]) -> str:
+    """A known name, with the unit that files know, of one with abbreviations: speed_knots of `spd_kts`; else ""."""
+    words = [SHORT.get(word, word) for word in given.split("_")]
+    if words[-1] in UNITS:
+        words[-1] = UNITS[words[-1]]
+    found = "_".join(words)
+    return found if found != given and split_name(found, known)[0] in known else ""
 
 
 def known(name: object, names: Collection[str], what: str, where: str, error: Error = ArgumentError) -> str:

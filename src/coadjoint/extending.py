@@ -14,6 +14,7 @@ from coadjoint.lazy import lazy as _lazy
 MODULES = (
     "coadjoint.arrays",
     "coadjoint.checks",
+    "coadjoint.cli.metavars",
     "coadjoint.cli.terminal",
     "coadjoint.clocks",
     "coadjoint.csv_tables",

@@ -14,7 +14,8 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
 from types import UnionType
 from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -75,6 +76,18 @@ def key(
 def keys(of: Any) -> dict[str, Key]:
     """The keys of a dataclass, or of one of it, by the names of fields, in their order."""
     return {f.name: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
+
+
+@contextmanager
+def of_section(title: str) -> Iterator[None]:
+    """Inside this context, errors of an argument `velocity` are those of `water.velocity`, a key of the section."""
+    try:
+        yield
+    except ArgumentError as error:
+        said = str(error)
+        if not said.startswith("Argument `"):
+            raise
+        raise ArgumentError(f"`{title}.{said.removeprefix('Argument `')}") from error
 
 
 class KeyRow(NamedTuple):

@@ -51,7 +51,7 @@ def test_a_check_speaks_of_the_file_before_it_speaks_of_the_folder(tmp_path, mon
     Path("top").mkdir()
     Path("top/run.toml").write_text("[run]\ndt = 1.0\n")
     assert main(["run", "top.toml", "--check", "--set", "parameters.mass=-15"]) == 2
-    assert "`mass` must be positive" in capsys.readouterr().err
+    assert "`parameters.mass` must be positive" in capsys.readouterr().err
     assert main(["run", "top.toml", "--check"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("top.toml is a run file") and "holds another run already" in told

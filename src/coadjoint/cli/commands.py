@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 
 if TYPE_CHECKING:
     from coadjoint.report.reproduction import Reproduction
@@ -23,7 +24,7 @@ class Reproduce:
 
     BEGINS: ClassVar[str] = "Reproducing section 5 of Ono, Fiori and Peng (2025)."
 
-    out: Path = Path("reproduction")
+    out: Annotated[Path, called("DIR")] = Path("reproduction")
     """Output folder; one that holds another run is an error."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
@@ -54,13 +55,13 @@ class Run:
 
     BEGINS: ClassVar[str] = "Reading {file}."
 
-    file: tyro.conf.Positional[Path]
+    file: Annotated[tyro.conf.Positional[Path], called("FILE")]
     """The run file, with sections system, parameters, initial, method, run and output, or the mission file."""
-    out: Path | None = None
+    out: Annotated[Path | None, called("DIR")] = None
     """Output folder, instead of the run file's; one that holds this run is finished, or shown if it is complete."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
     """A change to the run file, as in `--set run.dt=0.02`; repeatable, and `--set run.steps=` leaves a key out."""
-    log: Literal["mcap"] | None = None
+    log: Annotated[Literal["mcap"] | None, called("mcap")] = None
     """A log of a mission next to its results: mcap, messages of ROS 2, as `--set output.mcap=true`."""
     check: bool = False
     """Report the errors of `run` without a step; nothing is written."""
@@ -102,7 +103,7 @@ class Resume:
 
     BEGINS: ClassVar[str] = "Reading {folder}."
 
-    folder: tyro.conf.Positional[Path]
+    folder: Annotated[tyro.conf.Positional[Path], called("DIR")]
     """The output folder of the run."""
     long: bool = False
     """Print every line of the certificate, in place of five."""
@@ -123,11 +124,11 @@ class Plot:
 
     BEGINS: ClassVar[str] = "Reading {source}."
 
-    source: tyro.conf.Positional[Path]
+    source: Annotated[tyro.conf.Positional[Path], called("DIR|FILE")]
     """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
-    figures: tyro.conf.Positional[tuple[str, ...]] = ()
+    figures: Annotated[tyro.conf.Positional[tuple[str, ...]], called("[FIGURE …]")] = ()
     """The figures to draw, by default those that the run file lists, or all; `animation` shows the motion."""
-    out: Path | None = None
+    out: Annotated[Path | None, called("DIR")] = None
     """Where to write them, by default next to the runs."""
     format: Literal["png", "pdf", "svg", "gif", "mp4", "html"] = "png"
     """The format of the figures; gif, mp4, or html for a page with the bodies in space, of an animation."""
@@ -156,7 +157,7 @@ class Info:
 
     BEGINS: ClassVar[str] = "Reading {source}."
 
-    source: tyro.conf.Positional[Path]
+    source: Annotated[tyro.conf.Positional[Path], called("DIR|FILE")]
     """A folder that `run` or `reproduce` wrote, or a file of a run."""
     long: bool = False
     """Print every line of the certificate, in place of five."""
@@ -177,7 +178,7 @@ class Info:
 class Models:
     """List the catalogue, or print a run file for one model, with its defaults, to start from."""
 
-    name: tyro.conf.Positional[str] = ""
+    name: Annotated[tyro.conf.Positional[str], called("[MODEL]")] = ""
     """A model; without it all of them."""
     json: bool = False
     """Print JSON, and nothing else."""
@@ -205,15 +206,15 @@ class Audit:
 
     BEGINS: ClassVar[str] = "Loading the methods and the systems."
 
-    out: Path | None = None
+    out: Annotated[Path | None, called("DIR")] = None
     """A folder for audit.md, audit.json and figures."""
     json: bool = False
     """Print the findings as JSON, and nothing else."""
     quick: bool = False
     """Four systems, the Cayley map and shorter runs: one or two minutes."""
-    method: tuple[str, ...] = ()
+    method: Annotated[tuple[str, ...], called("METHOD …")] = ()
     """Methods to audit, by name, as in `--method Midpoint Suzuki4`; by default all."""
-    system: tuple[str, ...] = ()
+    system: Annotated[tuple[str, ...], called("SYSTEM …")] = ()
     """Systems to audit them on, as in `--system "heavy top"`; by default all."""
 
     def __call__(self) -> int:

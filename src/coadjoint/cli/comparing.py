@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
 from coadjoint.texts import Table
 
@@ -23,11 +24,11 @@ class Compare:
 
     BEGINS: ClassVar[str] = "Reading {first} and {second}."
 
-    first: tyro.conf.Positional[Path]
+    first: Annotated[tyro.conf.Positional[Path], called("DIR|FILE")]
     """A folder that `run` wrote, or a file of a run."""
-    second: tyro.conf.Positional[Path]
+    second: Annotated[tyro.conf.Positional[Path], called("DIR|FILE")]
     """Another one."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    out: Annotated[Path | None, called("DIR")] = None
     """A folder for comparison.json and figures of both runs."""
     json: bool = False
     """Print the comparison as JSON, and nothing else."""

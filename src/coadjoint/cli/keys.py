@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.extensions import Registry, import_string
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ HEADS = ("key", "unit", "default", "meaning")
 class Keys:
     """List the keys of files with unit, default and meaning: `coadjoint keys`, `coadjoint keys run`."""
 
-    section: tyro.conf.Positional[str] = ""
+    section: Annotated[tyro.conf.Positional[str], called("[SECTION]")] = ""
     """A section, such as `run` or `output`; without it all sections of all kinds of files."""
     markdown: bool = False
     """Print the page docs/keys.md, and nothing else."""

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
-import platform
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
-import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
+from coadjoint.cli.installation import Doctor, versions
 from coadjoint.cli.keys import Keys
+from coadjoint.cli.metavars import called
 from coadjoint.cli.reporting import Report
 from coadjoint.cli.sweeping import Sweep
 from coadjoint.cli.termination import status, stoppable, word
@@ -28,6 +29,20 @@ from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import phase
 
 USAGE = 2
+
+
+@dataclass(frozen=True)
+class Completion:
+    """Print a script that completes commands and options in a shell: `coadjoint completion bash >> ~/.bashrc`."""
+
+    shell: Annotated[tyro.conf.Positional[Literal["bash", "zsh", "tcsh"]], called("{bash,zsh,tcsh}")]
+    """The shell."""
+
+    def __call__(self) -> int:
+        with suppress(SystemExit):  # by which tyro ends where it has printed
+            tyro.cli(every_command(), prog="coadjoint", args=["--tyro-print-completion", self.shell])
+        return 0
+
 
 Command = (
     Annotated[commands.Reproduce, tyro.conf.subcommand("reproduce")]
@@ -43,6 +58,8 @@ Command = (
     | Annotated[Keys, tyro.conf.subcommand("keys")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+    | Annotated[Completion, tyro.conf.subcommand("completion")]
 )
 
 """The commands of the core."""
@@ -142,7 +159,8 @@ def _parsed(given: Sequence[str]) -> Callable[[], int]:
         tyro.cli,
         every_command(),
         prog="coadjoint",
-        description="Variational integrators on Lie groups from a reduced Lagrangian.",
+        description="Variational integrators on Lie groups from a reduced Lagrangian. `coadjoint --version` prints the "
+        "versions that it runs with, `coadjoint COMMAND --help` all options of a command.",
         config=(tyro.conf.FlagCreatePairsOff,),
     )
     shown = [printable(argument) for argument in given]
@@ -162,15 +180,6 @@ def run() -> None:
 
 if __name__ == "__main__":
     run()
-
-
-NAMED = {"jax": "JAX", "llvmlite": "llvmlite", "numpy": "NumPy"}
-
-
-def versions() -> str:
-    """`coadjoint 0.2.0 with Python 3.11.7, JAX 0.10.2, llvmlite 0.50.0, NumPy 2.4.6`."""
-    packages = ", ".join(f"{name} {metadata.version(package)}" for package, name in NAMED.items())
-    return f"coadjoint {coadjoint.__version__} with Python {platform.python_version()}, {packages}"
 
 
 def unexpected(error: Exception) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
@@ -21,11 +22,11 @@ class Report:
 
     BEGINS: ClassVar[str] = "Reading {folder}."
 
-    folder: tyro.conf.Positional[Path]
+    folder: Annotated[tyro.conf.Positional[Path], called("DIR")]
     """A folder that `run` or `reproduce` wrote."""
-    figures: tuple[str, ...] = ()
+    figures: Annotated[tuple[str, ...], called("FIGURE …")] = ()
     """The figures in it, by default those that the run file lists, else the most informative ones."""
-    out: Path | None = None
+    out: Annotated[Path | None, called("FILE")] = None
     """The page to write, by default `report.html` in the folder."""
     scene: bool = False
     """Include the scene in space, 0.6 MB more."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
@@ -24,14 +25,14 @@ class Sweep:
 
     BEGINS: ClassVar[str] = "Reading {file}."
 
-    file: tyro.conf.Positional[Path]
+    file: Annotated[tyro.conf.Positional[Path], called("FILE")]
     """The sweep file, with sections sweep, vary and results."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    out: Annotated[Path | None, called("DIR")] = None
     """Output folder, by default named like the file; one that holds this sweep is finished, or shown if it is
     complete."""
-    scheduler: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None
+    scheduler: Annotated[str | None, called("ADDRESS")] = None
     """A scheduler of dask.distributed, as tls://HOST:8786; by default processes of this machine."""
-    workers: int | None = None
+    workers: Annotated[int | None, called("COUNT")] = None
     """How many processes of this machine, by default one for each core; 1 runs in the command itself."""
     check: bool = False
     """Show the runs of `sweep` and report its errors, without running anything."""

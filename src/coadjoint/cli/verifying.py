@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 
 OK, DAMAGED = 0, 1
 
@@ -19,7 +20,7 @@ class Verify:
 
     BEGINS: ClassVar[str] = "Reading {folder}."
 
-    folder: tyro.conf.Positional[Path]
+    folder: Annotated[tyro.conf.Positional[Path], called("DIR")]
     """A folder that `run` or `reproduce` wrote, finished or not, or one that co.simulate(store=…) wrote."""
     json: bool = False
     """Print the result as JSON, and nothing else."""

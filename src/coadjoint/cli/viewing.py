@@ -6,11 +6,12 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 
 
 @dataclass(frozen=True)
@@ -19,17 +20,17 @@ class View:
 
     BEGINS: ClassVar[str] = "Reading the runs."
 
-    sources: tyro.conf.Positional[tuple[Path, ...]]
+    sources: Annotated[tyro.conf.Positional[tuple[Path, ...]], called("DIR|FILE …")]
     """Folders that `run` wrote, or files of runs; several come into one scene."""
-    out: Path | None = None
+    out: Annotated[Path | None, called("FILE")] = None
     """The page to write, by default `view.html` next to the first run."""
-    mesh: Path | None = None
+    mesh: Annotated[Path | None, called("FILE")] = None
     """The hull's surface, a file of STL, OBJ or glTF, instead of the one in the vehicle file."""
     mesh_unit: Literal["m", "cm", "mm", "in"] = "m"
     """The unit of the mesh's numbers."""
     mesh_axes: Literal["FRD", "FLU", "YUP"] = "FRD"
     """The axes of the mesh: forward, starboard, down; forward, port, up; or glTF's port, up, forward."""
-    size: tuple[float, float, float] | None = None
+    size: Annotated[tuple[float, float, float] | None, called("LENGTH WIDTH HEIGHT")] = None
     """The sides of the body, m, for runs without a vehicle."""
     round: bool = False
     """The body is an ellipsoid with these sides, not a box."""

@@ -14,7 +14,7 @@ from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, rephrased
 from coadjoint.report.companion_files import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
-from coadjoint.sections import in_si
+from coadjoint.sections import in_si, of_section
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
@@ -81,7 +81,8 @@ def start(system: System, initial: Table) -> State:
                 values[name] = value
     if isinstance(values.get("g"), list) and len(jax.tree.leaves(identity)) > 1:
         values["g"] = tuple(values["g"])
-    return system.state(**values)
+    with of_section("initial"):
+        return system.state(**values)
 
 
 def _function(source: Path, name: str) -> Callable[..., Any]:

@@ -16,7 +16,7 @@ from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.sections import in_si, without_unit
+from coadjoint.sections import in_si, of_section, without_unit
 from coadjoint.texts import Table, file_text, read_table, too_long
 
 if TYPE_CHECKING:
@@ -72,8 +72,10 @@ class RunFile(Runnable):
         entry = catalogue[self.system.model]
         what = f"Model `{self.system.model}` cannot be made from [parameters] and [initial]"
         with rephrased(what, TypeError, ValueError, kind=ArgumentError):
-            system = entry.make(**parameters)
-            return system, entry.start(system, **initial)
+            with of_section("parameters"):
+                system = entry.make(**parameters)
+            with of_section("initial"):
+                return system, entry.start(system, **initial)
 
     def set_up(self) -> Setup:
         from coadjoint.runs.setup import Setup

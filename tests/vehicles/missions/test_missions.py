@@ -234,7 +234,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"initial": {"axes": "END/FRD", "heading_deg": 3}}, '"NED/FRD" or "ENU/FLU", but is'),
         ({"mission": {**LEVEL, "axes": "ENU/FLU"}}, "above all sections"),
         ({"axes": "ENU/FLU", "initial": {}, "mission": LEVEL}, "heading belongs to NED/FRD"),
-        ({"parameters": {"mass": -3}}, "`mass` must be positive"),
+        ({"parameters": {"mass": -3}}, "`parameters.mass` must be positive"),
         ({"parameters": {"rudder": {"lift_slope": 0}}}, "`lift_slope` of the fin `rudder` must be positive"),
         ({**FLEET, "perturb": {"mass": "200 %"}}, r"Of member \d+: Argument `mass` must be positive"),
         ({**FLEET, "perturb": {"mass": 0.1}, "mission": {**LEVEL, "ends": "surface"}}, "ends would end each"),
@@ -262,7 +262,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
             {"water": {"kind": "gauss_markov", "deviation_deg": [0, 1, 0], "correlation_time": 9}},
             "unit of angle, but `deviation` measures speed",
         ),
-        ({**ENU, "water": {"velocity": [[1], [2, 3]]}}, "`velocity`"),
+        ({**ENU, "water": {"velocity": [[1], [2, 3]]}}, "`water.velocity`"),
         ({"water": {"kind": "tidal"}}, "needs `constituents`, `amplitudes`"),
         ({"output": {"animation": "mp4"}}, '"gif" or "html"'),
     ],
@@ -277,7 +277,7 @@ def test_a_mistake_is_told_in_one_sentence(sections, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("parameters.mass=-15", "`mass` must be positive"),
+        ("parameters.mass=-15", "`parameters.mass` must be positive"),
         ("parameters.mass=nan", "must be finite"),
         ("parameters.center_of_buoyancy=[0, 0, 1e12]", "must be a point of the vehicle"),
         ("mission.heading_deg=1800000", "5000 turns"),

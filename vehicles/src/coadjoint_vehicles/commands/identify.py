@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.disk import require_home
 from coadjoint.errors import ArgumentError
 
@@ -23,18 +24,18 @@ class Identify:
 
     BEGINS: ClassVar[str] = "Reading the logs."
 
-    vehicle: tyro.conf.Positional[str]
+    vehicle: Annotated[tyro.conf.Positional[str], called("VEHICLE")]
     """A vehicle that is shipped, or a TOML file of your own."""
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[tyro.conf.Positional[tuple[Path, ...]], called("LOG …")]
     """CSV files with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or bags of ROS or of ArduPilot;
     several are fitted together."""
-    parameters: tuple[str, ...]
+    parameters: Annotated[tuple[str, ...], called("NAME …")]
     """The unknowns: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
-    axes: Literal["NED/FRD", "ENU/FLU"] | None = None
+    axes: Annotated[Literal["NED/FRD", "ENU/FLU"] | None, called("{NED/FRD,ENU/FLU}")] = None
     """Axes of the log; by default NED/FRD of CSV files, and ENU/FLU of bags."""
-    topics: tuple[str, ...] = ()
+    topics: Annotated[tuple[str, ...], called("TOPIC …")] = ()
     """Take only these topics of a bag."""
-    sensors: Path | None = None
+    sensors: Annotated[Path | None, called("FILE")] = None
     """A TOML file that declares the meaning of fields of topics of a bag."""
     jumps: Literal["refuse", "split"] = "refuse"
     """Where the clock jumps: an error, or a new stretch of the log."""
@@ -44,30 +45,30 @@ class Identify:
     """Take the complete messages of a bag that was not closed."""
     noise: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """A standard deviation that is known, SI units and rad; repeatable. The others are estimated."""
-    segment: float | None = None
+    segment: Annotated[float | None, called("SECONDS")] = None
     """Length of the segments, s; 0 takes the log as one run; by default 10, or 0 where an internal state, as that of a
     controller, depends on the motion."""
-    dt: float | None = None
+    dt: Annotated[float | None, called("SECONDS")] = None
     """Step, s; by default one that shifts no parameter by much."""
     between: Literal["held", "linear"] = "held"
     """How inputs run between samples."""
-    settle: float | None = None
+    settle: Annotated[float | None, called("SECONDS")] = None
     """The initial time that is not fitted, s; by default 2 unless the log holds the states of actuators."""
-    ignore: tuple[str, ...] = ()
+    ignore: Annotated[tuple[str, ...], called("COLUMN …")] = ()
     """Columns to leave out, by name with or without the unit."""
-    still: tuple[str, ...] = ()
+    still: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Actuators that the log does not hold and that stay where they start."""
-    positive: tuple[str, ...] = ()
+    positive: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Parameters that must stay positive."""
-    coloured: tuple[str, ...] = ()
+    coloured: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Columns with coloured noise, whose correlation time is estimated."""
-    biases: tuple[str, ...] = ()
+    biases: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Columns whose bias is estimated as well; position, attitude, velocity and rates mean three each."""
-    delays: tuple[str, ...] = ()
+    delays: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Columns, or such groups of three, whose delay is estimated."""
-    process_noise: tuple[str, ...] = ()
+    process_noise: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Process noise: force, torque, X, Y, Z, K, M, N, or parameters such as water.velocity."""
-    out: Path | None = None
+    out: Annotated[Path | None, called("FILE")] = None
     """A figure of measured and simulated columns."""
     json: bool = False
     """Print JSON, and nothing else."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -25,19 +26,19 @@ class Import:
 
     BEGINS: ClassVar[str] = "Reading {file}."
 
-    file: tyro.conf.Positional[Path]
+    file: Annotated[tyro.conf.Positional[Path], called("FILE")]
     """SDF of Gazebo, URDF or xacro with its systems or of uuv_simulator."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
+    out: Annotated[Path | None, called("FILE.toml")] = None
     """The vehicle file to write; without it, only the report is printed."""
-    folder: Path | None = None
+    folder: Annotated[Path | None, called("DIR")] = None
     """Files that it includes must lie below it; by default the repository of its package, else its own folder."""
-    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    set: Annotated[tuple[str, ...], called("NAME=VALUE …")] = ()
     """Arguments of xacro, as in `--set namespace=rexrov`."""
-    gravity: float | None = None
+    gravity: Annotated[float | None, called("M_S2")] = None
     """m/s²; by default that of the file, or 9.8."""
-    world: Path | None = None
+    world: Annotated[Path | None, called("FILE")] = None
     """A file of Gazebo whose world gives gravity, density and current."""
-    mission: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
+    mission: Annotated[Path | None, called("FILE.toml")] = None
     """Write a mission of a minute as well, which `coadjoint run` flies; with --out."""
     forward: Literal["x", "-x"] = "x"
     """The axis of the model that its bow points along; some models of Gazebo face -x."""

@@ -9,11 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import radians
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
 from coadjoint.texts import Table
 
@@ -28,35 +29,35 @@ if TYPE_CHECKING:
 class Serve:
     """Serve a vehicle over UDP: `coadjoint serve bluerov2_heavy_blue --ardupilot`, or plain JSON without it."""
 
-    vehicle: tyro.conf.Positional[str]
+    vehicle: Annotated[tyro.conf.Positional[str], called("VEHICLE")]
     """A vehicle that is shipped, or a TOML file of your own."""
     ardupilot: bool = False
     """Speak ArduPilot's JSON interface, as ArduSub does with `--model JSON:127.0.0.1`."""
-    frame: str = "vectored_6dof"
+    frame: Annotated[str, called("FRAME")] = "vectored_6dof"
     """The frame of ArduSub: bluerov1, vectored, vectored_6dof."""
-    rate: float | None = None
+    rate: Annotated[float | None, called("HERTZ")] = None
     """Steps a second; by default 20, or with ArduPilot the rate of its first packet."""
-    depth: float = 1.0
+    depth: Annotated[float, called("METRES")] = 1.0
     """Where it starts, m below the surface."""
-    speed: float = 0.0
+    speed: Annotated[float, called("M_S")] = 0.0
     """How fast it starts ahead through the water, m/s."""
-    heading: float = 0.0
+    heading: Annotated[float, called("DEGREES")] = 0.0
     """Where it heads at the start, degrees from north to east."""
-    current: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    current: Annotated[tuple[float, float, float], called("NORTH EAST DOWN")] = (0.0, 0.0, 0.0)
     """The velocity of the water north, east and down, m/s."""
-    imu: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    imu: Annotated[tuple[float, float, float], called("X Y Z")] = (0.0, 0.0, 0.0)
     """Where the inertial unit sits: forward, starboard, down, m."""
     controller: bool = False
     """Serve it with the controller of its file: commands are its set points."""
     paced: bool = False
     """Answer at the pace of real time, and report the delays."""
-    host: str = "127.0.0.1"
+    host: Annotated[str, called("ADDRESS")] = "127.0.0.1"
     """The address to listen at; 0.0.0.0 for all."""
-    port: int | None = None
+    port: Annotated[int | None, called("PORT")] = None
     """The port, by default 9002 for ArduPilot and 9010 otherwise."""
-    answers: int | None = None
+    answers: Annotated[int | None, called("COUNT")] = None
     """Stop after so many answers; by default never."""
-    idle: float | None = None
+    idle: Annotated[float | None, called("SECONDS")] = None
     """Stop when nothing has come for so many seconds; by default never."""
     json: bool = False
     """Print the figures at the end as JSON, and nothing else."""

@@ -11,6 +11,7 @@ import tyro
 
 from coadjoint.arrays import PyTree
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -30,25 +31,25 @@ class Stability:
 
     BEGINS: ClassVar[str] = "Reading {vehicle}."
 
-    vehicle: tyro.conf.Positional[str]
+    vehicle: Annotated[tyro.conf.Positional[str], called("VEHICLE")]
     """A vehicle that is shipped, or a TOML file of your own."""
-    speed: str = "1.5"
+    speed: Annotated[str, called("M_S[,M_S …]")] = "1.5"
     """Through the water, m/s; 0 is hanging at rest; several as `0.5,1,2` or `0.5:2.5:0.25` also draw a figure."""
-    climb: float = 0.0
+    climb: Annotated[float, called("DEGREES")] = 0.0
     """Angle of the path above the horizon, degrees; 90 is vertical ascent."""
-    depth: float = 0.0
+    depth: Annotated[float, called("METRES")] = 0.0
     """Depth, m."""
-    rudder: float | None = None
+    rudder: Annotated[float | None, called("DEGREES")] = None
     """Turn, with the part `rudder` at this angle, degrees; positive to starboard."""
     turning: bool = False
     """Let the vehicle turn, where held actuators make it."""
     hold: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """An actuator that stays at a value, SI units; repeatable. The others move to hold the motion."""
-    free: tuple[str, ...] = ()
+    free: Annotated[tuple[str, ...], called("NAME …")] = ()
     """The actuators that may move, as in `--free stern_planes propeller`; by default all that are not held."""
-    without: tuple[str, ...] = ()
+    without: Annotated[tuple[str, ...], called("NAME …")] = ()
     """Parts to leave out, as in `--without stern_planes rudder`."""
-    out: Path | None = None
+    out: Annotated[Path | None, called("FILE")] = None
     """The figure, by default NAME_stability.png where there are several speeds."""
     json: bool = False
     """Print JSON, and nothing else."""

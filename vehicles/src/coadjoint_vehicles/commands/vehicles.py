@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
 from coadjoint.texts import Table
 
@@ -25,13 +26,18 @@ class Vehicles:
     remus_100 --manoeuvre zigzag_20 > zigzag.toml`.
     """
 
-    action: tyro.conf.Positional[Literal["list", "show", "mission"]] = "list"
+    action: Annotated[tyro.conf.Positional[Literal["list", "show", "mission"]], called("[{list,show,mission}]")] = (
+        "list"
+    )
     """The action."""
-    name: tyro.conf.Positional[str] = ""
+    name: Annotated[tyro.conf.Positional[str], called("[VEHICLE]")] = ""
     """A vehicle: the name of a shipped one, or the path of a TOML file."""
     toml: bool = False
     """Print its file, as a start for your own, and nothing else."""
-    manoeuvre: Literal["turning_circle", "zigzag_10", "zigzag_20", "spiral", "stop", "pull_out"] | None = None
+    manoeuvre: Annotated[
+        Literal["turning_circle", "zigzag_10", "zigzag_20", "spiral", "stop", "pull_out"] | None,
+        called("{turning_circle,zigzag_10,zigzag_20,spiral,stop,pull_out}"),
+    ] = None
     """A mission of this standard manoeuvre, with `mission`."""
     json: bool = False
     """Print JSON, and nothing else."""

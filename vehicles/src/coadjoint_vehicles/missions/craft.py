@@ -16,7 +16,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.extending import Setup
 from coadjoint.mechanics.members import Each, count_members
 from coadjoint.models.quantities import vector as three
-from coadjoint.sections import Key, in_si, keys
+from coadjoint.sections import Key, in_si, keys, of_section
 from coadjoint.texts import Table
 from coadjoint.units import ending, split_name
 from coadjoint.units import in_si as in_si_units
@@ -50,7 +50,8 @@ def set_up(file: MissionSections) -> Setup:
     legs, members = file.mission, file.run.members
     if isinstance(place, Each) and not len(legs.points):
         place = place.member(0)  # Only way points ask for it.
-    place = border.space_vector(vector(place, "position"), begun["axes"])
+    with of_section("initial"):
+        place = border.space_vector(vector(place, "position"), begun["axes"])
     controller = legs.following(_controller(file.controller, vehicle), place)
     # Report mistakes in the file before proposing gains, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
@@ -60,10 +61,12 @@ def set_up(file: MissionSections) -> Setup:
     sea = water(file.water, file.axes, file.located, seeds(file.perturb, members))
     craft = Craft(vehicle, controller=controller, water=sea, faults=faulty)
     kinds = measures(craft.vehicle, craft.parameters, craft.owners)
-    craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
+    with of_section("parameters"):
+        craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
     if file.parameters and count_members(craft.parameters.asdict()) is None:
         doubts += [f"With [parameters] {sentence}" for sentence in doubts_of_changes(craft)]
-    start = craft.start(**begun)
+    with of_section("initial"):
+        start = craft.start(**begun)
     require_room(file.run, start)
     grid = bottom(file.water, file.located)
     if file.sensors is not None:
@@ -128,7 +131,8 @@ def _controller(section: Mapping[str, Any], vehicle: PyTree) -> PyTree:
     given = {name: _plain(name, value, cls) for name, value in given.items()}
     values = in_si("controller", given, known, {**dict.fromkeys(known), **dimensions(cls)})
     try:
-        return cls(**values) if kind else replace(vehicle.controller, **values)
+        with of_section("controller"):
+            return cls(**values) if kind else replace(vehicle.controller, **values)
     except TypeError as error:
         raise ArgumentError(f"Section [controller]: {str(error).split('() ')[-1]}.") from error
 

@@ -16,7 +16,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import each
-from coadjoint.sections import in_si
+from coadjoint.sections import in_si, of_section
 from coadjoint_vehicles.water.dimensions import DIMENSIONS
 
 if TYPE_CHECKING:
@@ -129,7 +129,8 @@ def _made(axes: str, located: Located, given: Any, title: str, kinds: dict[str, 
     if seeds is not None and "seed" in known:
         values["seed"] = seeds
     try:
-        return cls(**values)
+        with of_section(title):
+            return cls(**values)
     except TypeError as error:
         needed = [key for key, value in inspect.signature(cls).parameters.items() if value.default is value.empty]
         raise ArgumentError(
