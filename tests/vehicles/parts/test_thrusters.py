@@ -254,15 +254,22 @@ def against_least_squares(names: Any, count: int) -> float:
     return worst
 
 
-def test_with_weights_the_thrusts_are_bounded_least_squares():
+@pytest.mark.parametrize(
+    ("A", "y", "low", "high"),
+    [
+        ([[1.0, 1, 0.3], [15, -15, 3]], [20, 30], [0, -3, -2], [4, 5, 2]),
+        ([[-0.5, -0.3, 0.4], [10, -1, 14]], [-13, 70], [-1, -2, -3], [3, 2, 1]),
+        ([[0.8, 0.8, 0.1], [-14, -1, -8]], [-28, 52], [-1, -2, -3], [3, 2, 1]),
+    ],
+    ids=["one way", "a limit that is left for the other", "a limit that is left"],
+)
+def test_with_weights_the_thrusts_are_bounded_least_squares(A, y, low, high):
     """By the conditions of Karush, Kuhn and Tucker: a gradient of 0, or out of the limits where a thrust is at one."""
-    B = np.array([[1.0, 1, 0.3], [0.5, -0.5, 0.1]])
-    low, high = np.array([0.0, -3, -2]), np.array([4.0, 5, 2])
-    A = np.array([1.0, 30.0])[:, None] * B
-    f0 = np.linalg.pinv(A) @ np.array([20.0, 30.0])
+    A, low, high = (np.array(x, dtype=float) for x in (A, low, high))
+    f0 = np.linalg.pinv(A) @ np.array(y)
     f = evaluate(lambda f0: bounded(A, f0, low, high), f0)
     gradient = A.T @ A @ (f0 - f)
-    assert np.all(f >= low) and np.all(f <= high) and np.any(f == high)
+    assert np.all(f >= low) and np.all(f <= high) and np.any((f == high) | (f == low))
     pushed = np.where(f == high, np.minimum(gradient, 0), np.where(f == low, np.maximum(gradient, 0), gradient))
     np.testing.assert_allclose(pushed, 0.0, atol=1e-9)
 
@@ -311,6 +318,15 @@ def test_thrusters_that_push_one_way_turn_by_what_they_push_together():
     np.testing.assert_allclose(part.allocate([-5.0, 0, 0, 0, 0, 0]), [0, 0], atol=1e-9)
 
 
+def test_of_several_allocations_that_of_the_least_weighted_thrusts_is_taken_as_far_as_limits_go():
+    three = {"positions": [[0, 0.5, 0], [0, 0, 0], [0, -0.5, 0]], "directions": [[1, 0, 0]] * 3}
+    part = Thrusters("three", {"linear": 1.0}, limit=10.0, thruster_weights=[1.0, 0.5, 1.0], **three)
+    np.testing.assert_allclose(part.allocate([12.0, 0, 0, 0, 0, 0]), [2, 8, 2], atol=1e-12)
+    np.testing.assert_allclose(part.allocate([21.0, 0, 0, 0, 0, 0]), [5.5, 10, 5.5], atol=1e-9)
+    with pytest.raises(co.errors.ArgumentError, match="`thruster_weights` of the thrusters `three` must be positive"):
+        Thrusters("three", {"linear": 1.0}, thruster_weights=[1.0, 0.0, 1.0], **three)
+
+
 def test_a_wrench_that_no_thrusters_give_becomes_the_nearest_that_they_do():
     part = Thrusters("thrusters", {"linear": 10.0}, positions=[[0, 1, 0], [0, -1, 0]], directions=[[1, 0, 0]] * 2)
     u = part.allocate([20.0, 5, -3, 1, 2, 4])
@@ -352,12 +368,14 @@ def test_each_thruster_may_have_its_own_curve_and_limits_and_is_written_and_read
     part = Thrusters(
         "pair", {"quadratic": ([2.0, 1.0], [1.0, 0.5])}, positions=[[0, 1, 0], [0, -1, 0]],
         directions=[[1, 0, 0]] * 2, limit=[[-3.0, 0.0], [3.0, 5.0]], axis_weights=WEIGHTS,
+        thruster_weights=(2.0, 1.0),
     )  # fmt: skip
     np.testing.assert_allclose(evaluate(part.thrusts, np.array([-2.0, 2.0]), own(part)), [-4, 4])
     np.testing.assert_array_equal(part.extremes, [[-9, 0], [18, 25]])
     again: Any = vehicle_from_text(vehicle_to_toml(vehicle(part))).part("pair")
     np.testing.assert_array_equal(again.limit, part.limit)
     np.testing.assert_array_equal(again.axis_weights, WEIGHTS)
+    np.testing.assert_array_equal(again.thruster_weights, [2, 1])
     np.testing.assert_array_equal(again.curve.ahead, [2, 1])
     with pytest.raises(co.errors.ArgumentError, match="one for each of the 3"):
         Thrusters("three", part.curve, positions=np.eye(3), directions=np.eye(3))
