@@ -34,6 +34,7 @@ STOREYS = (
         "roots",
         "kernels",
         "checks",
+        "losses",
         "sections",
         "groups",
         "spaces",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from coadjoint import estimation as estimation
     from coadjoint import groups as groups
     from coadjoint import identification as identification
+    from coadjoint import losses as losses
     from coadjoint import mechanics as mechanics
     from coadjoint import methods as methods
     from coadjoint import models as models

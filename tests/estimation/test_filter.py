@@ -12,6 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.estimation import Filter, GaussMarkov, Measurement, ModelProcess, RandomWalk
 from coadjoint.estimation.engines import FilterEngine
+from coadjoint.estimation.prepared import prepared
 from coadjoint.kernels.trace.evaluate import evaluate
 
 H = 0.1
@@ -281,9 +282,9 @@ def test_velocities_of_a_state_are_those_of_its_momenta_after_a_measurement_too(
     found = filter.run({"speed": ([0.1, 0.2], [read, read])}, dt=H)
     assert np.allclose(np.hstack([found.states.xi, found.states.nu]), read, atol=1e-3)
     assert np.allclose(filter.expected(found.rows)["speed"], np.hstack([found.states.xi, found.states.nu]), atol=1e-12)
-    of_state = Measurement(lambda state: state.nu, 1.0, of_state=True)
-    seen, slopes = process.measurement(of_state.function, True)(np.zeros((1, process.width)), filter.rows)
-    motion, same = process.measurement(lambda m: m.nu)(np.zeros((1, process.width)), filter.rows)
+    given = np.zeros((1, process.width)), np.concatenate([filter.rows, read[None, 3:]], axis=1)
+    both = Measurement(lambda state: state.nu, 1.0, of_state=True), Measurement(lambda m: m.nu, 1.0)
+    (seen, slopes), (motion, same) = (prepared(process, "nu", one).function(*given) for one in both)
     assert np.allclose(seen, motion, atol=1e-14) and np.allclose(slopes, same, atol=1e-12) and np.any(slopes)
 
 

@@ -125,13 +125,9 @@ def test_what_is_too_late_is_told():
 
 def test_angles_go_the_shorter_way():
     process, start = boat()
-    angle = Measurement(lambda motion: np.pi - 0.1 + 0 * motion.q[:1], 0.01, angles=True)
+    angle = Measurement(lambda motion: np.pi - 0.1 + 0 * motion.q[:1], 0.01, space=co.SO2())
     one = Filter(process, start, measurements={"heading": angle}, deviations={"q": 1.0})
     assert one.update({"heading": -np.pi + 0.1})["heading"].nis == pytest.approx(0.2**2 / 0.01)
-    with pytest.raises(co.errors.ArgumentError, match="`angles` of `heading` must be a truth value"):
-        Filter(
-            process, start, measurements={"heading": Measurement(angle.function, 0.01, angles=[1, 0])}, deviations={}
-        )
 
 
 def test_a_late_time_may_be_a_whole_number_of_numpy():

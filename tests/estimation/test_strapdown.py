@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import coadjoint as co
 from coadjoint.estimation import Filter, GaussMarkov, InertialState, Measurement, RandomWalk, StrapdownProcess
 from coadjoint.estimation.engines import FilterEngine
+from coadjoint.kernels.trace.evaluate import evaluate
 
 G = 9.81
 START = InertialState(2.0, co.attitude.zyx(0.4, -0.2, 0.7), (1.0, -0.5, 0.2), (3.0, 4.0, 5.0))
@@ -136,8 +137,8 @@ def test_what_sensors_read_is_that_of_the_body_origin():
     process = unit("left", True)
     row = process.with_inputs(process.row(START)[None], {"imu": READING})[0]
     r, M = np.array([0.4, -0.1, 0.2]), co.attitude.zyx(0.3, 0.1, -0.2)
-    read = process.measurement(lambda m, p: jnp.concatenate([m.q, m.nu, m.xi, p.water.velocity]))
-    seen = read(np.zeros((1, process.width)), row[None])[0][0]
+    read = process.reading(lambda m, p: jnp.concatenate([m.q, m.nu, m.xi, p.water.velocity]))
+    seen = evaluate(read, row)
     R, omega = np.asarray(START.rotation), M @ READING[:3]
     assert np.allclose(seen[:3], np.array(START.position) - R @ r)
     assert np.allclose(seen[3:6], R.T @ START.velocity - np.cross(omega, r)) and np.allclose(seen[6:9], omega)
@@ -194,7 +195,7 @@ WRONG = {
     "rotation": (lambda: unit().row(InertialState(rotation=2 * np.eye(3))), "must be a rotation"),
     "current": (lambda: StrapdownProcess().row(InertialState(current=(1, 0, 0))), "has no `current`"),
     "of state": (
-        lambda: unit().measurement(lambda s, p: s.q, of_state=True),
+        lambda: evaluate(unit().reading(lambda s, p: s.q, of_state=True), unit().example),
         "no state of a system",
     ),
 }  # fmt: skip

@@ -86,7 +86,7 @@ WRONG = {
         lambda: Filter(
             process(), start(), measurements={"q": Measurement(lambda m: m.q, [1.0, 1.0])}, deviations={"q": 1.0}
         ),
-        "returns 1 numbers",
+        "its noise has 1 numbers",
     ),
     "measurement": (
         lambda: Filter(process(), start(), measurements={"q": lambda m: m.q}, deviations={}),
@@ -205,7 +205,7 @@ def test_arrays_that_do_not_fit_are_told():
 def test_a_compass_in_degrees_is_told_and_one_in_radians_that_is_wrapped_or_counts_turns_is_not(turns):
     t = np.arange(1.0, 60.0)
     heading = np.radians(6.0 * turns * t + 100)
-    known = {"yaw": Measurement(lambda m: m.q, 0.1, angles=True), "place": Measurement(lambda m: m.q, 0.1)}
+    known = {"yaw": Measurement(lambda m: m.q, 0.1, space=co.SO2()), "place": Measurement(lambda m: m.q, 0.1)}
     more = {"measurements": known, "deviations": {"q": 1.0, "nu": 0.1}, "accuracy": False}
     filter = Filter(process(), start(), **more, members=2)
     both = np.stack([np.degrees(heading) % 360] * 2, axis=1)[..., None]

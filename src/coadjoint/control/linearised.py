@@ -160,14 +160,16 @@ def expanded(transcription: Transcription, name: str, columns: object = None) ->
 
 
 def with_jacobian(function: Any, name: str, columns: object) -> Any:
-    """Numbers c(x, u, p, h) as a function to c and its Jacobian by w."""
-    ca, (x, u, p, h), W = casadi(), *_of_node(function, columns)
-    c = ca.densify(function(x, u, p, h))
-    return ca.Function(name, [x, u, p, h], [c, ca.jacobian(c, ca.vertcat(x, u)) @ W], list("xuph"), ["c", "jacobian"])
+    """Numbers c(x, u, p, h), or of further arguments, as a function to c and its Jacobian by w."""
+    ca, symbols, W = casadi(), *_of_node(function, columns)
+    c = ca.densify(function(*symbols))
+    results = [c, ca.jacobian(c, ca.vertcat(*symbols[:2])) @ W]
+    return ca.Function(name, symbols, results, function.name_in(), ["c", "jacobian"])
 
 
 def _of_node(function: Any, columns: PyTree) -> tuple[list[PyTree], Any]:
-    """Symbols x, u, p, h of a function, and W."""
+    """Symbols x, u, p, h and further ones of a function, and W."""
     ca = casadi()
-    x, u, p, h = symbols = [ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate("xuph")]
+    symbols = [ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate(function.name_in())]
+    x, u, p, h = symbols[:4]
     return symbols, ca.SX.eye(x.numel() + u.numel()) if columns is None else columns(x, u, p, h)

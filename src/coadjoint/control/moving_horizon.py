@@ -25,7 +25,7 @@ from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.requirements import prior_directions, require_convex, require_estimable
 from coadjoint.control.resolution import JudgedMotions
 from coadjoint.control.transcription import transcribe
-from coadjoint.control.window import HorizonMotion, Seen, Window
+from coadjoint.control.window import HorizonMotion, SeenAtNode, Window
 from coadjoint.errors import ArgumentError, OptimumError, shown
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.internal_state import at_node
@@ -127,7 +127,7 @@ class Estimator(Remade):
         """Forget all measurements: the next call begins at the start of the problem."""
         w, start = self._window, self._transcription.graph.numbers(self._transcription.beginning.state)
         self._motion = HorizonMotion(start[None, :].copy(), np.zeros((0, w.nu)), np.zeros((0, w.nz)))
-        self._seen: list[Seen] = []
+        self._seen: list[SeenAtNode] = []
         self._arrival = self._prior(start)
         self._t = float(self.problem.start.t)
 
@@ -162,7 +162,7 @@ class Estimator(Remade):
             self._state, cost, last if len(last) else np.zeros((w.tangents.width, 0)),
         )  # fmt: skip
 
-    def _read(self, measured: Mapping[str, PyTree]) -> Seen:
+    def _read(self, measured: Mapping[str, PyTree]) -> SeenAtNode:
         if not isinstance(measured, Mapping):
             raise ArgumentError(f"An estimator takes a dictionary of measurements, but got {shown(measured)}.")
         values, weights = {}, {}
@@ -172,14 +172,13 @@ class Estimator(Remade):
                 raise ArgumentError(f"The problem measures {names}, but got {shown(name)}.")
             if given is None:
                 continue
-            size = self._transcription.functions.measured[name].size1_out(0)
-            found, deviation = number(given, name, nan=True), self.problem.measured[name].deviation
+            space = self._transcription.data[name].space
+            found, size = number(given, name, nan=True), space.size
             if found.size != size or np.any(np.isinf(found)):
                 raise ArgumentError(f"The measurement `{name}` must be {size} finite numbers, NaN for gaps.")
-            known = np.isfinite(found)
-            weight = np.where(known, 1.0 / np.broadcast_to(deviation, found.shape), 0.0)
-            values[name], weights[name] = np.where(known, found, 0.0).ravel(), weight.ravel()
-        return Seen(values, weights)
+            value, weight = self.problem.measured[name].seen(space, found.reshape(1, size), name)
+            values[name], weights[name] = value[:, 0], weight[:, 0]
+        return SeenAtNode(values, weights)
 
     def _row(self, inputs: Mapping[str, object]) -> np.ndarray:
         """The inputs of the step that ended: those that are known, and the guesses of the others."""

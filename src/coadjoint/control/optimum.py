@@ -180,13 +180,14 @@ def flown(
 
 
 def _residuals(transcription: Transcription, parts: Split) -> dict[str, np.ndarray]:
-    """(function − y)/σ by names, (K, …)."""
+    """(function ⊖ y)/σ by names, (K, …)."""
     u = np.vstack([parts.u, parts.u[-1:, at_end(transcription.inputs)]])
     found = {}
-    for name, (nodes, values, weights) in transcription.data.items():
+    for name, (nodes, values, weights, _) in transcription.data.items():
         each = [casadi().DM(rows[nodes].T) for rows in (parts.x, u)]
         numbers = [casadi().repmat(casadi().DM(value), 1, len(nodes)) for value in (parts.parameters, parts.h)]
-        seen = transcription.functions.measured[name].map(len(nodes))(*each, *numbers).full()
-        standard = np.where(weights > 0, (seen - values) * weights, np.nan)
-        found[name] = standard.T.reshape(np.shape(transcription.problem.measured[name].values))
+        function = transcription.functions.measured[name].map(len(nodes))
+        off = function(*each, *numbers, casadi().DM(values)).full()
+        standard, measured = np.where(weights > 0, off * weights, np.nan).T, transcription.problem.measured[name]
+        found[name] = standard.reshape(np.shape(measured.values)) if measured.space is None else standard
     return found

@@ -107,15 +107,17 @@ def _inside(transcription: Transcription) -> Rows:
 
 
 def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scalar) -> PyTree:
-    """½ Σ |(h(x_k) − y_k)/σ|² of all measurements, and ½ |η/σ|² of the start."""
+    """½ Σ |(h(x_k) ⊖ y_k)/σ|², or ρ of it, of all measurements, and ½ |η/σ|² of the start."""
     ca, found = casadi(), 0.0
-    for name, (nodes, values, weights) in transcription.data.items():
+    for name, (nodes, values, weights, space) in transcription.data.items():
         if not len(nodes):
             raise ArgumentError(f"`{name}` has no values: give them to co.control.Measured, or use an estimator.")
         at, count = nodes.tolist(), len(nodes)
         function = transcription.functions.measured[name].map(count)
-        seen = function(x[:, at], u[:, at], ca.repmat(p, 1, count), ca.repmat(h, 1, count))
-        found += 0.5 * ca.sumsqr((seen - ca.DM(values)) * ca.DM(weights))
+        off = function(x[:, at], u[:, at], ca.repmat(p, 1, count), ca.repmat(h, 1, count), ca.DM(values))
+        off, loss = off * ca.DM(weights), transcription.problem.measured[name].loss
+        squares = ca.sum1(off**2)
+        found += 0.5 * ca.sumsqr(off) if loss is None else ca.sum2(loss.cost(squares, space.dim, ca))
     if transcription.eta:
         eta = p[-len(transcription.eta) :]
         found += 0.5 * ca.sumsqr(eta / ca.DM(start_deviations(transcription.problem)))

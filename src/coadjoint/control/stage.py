@@ -77,23 +77,23 @@ class StepGraph:
 
     def at_node(self, function: Callable[..., object], what: str, *more: object) -> list[Expr]:
         """function(system, state, *more) at the node where the step starts, with ξ and ν of the momenta."""
-        return flat(self._at_node(function, what, *more))
+        return flat(self._at_node(lambda *given: jnp.asarray(function(*given)), what, *more))
 
     def _at_node(self, function: Callable[..., object], what: str, *more: object) -> PyTree:
         skeleton = replace_parameters(self.beginning.system, None)
 
         def of_node(constants: Constants, state: State, *more: object) -> PyTree:
             system = replace_parameters(skeleton, constants.system)
-            return jnp.asarray(function(system, at_node(system, state), *more))
+            return function(system, at_node(system, state), *more)
 
         return traced(self.tracer, what, of_node, self.constants, self.state, *more)
 
     def of_motion(self, function: Callable[..., PyTree], what: str) -> list[Expr]:
         """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""
-        return flat(self.array_of_motion(function, what))
+        return flat(self.array_of_motion(lambda *given: jnp.asarray(function(*given)), what))
 
     def array_of_motion(self, function: Callable[..., object], what: str) -> PyTree:
-        """`of_motion` as an array of expressions."""
+        """`of_motion` as an array, or arrays, of expressions."""
 
         def given(system: System, state: State) -> PyTree:
             arguments = () if system.parameters is None else (system.parameters,)

@@ -18,8 +18,10 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import end_conditions, free_start_sizes, start_residual
 from coadjoint.control.expressions import casadi_expressions
+from coadjoint.control.functions import traced
 from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
 from coadjoint.control.library import casadi
+from coadjoint.control.measured import Measured, Seen
 from coadjoint.control.problem_data import Input, ProblemData
 from coadjoint.control.stage import Begun, StepGraph, step_graph
 from coadjoint.control.within_steps import with_points
@@ -32,6 +34,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.simulation.arguments import require_forward, with_inputs
+from coadjoint.spaces.measured import MeasuredSpace
 from coadjoint.spaces.named import Named
 
 
@@ -77,7 +80,7 @@ class Transcription:
     """A problem as functions of CasADi.
 
     live: the numbers of the state that are x. path, end: their rows. eta: the change of the start, if it is free. data:
-    name → nodes, values (m, K) and 1/σ of measurements. later: whether x_0 is the end of another phase.
+    name → measurements. later: whether x_0 is the end of another phase.
     """
 
     problem: ProblemData
@@ -89,7 +92,7 @@ class Transcription:
     start: list[Rows]
     end: list[Rows]
     eta: list[Expr]
-    data: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    data: dict[str, Seen]
     later: bool = False
 
     @property
@@ -181,17 +184,15 @@ def transcribe(
     end = {what: graph.at_node(residual, "The end") for what, residual in end_conditions(problem)}
     if callable(problem.end):
         end = {"the end": graph.of_motion(problem.end, "The end")}
-    measured = {
-        name: graph.array_of_motion(m.function, f"The measurement `{name}`") for name, m in problem.measured.items()
-    }
+    measured = {name: _measured(graph, name, m) for name, m in problem.measured.items()}
     eta = flat(graph.tracer.symbols("start ", np.zeros(sum(free_start_sizes(problem).values()))))
     start = [] if later else _start(graph, problem, eta)
     of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
-    seen = {name: flat(array) for name, array in measured.items()}
     of_start = start if problem.free_start else []
     more = wanted(graph) if wanted else []
-    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *chain.from_iterable(seen.values()), *more])
-    functions = functions_of(graph, eta, live, cost, of_path, start, of_end, final, seen)
+    seen = chain.from_iterable(one.off for one in measured.values())
+    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *seen, *more])
+    functions = functions_of(graph, eta, live, cost, of_path, start, of_end, final, measured)
     if problem.path_points:
         chosen = [(name, value) for name, value in problem.inputs.items() if isinstance(value, Input)]
         given = functions.equations, functions.path, problem.path_points, columns(chosen), at_end(chosen)
@@ -200,14 +201,31 @@ def transcribe(
     zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
     what = "the start" if problem.free_start else "the velocities of the start"
     begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
-    data = {name: _data(problem, name, np.shape(array)) for name, array in measured.items()}
+    data = {name: _data(problem, name, one.space) for name, one in measured.items()}
     return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, later)
 
 
-def _data(problem: ProblemData, name: str, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class MeasuredDifference(NamedTuple):
+    """h ⊖ y, (m,), of a measurement, by the numbers y of its value in a space."""
+
+    off: list[Expr]
+    y: list[Expr]
+    space: MeasuredSpace
+
+
+def _measured(graph: StepGraph, name: str, measured: Measured) -> MeasuredDifference:
+    what = f"The measurement `{name}`"
+    value = graph.array_of_motion(measured.function, what)
+    space = measured.space_of(value, name)
+    y = graph.tracer.symbols(f"measured {name} ", np.zeros(space.size))
+    return MeasuredDifference(flat(traced(graph.tracer, what, space.difference, value, y)), flat(y), space)
+
+
+def _data(problem: ProblemData, name: str, space: MeasuredSpace) -> Seen:
     measured = problem.measured[name]
     nodes = measured.nodes(name, float(problem.start.t), problem.dt, problem.count)
-    return nodes, *measured.weights(shape, name)
+    values = np.zeros((0, space.size)) if measured.values is None else measured.values
+    return Seen(nodes, *measured.seen(space, values, name), space)
 
 
 def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, object]) -> Begun:
@@ -272,7 +290,7 @@ def functions_of(
     start: list[Expr],
     end: list[Expr],
     final: list[Expr],
-    measured: dict[str, list[Expr]],
+    measured: dict[str, MeasuredDifference],
 ) -> Functions:
     ca, symbols = casadi(), graph.symbols
     chosen = [*symbols.parameters, *eta]
@@ -287,6 +305,11 @@ def functions_of(
         outputs = [ca.vertcat(*casadi_expressions(nodes, known)) for nodes in results.values()]
         return ca.Function(name, arguments, outputs, names, list(results))
 
+    def with_value(one: MeasuredDifference) -> Any:
+        y = ca.SX.sym("y", len(one.y))
+        known.update({node: y[i] for i, node in enumerate(one.y)})
+        return as_function("measured", [*at_node[0], y], [*at_node[1], "y"], {"measured": one.off})
+
     step = {"residual": graph.residual, "next": [after[i] for i in live]}
     at_node = [x, u, p, h], ["x", "u", "p", "h"]
     return Functions(
@@ -296,5 +319,5 @@ def functions_of(
         as_function("start", *at_node, {"start": start}),
         as_function("end", *at_node, {"end": end}),
         as_function("final", *at_node, {"final": final}),
-        {name: as_function("measured", *at_node, {"measured": found}) for name, found in measured.items()},
+        {name: with_value(one) for name, one in measured.items()},
     )

@@ -30,8 +30,8 @@ class HorizonMotion(NamedTuple):
         return len(self.u)
 
 
-class Seen(NamedTuple):
-    """The measurements at a node: name → values and 1/σ, (size,), 0 if missing."""
+class SeenAtNode(NamedTuple):
+    """The measurements at a node: name → the numbers of its value (size,) and 1/σ (m,), 0 if missing."""
 
     values: dict[str, np.ndarray]
     weights: dict[str, np.ndarray]
@@ -75,7 +75,7 @@ class Window:
                 ((motion.x, more), (u, self.most - len(u)), (z, self.most - len(z)))]  # fmt: skip
         return HorizonMotion(*rows)
 
-    def expanded(self, motion: HorizonMotion, seen: list[Seen]) -> Expanded:
+    def expanded(self, motion: HorizonMotion, seen: list[SeenAtNode]) -> Expanded:
         """The horizon about a motion, and the measurements at its nodes."""
         n, p, h = motion.steps, self.p, self.h
         x, u, z = self.padded(motion)
@@ -118,22 +118,30 @@ class Window:
         W[: self.nx, : T.shape[1]], W[self.nx :, T.shape[1] :] = T, np.eye(self.nu)
         return Quadratic.of_hessian(W.T @ H @ W, W.T @ g)
 
-    def _misfits(self, x: np.ndarray, u: np.ndarray, T: np.ndarray, seen: list[Seen]) -> list[Quadratic]:
+    def _misfits(self, x: np.ndarray, u: np.ndarray, T: np.ndarray, seen: list[SeenAtNode]) -> list[Quadratic]:
         width, m = T.shape[2], self.nx + self.nu
         found = [[np.zeros((0, width + self.nu + 1))] for _ in seen]
         at = u[np.clip(np.arange(self.most + 1), 0, max(len(seen) - 2, 0))]
         for name, table in self._seen.items():
-            values, jacobian = table(x, at, self.p, self.h)
-            jacobian = jacobian.reshape(self.most + 1, values.shape[1], m)
+            data = self.transcription.data[name]
+            y = np.tile(data.space.origin, (self.most + 1, 1))
+            for k, one in enumerate(seen):
+                y[k] = one.values.get(name, y[k])
+            off, jacobian = table(x, at, self.p, self.h, y)
+            loss = self.transcription.problem.measured[name].loss
+            jacobian = jacobian.reshape(self.most + 1, off.shape[1], m)
             for k, one in enumerate(seen):
                 if name not in one.values:
                     continue
                 of_x, of_u = jacobian[k, :, : self.nx], jacobian[k, :, self.nx :]
-                rows = [cleaned(of_x @ T[k], of_x, T[k]), of_u, (values[k] - one.values[name])[:, None]]
-                found[k].append(np.concatenate(rows, axis=1)[one.weights[name] > 0])
-                found[k][-1] *= one.weights[name][one.weights[name] > 0, None]
-        stacked = [np.concatenate(rows) for rows in found]
-        return [Quadratic.of_root(rows[:, :-1], rows[:, -1]) for rows in stacked]
+                rows = [cleaned(of_x @ T[k], of_x, T[k]), of_u, off[k][:, None]]
+                known = one.weights[name] > 0
+                stacked = np.concatenate(rows, axis=1)[known] * one.weights[name][known, None]
+                if loss is not None:
+                    stacked *= np.sqrt(loss.weight(np.sum(stacked[:, -1] ** 2), data.space.dim))
+                found[k].append(stacked)
+        joined = [np.concatenate(rows) for rows in found]
+        return [Quadratic.of_root(rows[:, :-1], rows[:, -1]) for rows in joined]
 
     def begun(self, e: Expanded, motion: HorizonMotion, arrival: Arrival, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """y_0 = a + G v at the first node, with v = (θ, δu_0, …) of some steps, of the unknown inputs."""
@@ -166,7 +174,7 @@ class Window:
         require_finite(*cost, G)
         return cost, nodes
 
-    def passed_on(self, motion: HorizonMotion, seen: list[Seen], arrival: Arrival) -> Arrival:
+    def passed_on(self, motion: HorizonMotion, seen: list[SeenAtNode], arrival: Arrival) -> Arrival:
         """The arrival cost of the second node, with the information of the first one, its step and its measurements."""
         motion, seen = HorizonMotion(motion.x[:2], motion.u[:1], motion.z[:1]), seen[:2]
         e = self.expanded(motion, seen)

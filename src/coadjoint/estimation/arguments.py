@@ -6,19 +6,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
-from coadjoint.estimation.engines import PreparedMeasurement
-from coadjoint.estimation.measurements import Measurement, semidefinite
+from coadjoint.estimation.measurements import semidefinite
 from coadjoint.estimation.numbers import numbers
 from coadjoint.estimation.process import Process
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.trace_checks import in_words
 from coadjoint.methods.method import Method
 
 WHOSE = "co.estimation.ModelProcess"
@@ -54,19 +51,6 @@ def roots_of_noise(given: Mapping[str, PyTree] | None, d: int, q: int) -> np.nda
     if given:
         raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")
     return np.concatenate(found)
-
-
-def prepared(process: Process, name: str, measurement: PyTree) -> PreparedMeasurement:
-    """A measurement with its function of rows, R and the largest NIS that is accepted."""
-    checks.instance(measurement, f"`{name}` of `measurements`", Measurement, "a co.estimation.Measurement")
-    with in_words(f"The function of the measurement `{name}`"):
-        function = process.measurement(measurement.function, measurement.of_state)
-        seen, _ = function(np.zeros((1, process.width)), process.example[None])
-    if not np.all(np.isfinite(seen)):
-        raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")
-    size = seen.shape[1]
-    gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, size))
-    return PreparedMeasurement(name, function, measurement.noise(size, name), gate, measurement.turns(size, name))
 
 
 def array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:

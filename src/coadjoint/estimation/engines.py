@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from coadjoint.errors import StepError
+from coadjoint.estimation.prepared import PreparedMeasurement
 from coadjoint.estimation.process import Process
-from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
-from coadjoint.kernels.run.function import RowFunction
-from coadjoint.kernels.run.kalman import Filters, MeasurementCode
+from coadjoint.kernels.emit.kalman import CORRECT, INFLATE, PREDICT, RESET, SAVE, SET, STOP, SURE, TINY, TRIPS
+from coadjoint.kernels.run.kalman import Filters, MeasurementCode, OneFilter
 
 
 def predicted(P: np.ndarray, Phi: np.ndarray, Q: np.ndarray) -> np.ndarray:
@@ -32,14 +34,16 @@ class Correction(NamedTuple):
     nis: np.ndarray
 
 
-def corrected(P: np.ndarray, H: np.ndarray, R: np.ndarray, nu: np.ndarray) -> Correction:
-    """By Joseph's form, P⁺ = (1 − KH) P (1 − KH)ᵀ + K R Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ + R.
+def corrected(
+    P: np.ndarray, H: np.ndarray, R: np.ndarray, nu: np.ndarray, sure: np.ndarray | None = None
+) -> Correction:
+    """By Joseph's form, P⁺ = (1 − KH) P (1 − KH)ᵀ + K R Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ + R, or R/sure (members,).
 
-    P: (members, n, n). H: (members, m, n). R: (m, m). nu: ν = y − ŷ, (members, m).
+    P: (members, n, n). H: (members, m, n). R: (m, m), or (members, m, m). nu: ν, (members, m).
     """
     Ht = H.transpose(0, 2, 1)
     PHt = P @ Ht
-    S = H @ PHt + R
+    S = H @ PHt + (R if sure is None else R / sure[:, None, None])
     K = np.linalg.solve(S, PHt.transpose(0, 2, 1)).transpose(0, 2, 1)
     nis = np.einsum("bi,bi->b", nu, np.linalg.solve(S, nu[:, :, None])[:, :, 0])
     rest = np.eye(P.shape[1]) - K @ H
@@ -47,21 +51,29 @@ def corrected(P: np.ndarray, H: np.ndarray, R: np.ndarray, nu: np.ndarray) -> Co
     return Correction((K @ nu[:, :, None])[:, :, 0], symmetric(after), nis)
 
 
-class PreparedMeasurement(NamedTuple):
-    """A measurement with its function of (e, row), R (m, m), the largest NIS that is accepted, and each number's turn.
+def robust(A: np.ndarray, R: np.ndarray, nu: np.ndarray, loss: tuple[float, float, float]) -> np.ndarray:
+    """The weights w (members,) with which R/w is the covariance of the M-estimate: w = weight(d²), d² = rᵀR⁻¹r, of the
+    residual r = (R/w)S⁻¹ν that the correction leaves. A = HPHᵀ, (members, m, m)."""
+    a, b, student = loss
+    w = np.ones(len(nu))
+    for _ in range(TRIPS):
+        z = np.linalg.solve(A + R / w[:, None, None], nu[:, :, None])[:, :, 0]
+        square = np.einsum("bi,ij,bj->b", z, R, z) / w**2
+        w = a / (b + square) if student else np.minimum(1.0, a / np.sqrt(np.maximum(square, TINY)))
+    return w
 
-    The turn, (m,), is 2π of an angle and 0 of what does not turn.
-    """
 
-    name: str
-    function: RowFunction
-    covariance: np.ndarray
-    gate: float
-    turns: np.ndarray
+class FilterMemory(NamedTuple):
+    """What filters hold: rows (members, size), P (members, n, n), and counts of the values in a row beyond the gates of
+    the measurements, (members, count)."""
+
+    rows: np.ndarray
+    P: np.ndarray
+    rejected: np.ndarray
 
 
 class FilterEngine:
-    """Orders for filters with rows (members, size) and P (members, n, n), which change in place."""
+    """Orders for filters, which change what these hold in place."""
 
     def __init__(self, process: Process, measurements: Sequence[PreparedMeasurement]):
         self._process, self._measurements = process, list(measurements)
@@ -69,35 +81,85 @@ class FilterEngine:
         self._filters = None
         if model is not None and None not in functions:
             seen = [
-                MeasurementCode(one.function.native, one.covariance, one.gate, one.turns)
+                MeasurementCode(one.function.native, one.covariance, one.gate, one.space.size, one.loss, one.recovery)
                 for one in measurements
                 if one.function.native
             ]
             self._filters = Filters(model, seen)
 
-    def follow(self, rows: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray) -> None:
+    @cached_property
+    def _alone(self) -> OneFilter | None:
+        return None if self._filters is None else self._filters.alone()
+
+    def once(self, held: FilterMemory, order: int, number: int, data: np.ndarray) -> tuple[FilterMemory, np.ndarray]:
+        """Execute PREDICT, data h, or CORRECT of a measurement, data (1 or members, numbers).
+
+        Returns what is held after it, and (NIS, used) (members, 2). Raises StepError; `held` is unchanged.
+        """
+        one = self._alone if len(held.rows) == 1 else None
+        if one is None:
+            after, output = FilterMemory(*(part.copy() for part in held)), np.empty((len(held.rows), 2))
+            self.follow(*after, np.array([[order, number if order == CORRECT else 0, 0, 0]]), data, output)
+            return after, output
+        one.row[:], one.P[:], one.rejected[:] = held
+        one.data[: data.size] = data[0]
+        if one(order, number):
+            self._fail(one.row[0], np.array([order, number]), one.rejected[0])
+        after = FilterMemory(one.row.copy(), one.P.copy(), one.rejected.copy())
+        if not math.isfinite(after.rows.sum()):
+            self._require_finite(after.rows)
+        return after, one.output[None].copy()
+
+    def _require_finite(self, rows: np.ndarray) -> None:
+        """Raise StepError where an estimate is not finite, with the first time at which one was."""
+        bad = ~np.all(np.isfinite(rows), axis=1)
+        if np.any(bad):
+            times = self._process.time(rows[bad])
+            first = np.min(times, where=np.isfinite(times), initial=np.inf)
+            when = f" up to t = {first:g} s" if np.isfinite(first) else ""
+            raise StepError(
+                f"The estimate does not stay finite{when}: a measurement is too far from its expectation; `gate` of "
+                "its Measurement leaves such values out."
+            )
+
+    def follow(
+        self, rows: np.ndarray, P: np.ndarray, rejected: np.ndarray, orders: np.ndarray, data: np.ndarray,
+        output: np.ndarray,
+    ) -> None:  # fmt: skip
         """Execute orders (count, 4) of `kernels.emit.kalman`; data: (1 or members, …), output (members, …).
 
         Raises StepError where a step of the model, or a covariance, fails.
         """
         if self._filters is None:
-            self._by_arrays(rows, P, orders, data, output)
+            self._by_arrays(rows, P, rejected, orders, data, output)
+            self._require_finite(rows)
             return
         for i in range(len(rows)):
-            failed = self._filters.follow(rows[i], P[i], orders, data[i % len(data)], output[i])
+            failed = self._filters.follow(rows[i], P[i], rejected[i], orders, data[i % len(data)], output[i])
             if failed >= 0:
-                self._fail(rows[i], int(orders[failed, 0]))
+                self._fail(rows[i], orders[failed], rejected[i])
+        self._require_finite(rows)
 
-    def _fail(self, row: np.ndarray, order: int) -> None:
-        t = float(self._process.time(row))
+    def _fail(self, row: np.ndarray, orders: np.ndarray, rejected: np.ndarray) -> None:
+        t, order = float(self._process.time(row)), int(orders[0])
+        one = self._measurements[int(orders[1])] if order == CORRECT else None
+        if one is not None and one.recovery[1] == STOP and rejected[orders[1]] >= one.recovery[0]:
+            raise StepError(
+                f"The filter stopped at t = {t:g} s: {one.recovery[0]} values of `{one.name}` in a row are beyond its "
+                "gate. Check the sensor, its units and axes, and the noise of the process, or let "
+                '`after_rejections` be "inflate" or "reset".'
+            )
         what = "the model has no step from the estimate" if order == PREDICT else "a measurement has no finite NIS"
         raise StepError(
             f"The filter failed at t = {t:g} s: {what}, or the covariance is not finite. A shorter dt, or deviations "
             "and noise closer to those of the measurements, may help."
         )
 
-    def _by_arrays(self, rows: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray):
-        for order, a, b, c in orders.tolist():
+    def _by_arrays(
+        self, rows: np.ndarray, P: np.ndarray, rejected: np.ndarray, orders: np.ndarray, data: np.ndarray,
+        output: np.ndarray,
+    ) -> None:  # fmt: skip
+        for number, (order, a, b, c) in enumerate(orders.tolist()):
             if order == PREDICT:
                 h = float(data[0, a])
                 after, course = self._process.stepped(rows, h)
@@ -106,24 +168,40 @@ class FilterEngine:
             elif order == SET:
                 rows[:, self._process.commanded[a : a + b]] = data[:, c : c + b]
             elif order == CORRECT:
-                self._correct(rows, P, self._measurements[a], data[:, b:], output[:, c : c + 2])
+                given = data[:, b:], output[:, c : c + 2], rejected[:, a]
+                stopped = self._correct(rows, P, self._measurements[a], *given)
+                if stopped.any():
+                    self._fail(rows[np.argmax(stopped)], orders[number], rejected[np.argmax(stopped)])
             elif order == SAVE:
                 output[:, a : a + rows.shape[1]] = rows
                 kept = P.reshape(len(P), -1) if c else np.diagonal(P, axis1=1, axis2=2)
                 output[:, b : b + kept.shape[1]] = kept
             if not np.all(np.isfinite(np.trace(P, axis1=1, axis2=2))):
-                self._fail(rows[0], order)
+                self._fail(rows[0], orders[number], rejected[0])
 
     def _correct(
-        self, rows: np.ndarray, P: np.ndarray, one: PreparedMeasurement, values: np.ndarray, out: np.ndarray
-    ) -> None:
-        seen, H = one.function(np.zeros((len(rows), self._process.width)), rows)
-        nu = values[:, : seen.shape[1]] - seen
-        nu = nu - one.turns * np.floor(nu / np.where(one.turns > 0, one.turns, 1.0) + 0.5)
-        known = np.all(np.isfinite(nu), axis=1)
-        found = corrected(P, H, one.covariance, np.where(known[:, None], nu, 0.0))
-        used = known & ~(found.nis > one.gate)
-        out[:, 0], out[:, 1] = np.where(known, found.nis, np.nan), used
+        self, rows: np.ndarray, P: np.ndarray, one: PreparedMeasurement, values: np.ndarray, out: np.ndarray,
+        rejected: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Returns which members stop, (members,)."""
+        given = np.broadcast_to(values[:, : one.space.size], (len(rows), one.space.size))
+        off, H = one.function(np.zeros((len(rows), self._process.width)), np.concatenate([rows, given], axis=1))
+        known = np.all(np.isfinite(given), axis=1) & np.all(np.isfinite(off), axis=1)
+        nu, H = np.where(known[:, None], -off, 0.0), np.where(known[:, None, None], H, 0.0)
+        R, m, (limit, action) = one.covariance, one.space.dim, one.recovery
+        nis = corrected(P, H, R, nu).nis
+        beyond = known & (nis > one.gate)
+        rejected[:] = np.where(beyond, rejected + 1, np.where(known, 0, rejected))
+        acts = beyond & (action > 0) & (rejected >= limit)
+        stopped, used = acts & (action == STOP), known & (~beyond | acts)
+        rejected[acts & ~stopped] = 0
+        P *= np.where(acts & (action == INFLATE), nis / m, 1.0)[:, None, None]
+        w = np.ones(len(rows)) if one.loss is None else robust(H @ P @ H.transpose(0, 2, 1), R, nu, one.loss)
+        found = corrected(P, H, R / w[:, None, None], nu, np.where(acts & (action == RESET), SURE / w, 1.0))
+        out[:, 0], out[:, 1] = np.where(known, nis, np.nan), np.where(acts, 2.0, used)
         if used.any():
-            rows[used] = self._process.moved(rows[used], found.e[used])
-            P[used] = self._process.admitted(rows[used], found.P[used])
+            e, before = found.e[used], rows[used]
+            rows[used] = self._process.moved(before, e)
+            P[used] = self._process.admitted(rows[used], self._process.carried(found.P[used], e, before, rows[used]))
+            P[used] = symmetric(P[used])
+        return stopped

@@ -7,6 +7,7 @@ Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with App
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -15,13 +16,14 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import truth
-from coadjoint.errors import ArgumentError, StepError, shown, warn
-from coadjoint.estimation.arguments import array, first_covariance, prepared
-from coadjoint.estimation.engines import FilterEngine
+from coadjoint.errors import ArgumentError, shown, warn
+from coadjoint.estimation.arguments import array, first_covariance
+from coadjoint.estimation.engines import FilterEngine, FilterMemory
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
 from coadjoint.estimation.measurements import Measurement
 from coadjoint.estimation.numbers import float64
+from coadjoint.estimation.prepared import PreparedMeasurement, prepared
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample, judged_log, judged_members
 from coadjoint.estimation.timetable import (
@@ -34,20 +36,21 @@ from coadjoint.estimation.timetable import (
     series,
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
+from coadjoint.kernels.run.function import RowFunction
 from coadjoint.mechanics.state import State
 from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.portable import Remade
 
 
 class Innovation(NamedTuple):
-    """The innovation of a measurement: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured, and whether it was
-    used.
+    """The innovation of a measurement: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured.
 
-    Of many members both are (members,).
+    used: whether it was used. recovered: whether `after_rejections` let it be. Of many members all are (members,).
     """
 
     nis: Any
     used: Any
+    recovered: Any = False
 
 
 class Filter(WithOverview, Remade):
@@ -79,7 +82,7 @@ class Filter(WithOverview, Remade):
     Raises ArgumentError for names and shapes that are not those of the process.
     """
 
-    STANDING = ("_rows", "_P", "_past", "_awaited")
+    STANDING = ("_held", "_past", "_awaited")
 
     def __init__(
         self,
@@ -100,11 +103,13 @@ class Filter(WithOverview, Remade):
         require_times(float(process.time(row)), "The filter begins")
         P = first_covariance(process, row, deviations, covariance)
         count = 1 if self.members is None else self.members
-        self.rows, self.P = np.repeat(row[None], count, axis=0), np.repeat(P[None], count, axis=0)
         self.measurements = dict(measurements)
         self._prepared = {name: prepared(process, name, measurement) for name, measurement in self.measurements.items()}
-        self._sizes = {name: len(one.covariance) for name, one in self._prepared.items()}
+        self._sizes = {name: one.space.size for name, one in self._prepared.items()}
         self._numbers = {name: i for i, name in enumerate(self._prepared)}
+        rejected = np.zeros((count, max(len(self._prepared), 1)), np.int64)
+        self._held = FilterMemory(np.repeat(row[None], count, axis=0), np.repeat(P[None], count, axis=0), rejected)
+        self._read: dict[str, RowFunction] = {}
         self._past = Past(memory)
         self._awaited = set(process.awaited)
         self._engine = FilterEngine(process, list(self._prepared.values()))
@@ -125,21 +130,23 @@ class Filter(WithOverview, Remade):
     @property
     def rows(self) -> np.ndarray:
         """The estimates as rows of the process, (members, size), of one filter (1, size); others may be set."""
-        return self._rows
+        return self._held.rows
 
     @rows.setter
     def rows(self, rows: np.ndarray) -> None:
-        self._rows = array(rows, "rows", (1 if self.members is None else self.members, len(self.process.example)))
+        shape = (1 if self.members is None else self.members, len(self.process.example))
+        self._held = self._held._replace(rows=array(rows, "rows", shape))
 
     @property
     def P(self) -> np.ndarray:
         """The covariances of the errors, (members, n, n), of one filter (1, n, n); others may be set."""
-        return self._P
+        return self._held.P
 
     @P.setter
     def P(self, P: np.ndarray) -> None:
         n = self.process.width
-        self._P = array(P, "P", (1 if self.members is None else self.members, n, n))
+        shape = (1 if self.members is None else self.members, n, n)
+        self._held = self._held._replace(P=array(P, "P", shape))
 
     @property
     def t(self) -> float:
@@ -166,18 +173,30 @@ class Filter(WithOverview, Remade):
     def expected(self, rows: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Name of a measurement → its values without noise, (…, m), at rows of the process (…, size).
 
-        rows: by default the estimate's, with an axis of members if there are many. Raises ArgumentError for others.
+        rows: by default the estimate's, with an axis of members if there are many. Values are numbers as `update` takes
+        them. Raises ArgumentError for others.
         """
+        return {name: self._readings(one, rows, None) for name, one in self._prepared.items()}
+
+    def drawn(self, rows: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
+        """As `expected`, with noise from `random`: measurements of true states, on the side on which each errs.
+
+        Raises ArgumentError for other rows, and unless `random` is an np.random.Generator.
+        """
+        checks.instance(random, "random", np.random.Generator, "np.random.default_rng(seed)")
+        return {name: self._readings(one, rows, random) for name, one in self._prepared.items()}
+
+    def _readings(self, one: PreparedMeasurement, rows: PyTree, random: np.random.Generator | None) -> np.ndarray:
         if rows is None:
             rows = self.rows[0] if self.members is None else self.rows
         rows, size = np.asarray(rows), len(self.process.example)
         if not np.issubdtype(rows.dtype, np.floating) or rows.shape[-1:] != (size,):
             raise ArgumentError(f"Argument `rows` must be rows (…, {size}) of the process, but is {shown(rows)}.")
-        flat = rows.reshape(-1, size)
-        still = np.zeros((len(flat), self.process.width))
-        return {
-            name: one.function(still, flat)[0].reshape(*rows.shape[:-1], -1) for name, one in self._prepared.items()
-        }
+        if one.name not in self._read:
+            self._read[one.name] = one.readings(self.process.example)
+        e = one.noise(rows.size // size, random)
+        given = np.concatenate([rows.reshape(-1, size), e], axis=1)
+        return self._read[one.name](np.zeros((len(e), 0)), given)[0].reshape(*rows.shape[:-1], -1)
 
     def predict(self, dt: Scalar, inputs: Mapping[str, PyTree] | None = None) -> None:
         """Advance by one step of dt, s; inputs: name → value, held over it; the others stay.
@@ -185,20 +204,19 @@ class Filter(WithOverview, Remade):
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
         checks.positive(dt, "dt")
-        self._require_inputs(inputs)
-        before, given = (self.t, self.rows, self.P), dict(inputs or {})
-        for name in self._awaited - set(given):
-            raise ArgumentError(f"There is no step without a reading of `{name}`: give inputs={{{name!r}: …}}.")
-        self.rows = self.process.with_inputs(self.rows, given)
-        try:
-            self._follow([(PREDICT, 0, 0, 0)], np.full((1, 1), float(dt)), 0)
-        except StepError:
-            self.rows = before[1]
-            raise
+        before, given = self._held, {}
+        if inputs or self._awaited:
+            self._require_inputs(inputs)
+            given = dict(inputs or {})
+            for name in self._awaited - set(given):
+                raise ArgumentError(f"There is no step without a reading of `{name}`: give inputs={{{name!r}: …}}.")
+        there = before._replace(rows=self.process.with_inputs(before.rows, given)) if given else before
+        self._held, _ = self._engine.once(there, PREDICT, 0, np.full((1, 1), float(dt)))
         self._awaited -= set(given)
         if self._sample is not None:
-            self._judge(self._sample, before[1], before[2], float(dt), given)
-        self._past.predicted(*before, float(dt), given)
+            self._judge(self._sample, before.rows, before.P, float(dt), given)
+        if self._past.kept:
+            self._past.predicted(float(self.process.time(before.rows[0])), before, float(dt), given)
 
     def _judge(
         self, sample: FilterSample, rows: np.ndarray, P: np.ndarray, dt: float, given: dict[str, PyTree]
@@ -231,21 +249,20 @@ class Filter(WithOverview, Remade):
         checks.instance(measured, "measured", Mapping, "name → value")
         if t is not None:
             checks.number(t, "t")
-        for name, value in measured.items():
-            self._value(name, value)
-        kept = self.rows, self.P, self._past.copy()
+        values = {name: self._value(name, value) for name, value in measured.items()}
+        kept = self._held, self._past.copy() if self._past.kept else self._past
         try:
             if t is None or abs(t - self.t) <= SAME:
-                return {name: self._take(name, value) for name, value in measured.items()}
-            return self._again(measured, t)
+                return {name: self._take(name, value) for name, value in values.items()}
+            return self._again(values, t)
         except BaseException:
-            self.rows, self.P, self._past = kept
+            self._held, self._past = kept
             raise
 
-    def _again(self, measured: Mapping[str, PyTree], t: float) -> dict[str, Innovation]:
+    def _again(self, measured: Mapping[str, np.ndarray], t: float) -> dict[str, Innovation]:
         """Go back to t, process the measurements, and repeat the later ones."""
         steps = self._past.back(t, self.t)
-        self.rows, self.P = steps[0].rows, steps[0].P
+        self._held = steps[0].held
         found: dict[str, Innovation] = {}
         for i, step in enumerate(steps):
             dt = step.dt
@@ -261,26 +278,19 @@ class Filter(WithOverview, Remade):
                 self._take(name, value)
         return found
 
-    def _take(self, name: str, value: Any) -> Innovation:
-        update = self._follow([(CORRECT, self._numbers[name], 0, 0)], self._value(name, value), 2)
-        nis, used = update[:, 0], update[:, 1] > 0
-        self._past.took(name, value)
-        return Innovation(float(nis[0]), bool(used[0])) if self.members is None else Innovation(nis, used)
+    def _take(self, name: str, values: np.ndarray) -> Innovation:
+        self._held, output = self._engine.once(self._held, CORRECT, self._numbers[name], values)
+        self._past.took(name, values)
+        if self.members is None:
+            nis, used = output[0].tolist()
+            return Innovation(nis, used > 0, used > 1)
+        return Innovation(output[:, 0], output[:, 1] > 0, output[:, 1] > 1)
 
-    def _follow(self, orders: Any, data: np.ndarray, size: int) -> np.ndarray:
+    def _follow(self, orders: np.ndarray, data: np.ndarray, size: int) -> np.ndarray:
         """Execute orders; returns their output, (members, size). If one fails, the filter is unchanged."""
-        rows, P, output = self.rows.copy(), self.P.copy(), np.empty((len(self.rows), max(size, 1)))
-        self._engine.follow(rows, P, np.ascontiguousarray(orders, np.int64), np.ascontiguousarray(data), output)
-        bad = ~np.all(np.isfinite(rows), axis=1)
-        if np.any(bad):
-            times = self.process.time(rows[bad])
-            first = np.min(times, where=np.isfinite(times), initial=np.inf)
-            when = f" up to t = {first:g} s" if np.isfinite(first) else ""
-            raise StepError(
-                f"The estimate does not stay finite{when}: a measurement is too far from its expectation; `gate` of "
-                "its Measurement leaves such values out."
-            )
-        self.rows, self.P = rows, P
+        held, output = FilterMemory(*(part.copy() for part in self._held)), np.empty((len(self.rows), max(size, 1)))
+        self._engine.follow(*held, np.ascontiguousarray(orders, np.int64), np.ascontiguousarray(data), output)
+        self._held = held
         return output
 
     def run(
@@ -302,13 +312,15 @@ class Filter(WithOverview, Remade):
         """
         checks.whole(save_every, "save_every", 1)
         seen = self._series(measured, "measured", self._sizes)
+        for name, one in seen.items():
+            self._prepared[name].space.require(one.values.reshape(-1, self._sizes[name]), f"`{name}` of `measured`")
         known = {name: seen[name] for name in self.measurements if name in seen}
         logged = self._series(inputs, "inputs", self.process.input_sizes)
         table = Timetable(self.t, dt, until, known, logged)
         for name in self.process.awaited:
             require_readings(name, logged.get(name), table.times, float(dt), name in self._awaited)
         for name, one in known.items():
-            require_radians(name, one, self._prepared[name].turns)
+            require_radians(name, one, self._prepared[name].space.angles)
         if doubt := self.process.doubt(self.rows[0], logged):
             warn(doubt, stacklevel=2)
         numbers = [self._numbers[name] for name in known]
@@ -321,7 +333,15 @@ class Filter(WithOverview, Remade):
         self._awaited -= set(logged)
         if self._sample is not None:
             self._judge_log(self._sample, table.times, plan, output[0], save_every, covariances)
-        return filtered(self.process, plan, output, covariances, self.members is None, save_every, self._sizes)
+        return filtered(
+            self.process,
+            plan,
+            output,
+            covariances,
+            self.members is None,
+            save_every,
+            {name: one.space.dim for name, one in self._prepared.items()},
+        )
 
     def _judge_log(
         self, sample: FilterSample, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, full: bool
@@ -348,8 +368,14 @@ class Filter(WithOverview, Remade):
             found = float64(value)
         except (TypeError, ValueError):
             raise ArgumentError(f"`{name}` of `measured` must be numbers, but is {shown(value)}.") from None
-        one = series(name, ([0.0], [found]), "measured", self._sizes, self.members)
-        return one.values if one.values.ndim == 2 else one.values[0]
+        if found.size == self._sizes[name] and (self.members is None or found.ndim < 2) and math.isfinite(found.sum()):
+            values = found.reshape(1, -1)
+        else:
+            one = series(name, ([0.0], [found]), "measured", self._sizes, self.members)
+            values = one.values if one.values.ndim == 2 else one.values[0]
+        if not self._prepared[name].space.everywhere:
+            self._prepared[name].space.require(values, f"`{name}` of `measured`")
+        return values
 
     def _require_inputs(self, inputs: PyTree) -> None:
         if inputs is not None:

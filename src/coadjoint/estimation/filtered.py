@@ -31,12 +31,13 @@ name, up to which constraints exclude a direction."""
 class Consistency(NamedTuple):
     """times (K,) s, NIS = νᵀS⁻¹ν (K,), NaN where nothing was measured, and whether it was used (K,).
 
-    Of many members NIS and `used` are (K, members).
+    recovered: whether `after_rejections` let it be used, (K,). Of many members all but `times` are (K, members).
     """
 
     times: np.ndarray
     nis: np.ndarray
     used: np.ndarray
+    recovered: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +67,10 @@ class Filtered:
         """The used part of every measurement, and its mean NIS next to its expectation, the count of its numbers."""
         lines = [("nodes", f"{len(self.t):,} from {self.t[0]:.6g} s to {self.t[-1]:.6g} s, every {self.every}")]
         for name, one in self.nis.items():
-            measured = np.isfinite(one.nis)
+            measured, again = np.isfinite(one.nis), np.zeros(0, int)
+            if one.recovered is not None and one.recovered.any():
+                again = np.flatnonzero(one.recovered.reshape(len(one.times), -1).any(axis=1))
+                measured &= ~one.recovered
             nis, m = one.nis[measured & one.used], self._sizes.get(name, 1)
             text = f"{np.count_nonzero(one.used):,} of {np.size(one.used):,} used"
             if len(nis):
@@ -75,6 +79,8 @@ class Filtered:
                 text += ": its values differ from those of the model; check units, axes, signs, gravity and noise"
             elif len(nis) and np.mean(nis) < m / FAR:
                 text += ": far less; its covariance, or process noise, is too large, or times are not in seconds"
+            if len(again):
+                text += f"; recovered after rejections at {len(again)} times, first at {one.times[again[0]]:.6g} s"
             lines.append((name, text))
         width = max(len(name) for name, _ in lines)
         return "\n".join(f"{name:<{width}}  {text}" for name, text in lines)
@@ -165,7 +171,7 @@ def filtered(
     nis = {}
     for name, (times, place) in plan.nis.items():
         found = rows(place, len(times), 2)
-        nis[name] = Consistency(times, found[..., 0], found[..., 1] > 0)
+        nis[name] = Consistency(times, found[..., 0], found[..., 1] > 0, found[..., 1] > 1)
     return Filtered(
         plan.times, rows(plan.rows, count, size), np.sqrt(np.maximum(variances, 0.0)), covariances, nis, process.names,
         process, every, of,

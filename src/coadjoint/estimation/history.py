@@ -10,19 +10,19 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.engines import FilterMemory
 from coadjoint.estimation.timetable import SAME
 
 
 @dataclass
 class PastStep:
-    """A prediction: its start, dt, its inputs, and the measurements after it."""
+    """A prediction: what was held before it, dt, its inputs, and the measurements after it."""
 
     t: float
-    rows: np.ndarray
-    P: np.ndarray
+    held: FilterMemory
     dt: float
     inputs: dict[str, PyTree]
-    taken: list[tuple[str, PyTree]] = field(default_factory=list)
+    taken: list[tuple[str, np.ndarray]] = field(default_factory=list)
 
 
 class Past:
@@ -31,15 +31,18 @@ class Past:
     def __init__(self, memory: PyTree):
         self._memory, self._steps = checks.not_negative(memory, "memory"), deque[PastStep]()
 
-    def predicted(self, t: float, rows: np.ndarray, P: np.ndarray, dt: float, inputs: dict[str, object]) -> None:
+    @property
+    def kept(self) -> bool:
+        """Whether any are."""
+        return self._memory > 0
+
+    def predicted(self, t: float, held: FilterMemory, dt: float, inputs: dict[str, object]) -> None:
         """Note a prediction from t."""
-        if not self._memory:
-            return
-        self._steps.append(PastStep(t, rows, P, dt, inputs))
+        self._steps.append(PastStep(t, held, dt, inputs))
         while self._steps[0].t + self._steps[0].dt <= t + dt - self._memory + SAME:
             self._steps.popleft()
 
-    def took(self, name: str, value: object) -> None:
+    def took(self, name: str, value: np.ndarray) -> None:
         """Note a measurement at the end of the last step."""
         if self._steps:
             self._steps[-1].taken.append((name, value))

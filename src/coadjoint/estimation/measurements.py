@@ -1,9 +1,9 @@
-"""Measurements: a function of the motion, its covariance, and a gate for outliers."""
+"""Measurements: a function of the motion, the space of its values, their noise, and a gate for outliers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,69 +12,115 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
+from coadjoint.kernels.emit.kalman import INFLATE, RESET, STOP
+from coadjoint.losses import Loss, require_loss
+from coadjoint.spaces.measured import MeasuredSpace
+
+RECOVERIES = {"inflate": INFLATE, "reset": RESET, "stop": STOP}
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """y = function(motion [, p [, biases]]) + v, v normal with a covariance R.
+    """y = function(motion [, p [, biases]]) with an error e, normal with a covariance R, in a space.
+
+        Measurement(lambda motion: motion.q[2], deviation=0.05)
+        Measurement(lambda motion: motion.g, space=co.SO3(), deviation=0.01, error_side="body", coordinates="wxyz")
+        Measurement(lambda motion: motion.a.north, space=co.Sphere(), deviation=0.02)
+
+    Of vectors y = h + e; on a group y = h exp(e), or exp(e) h, and the innovation is ν = log(h⁻¹y), or log(yh⁻¹); a
+    direction is on the sphere, and its e in the tangent plane. R, NIS and gates are of the dimension m of e, 3 of an
+    attitude, 2 of a direction. H = −∂ν/∂(error of the state) holds the inverse differential dlog at y.
 
     function: of a `co.mechanics.NodeMotion`, if it takes more arguments of the parameters of the system, and of the
-        biases of the process by their names; arguments with defaults do not count. A number or an array, written with
-        `jax.numpy`. A value that contains a NaN is left out completely.
+        biases of the process by their names; arguments with defaults do not count. It returns a value of the space,
+        written with `jax.numpy`. A measured value that contains a NaN is left out completely.
     covariance: R, (m, m), or the variances (m,), or one number for all.
-    gate: the probability with which a correct value is accepted, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
-        and S its covariance, is beyond this quantile of χ² is left out. By default None, all are accepted.
-    angles: whether the numbers are angles in rad, one truth value or (m,): then ν is the shorter way round. By default
-        False.
+    deviation: instead of it standard deviations of e, (m,), or one number for all, in rad where e is an angle.
+    gate: the probability with which a correct value is accepted, as 0.999: a value whose νᵀS⁻¹ν, with S the
+        covariance of ν, is beyond this quantile of χ² of m is left out. By default None, all are accepted.
     of_state: whether the function takes a `co.State` instead of the motion, as observations of a `co.Stepper` do. By
         default False.
+    space: None for vectors, a number or an array; a group, whose elements the function returns, as co.SO3(), co.SE3();
+        co.SO2() also for numbers, angles in rad; co.Sphere() for directions (3,), of which only the direction counts;
+        or a tuple of spaces, for a function that returns a tuple.
+    error_side: "body", y = h exp(e), e in the axes that g leads from, or "space", y = exp(e) h. By default "body".
+    coordinates: the numbers that values are on co.SO3(), and on co.SE3() followed by the position: "wxyz" or "xyzw",
+        unit quaternions, of which q and −q are one attitude; "zyx", (yaw, pitch, roll); "rpy", (roll, pitch, yaw). On
+        co.Sphere() "bearing", (bearing, elevation) from x to y and up, with e along both. Of a tuple a tuple. By
+        default None: the arrays of an element, flat.
+    after_rejections: (n, "inflate"), (n, "reset") or (n, "stop"): what happens with the n-th value in a row beyond the
+        gate. "inflate" multiplies P by its NIS/m and takes the value; "reset" moves the estimate onto the value, with
+        HP⁺Hᵀ = R, as if what was known of it before were wrong; "stop" raises StepError. By default all such values are
+        left out. `found.nis[name].recovered` and `Innovation.recovered` say where it happened.
+    loss: `co.losses.Huber()` or `Student()`, with which a value far off counts less; by default least squares.
 
     Raises ArgumentError for covariances that are not positive and for a gate that is not a probability.
     """
 
     function: Callable[..., PyTree]
-    covariance: Any
+    covariance: Any = None
     gate: float | None = None
-    angles: Any = False
     of_state: bool = False
+    deviation: Any = field(default=None, kw_only=True)
+    space: Any = field(default=None, kw_only=True)
+    error_side: str = field(default="body", kw_only=True)
+    coordinates: Any = field(default=None, kw_only=True)
+    after_rejections: tuple[int, str] | None = field(default=None, kw_only=True)
+    loss: Loss | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         if not callable(self.function):
             raise ArgumentError(
                 f"co.estimation.Measurement takes a function of the motion, but got {shown(self.function)}."
             )
-        found = numbers(self.covariance)
+        if (self.covariance is None) == (self.deviation is None):
+            raise ArgumentError("Give co.estimation.Measurement either a `covariance` or a `deviation` of its noise.")
+        if self.deviation is not None and not (np.ndim(self.deviation) < 2 and positive(numbers(self.deviation))):
+            raise ArgumentError(
+                "Argument `deviation` of co.estimation.Measurement must be a positive number, or one for each number "
+                f"of the noise, but is {shown(self.deviation)}."
+            )
+        found = numbers(self.covariance) if self.deviation is None else numbers(self.deviation) ** 2
         if not positive(found):
             raise ArgumentError(
                 "Argument `covariance` of co.estimation.Measurement must be a positive number, positive variances (m,) "
                 f"or a symmetric positive definite matrix (m, m), but is {shown(self.covariance)}."
             )
         object.__setattr__(self, "covariance", found)
+        require_loss(self.loss, "Argument `loss` of co.estimation.Measurement")
         if self.gate is not None:
             checks.number(
                 self.gate, "Argument `gate` of co.estimation.Measurement, a probability,", above=0.0, below=1.0
             )
 
-    def turns(self, size: int, name: str) -> np.ndarray:
-        """2π of each number that is an angle, 0 of others, (m,), of a function with m values."""
-        angles = np.asarray(self.angles)
-        if angles.dtype != bool or angles.shape not in ((), (size,)):
-            raise ArgumentError(
-                f"`angles` of `{name}` must be a truth value, or one for each of {size} numbers, but is "
-                f"{shown(self.angles)}."
-            )
-        return np.broadcast_to(np.where(angles, 2 * np.pi, 0.0), (size,))
+        if self.after_rejections is not None:
+            self._require_rejections()
 
-    def noise(self, size: int, name: str) -> np.ndarray:
-        """R, (m, m), of a function with m values."""
-        R = self.covariance
-        if R.ndim == 2 and R.shape == (size, size):
+    def _require_rejections(self) -> None:
+        given, what = self.after_rejections, "`after_rejections` of co.estimation.Measurement"
+        if not (isinstance(given, tuple) and len(given) == 2):
+            raise ArgumentError(f'{what} must be a count and a word, as (10, "reset"), but is {shown(given)}.')
+        checks.whole(given[0], f"The count of {what}", 1)
+        checks.choice(given[1], f"The word of {what}", tuple(RECOVERIES))
+        if self.gate is None:
+            raise ArgumentError(f"{what} needs a `gate`: without one no value is left out.")
+
+    @property
+    def recovery(self) -> tuple[int, int]:
+        """After how many values in a row beyond the gate what is done, 0 for nothing."""
+        count, word = (0, "") if self.after_rejections is None else self.after_rejections
+        return count, RECOVERIES.get(word, 0)
+
+    def noise(self, space: MeasuredSpace, name: str) -> np.ndarray:
+        """R, (m, m), of values in a space."""
+        R, m = self.covariance, space.dim
+        if R.ndim == 2 and R.shape == (m, m):
             return R
-        if R.shape not in ((), (size,)):
+        if R.shape not in ((), (m,)):
             raise ArgumentError(
-                f"`{name}` has a covariance of the shape {R.shape}, but its function returns {size} numbers."
+                f"`{name}` has a covariance of the shape {R.shape}, but its noise has {m} numbers, on {space.title}."
             )
-        return np.diag(np.broadcast_to(R, (size,)))
+        return np.diag(np.broadcast_to(R, (m,)))
 
 
 def positive(R: np.ndarray) -> bool:

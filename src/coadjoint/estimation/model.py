@@ -250,14 +250,16 @@ class ModelProcess(ConstrainedErrors):
         return PartsOfSteps(probe, ruler_of(self._layout, self._system.places), course, self.method.order)
 
     def native(self) -> Model | None:
-        model, tangent, moving = self._model, self.tangent.native, self.moving.native
+        model, tangent, moving, carrying = self._model, self.tangent.native, self.moving.native, self.carrying.native
         projector = None if self.projector is None else self.projector.native
-        if model.backend == "xla" or tangent is None or moving is None or (self.constrained and projector is None):
+        if tangent is None or moving is None or carrying is None or (self.constrained and projector is None):
+            return None
+        if model.backend == "xla":
             return None
         kernel = model.kernel(1)
         return Model(
             len(self._first), model.size, np.array(self.substeps), self.unknowns, kernel.record.size, model.p[0],
-            self._spread_places, kernel.function, kernel.row, self.between, tangent, self.densities, moving,
+            self._spread_places, kernel.function, kernel.row, self.between, tangent, self.densities, moving, carrying,
             self.commanded, self.width, projector,
         )  # fmt: skip
 

@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
-import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import checks
@@ -277,6 +276,23 @@ class Process(Remade, ABC):
         given = np.concatenate([self.example, np.zeros(self.width)])
         return RowFunction(lambda x, y: self.retract(y[:size], y[size:]), np.zeros(0), given)
 
+    @cached_property
+    def carrying(self) -> RowFunction:
+        """(e, (x, x⁺)) ↦ differ(x⁺, retract(x, e)): of x⁺ = retract(x, ê) its slope T at ê carries errors about x to
+        those about x⁺, T = 1 on flat spaces and the differential of exp at ê on groups.
+
+        Source: M. W. Mueller, M. Hehn, R. D'Andrea, *Covariance correction step for Kalman filtering with an attitude*,
+        J. Guidance, Control and Dynamics 40 (2017).
+        """
+        size = len(self.example)
+        given = np.concatenate([self.example, self.example])
+        return RowFunction(lambda x, y: self.differ(y[size:], self.retract(y[:size], x)), np.zeros(self.width), given)
+
+    def carried(self, P: np.ndarray, e: np.ndarray, rows: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """P (members, n, n) of errors about rows as that about `after` = retract(rows, e)."""
+        T = self.carrying(e, np.concatenate([rows, after], axis=1))[1]
+        return T @ P @ T.transpose(0, 2, 1)
+
     def errors(self, rows: np.ndarray, others: np.ndarray) -> np.ndarray:
         """e with others = retract(rows, e), rows and others (…, size): (…, n), also where e is not small."""
         both = np.concatenate([rows, others], axis=-1).reshape(-1, 2 * rows.shape[-1])
@@ -289,8 +305,8 @@ class Process(Remade, ABC):
         given = np.concatenate([self.example, self.example])
         return RowFunction(lambda x, y: self.differ(y[:size], y[size:]), np.zeros(0), given)
 
-    def measurement(self, function: Callable[..., object], of_state: bool = False) -> RowFunction:
-        """(e, x) ↦ function of the motion, or of the state, at retract(x, e), flat, with its Jacobian by e.
+    def reading(self, function: Callable[..., PyTree], of_state: bool = False) -> Callable[[Array], PyTree]:
+        """row ↦ function of the motion, or of the state, traced.
 
         Raises ArgumentError for a function that needs more than the motion or the state, the parameters and the biases.
         """
@@ -300,11 +316,7 @@ class Process(Remade, ABC):
                 "A measurement is a function of the motion, of (motion, p) or of (motion, p, biases), but this one "
                 f"needs {taken} arguments."
             )
-
-        def read(e: Array, row: Array) -> PyTree:
-            return jnp.ravel(jnp.asarray(function(*see(self.retract(row, e))[:taken]), dtype=float))
-
-        return RowFunction(read, np.zeros(self.width), self.example)
+        return lambda row: function(*see(row)[:taken])
 
 
 def _input(value: object, name: str, shape: tuple[int, int]) -> np.ndarray:

@@ -44,8 +44,10 @@ def smoothed(found: Filtered) -> Filtered:
         e = process.errors(after, rows[k + 1])
         change = process.admitted(after, P[k + 1]) - before
         P[k] = P[k] + G @ change @ G.transpose(0, 2, 1)
+        e, here = (G @ e[:, :, None])[:, :, 0], rows[k].copy()
+        rows[k] = process.moved(here, e)
+        P[k] = process.carried(P[k], e, here, rows[k])
         P[k] = 0.5 * (P[k] + P[k].transpose(0, 2, 1))
-        rows[k] = process.moved(rows[k], (G @ e[:, :, None])[:, :, 0])
         P[k] = process.admitted(rows[k], P[k])
     deviations = np.sqrt(np.maximum(np.diagonal(P, axis1=2, axis2=3), 0.0))
     rows, P, deviations = (part[:, 0] if one else part for part in (rows, P, deviations))

@@ -251,12 +251,12 @@ class StrapdownProcess(Process):
         return RowFunction(error_after, np.zeros(n + 6), given)
 
     def native(self) -> Model | None:
-        parts = self._step.native, self.tangent.native, self.moving.native
-        if parts[0] is None or parts[1] is None or parts[2] is None:
+        parts = self._step.native, self.tangent.native, self.moving.native, self.carrying.native
+        if parts[0] is None or parts[1] is None or parts[2] is None or parts[3] is None:
             return None
         return Model(
             len(self._first), 22, np.ones(1), 0, 0, np.zeros(0), np.zeros(self.drifting, int), parts[0].code, 0,
-            self.width, parts[1], self.densities, parts[2], self.commanded, self.width,
+            self.width, parts[1], self.densities, parts[2], parts[3], self.commanded, self.width,
         )  # fmt: skip
 
     def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:

@@ -74,9 +74,9 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
         )
 
 
-def require_radians(name: str, one: Series, turns: np.ndarray) -> None:
-    """Warn of angles that are in degrees; turns: (size,), 0 for numbers that are not angles."""
-    if jumps_by_degrees(one.values[..., turns > 0]):
+def require_radians(name: str, one: Series, angles: np.ndarray) -> None:
+    """Warn of angles that are in degrees; angles: which of the numbers are, (size,)."""
+    if jumps_by_degrees(one.values[..., angles]):
         warn(
             f"`{name}` of `measured` jumps by 360 from one value to the next, as degrees do and radians never: give "
             "np.radians of it.",

@@ -16,6 +16,7 @@ from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Defining
+from coadjoint.spaces.charts import roll_pitch_yaw
 
 TRIPS = 3
 """Newton's iterations for velocities from momenta where ℓ is not quadratic in them, from those of the step before."""
@@ -89,12 +90,7 @@ def vehicle(system: System, state: State) -> Mapping[str, Array]:
         R, q, omega, v = state.g, system.additional.act(system.group, state.g, state.n), xi, nu
     else:
         (R, q), omega, v = state.g, xi[:3], xi[3:]
-    angles = (
-        jnp.arctan2(R[2, 1], R[2, 2]),
-        jnp.arctan2(-R[2, 0], jnp.sqrt(R[2, 1] ** 2 + R[2, 2] ** 2)),
-        jnp.arctan2(R[1, 0], R[0, 0]),
-    )
-    return dict(zip(VEHICLE, (*q, *angles, *v, *omega), strict=True))
+    return dict(zip(VEHICLE, (*q, *roll_pitch_yaw(R), *v, *omega), strict=True))
 
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 import coadjoint as co
 from coadjoint.estimation import Filter, ModelProcess, RandomWalk
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint_vehicles.parts import Damping, Thrusters
 from coadjoint_vehicles.readings import kinematics, readings
 from coadjoint_vehicles.sensors import Compass, Depth, Dvl, Errors, Gps, Imu, Usbl, measurement
@@ -78,8 +79,9 @@ def test_a_filter_expects_of_a_sensor_what_it_reads_of_a_run(name):
     motions = [kinematics(craft())] if name == "imu" else [None, kinematics(craft())]
     for motion in motions:
         one = measurement(sensor, kinematics=motion)
-        expected, _ = model.measurement(one.function, one.of_state)(np.zeros((1, model.width)), row)
-        assert np.allclose(expected[0], read.exact[3], rtol=1e-8, atol=1e-8)
+        read_of, space = model.reading(one.function, one.of_state), sensor.errors_in()
+        expected = evaluate(lambda row, f=read_of, space=space: space.numbers(f(row)), row[0])
+        assert np.allclose(expected, read.exact[3], rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.long

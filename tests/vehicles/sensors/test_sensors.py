@@ -179,7 +179,21 @@ def test_residuals_of_angles_go_the_shorter_way():
     compass = Compass(name="compass", rate=1)
     assert compass.residual([3.1], [-3.1])[0] == pytest.approx(6.2 - 2 * np.pi)
     usbl = Usbl(name="usbl", rate=1, beacon=(0, 0, 0))
-    np.testing.assert_allclose(usbl.residual([9, 3.1, 0], [1, -3.1, 0.2]), [8, 6.2 - 2 * np.pi, -0.2])
+    np.testing.assert_allclose(usbl.residual([9, 3.1, 0], [1, -3.1, 0.0]), [8, 6.2 - 2 * np.pi, 0.0], atol=1e-15)
+
+
+def test_residuals_of_directions_and_attitudes_have_the_length_of_the_way_between():
+    usbl = Usbl(name="usbl", rate=1, beacon=(0, 0, 0))
+    for below in (0.2, 1.5, np.pi / 2):
+        off = usbl.residual([9, 3.1, -below], [9, -1.0, 0.3 - below])
+        u, v = (
+            np.array([np.cos(e) * np.cos(b), np.cos(e) * np.sin(b), -np.sin(e)])
+            for b, e in ((3.1, -below), (-1.0, 0.3 - below))
+        )
+        assert np.linalg.norm(off[1:]) == pytest.approx(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
+    steep = Ahrs(name="ahrs", rate=1).residual([0.3, 1.55, 0.1], [-1.0, 1.56, -1.2])
+    turn = co.attitude.zyx(-1.2, 1.56, -1.0).T @ co.attitude.zyx(0.1, 1.55, 0.3)
+    np.testing.assert_allclose(steep, co.attitude.rotation_vector(turn), atol=1e-12)
 
 
 def test_a_node_of_a_craft_is_read():

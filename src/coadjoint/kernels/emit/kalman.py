@@ -21,11 +21,20 @@ output, of P, whether all of P is kept)."""
 FIELDS = (
     *("errors", "size", "state", "unknowns", "noises", "drifting", "implicit", "parts", "between", "course"),
     *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "fractions"),
-    *("densities", "Phi", "chain", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
-    *("measurements", "sizes", "covariances", "gates", "turns", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
-    "projector",
+    *("densities", "Phi", "chain", "turned", "W", "step_scratch", "status", "retract", "carry", "moved"),
+    *("input_places", "measurements", "sizes", "counts", "covariances", "gates", "losses"),
+    *("limits", "actions", "rejected", "seen"),
+    *("nu", "H", "HP", "A", "S", "K", "KR", "e", "zeros", "projector"),
 )
 """The memory of a filter: sizes and addresses, all integers."""
+
+INFLATE, RESET, STOP = 1, 2, 3
+"""What is done with a value beyond the gate, after several in a row: P grows by NIS/m, the gain is that of R/SURE, the
+filter fails."""
+SURE = 1e9
+
+TRIPS, TINY = 30, 1e-300
+"""Iterations of the weight of a robust measurement, and the least square distance in it."""
 
 _FUNCTION = ir.FunctionType(VOID, [*[NUMBERS] * 4, INT64]).as_pointer()
 _KERNEL = ir.FunctionType(VOID, [*[NUMBERS] * 3, INT64, INT64, *[NUMBERS] * 3, INTEGERS]).as_pointer()
@@ -187,15 +196,8 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
     u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
     between = m.integer("between")
-    J, Phi, turned, W, P = (m.numbers(name) for name in ("J", "Phi", "turned", "W", "P"))
-    stride, square, one = f.add(u, between, w), f.times(n, n), DOUBLE(1.0)
-    f.b.call(algebra.transpose, [turned, Phi, n, n, n])
-    _clear(f, W, square)
-    f.b.call(algebra.product, [W, Phi, P, n, n, n, n, n, n, one])
-    _clear(f, P, square)
-    # W is full and Φᵀ is not: the product is taken transposed, Φ Wᵀ, of which P is the transpose.
-    f.b.call(algebra.transpose, [turned, W, n, n, n])
-    f.b.call(algebra.product, [P, Phi, turned, n, n, n, n, n, n, one])
+    J, Phi, P, stride = *(m.numbers(name) for name in ("J", "Phi", "P")), f.add(u, between, w)
+    _sandwich(f, m, algebra, Phi)
     densities, G = m.numbers("densities"), f.place(J, f.add(f.times(u, stride), u, between))
     with f.over(w) as a:
         scale = f.b.fmul(f.at(densities, a), h)
@@ -209,6 +211,18 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
         place = f.place(P, f.times(f.add(last, i), f.add(n, 1)))
         f.b.store(f.b.fadd(f.b.load(place), f.at(value, f.add(first, i))), place)
     _symmetric(f, P, n)
+
+
+def _sandwich(f: Loops, m: _Memory, algebra: DenseAlgebra, T: Any) -> None:
+    """P ← T P Tᵀ, not symmetric to round-off."""
+    n, one = m.integer("errors"), DOUBLE(1.0)
+    turned, W, P = (m.numbers(name) for name in ("turned", "W", "P"))
+    _clear(f, W, f.times(n, n))
+    f.b.call(algebra.product, [W, T, P, n, n, n, n, n, n, one])
+    _clear(f, P, f.times(n, n))
+    # W is full and Tᵀ is not: the product is taken transposed, T Wᵀ, of which P is the transpose.
+    f.b.call(algebra.transpose, [turned, W, n, n, n])
+    f.b.call(algebra.product, [P, T, turned, n, n, n, n, n, n, one])
 
 
 def _clear(f: Loops, array: Any, count: Any) -> None:
@@ -240,58 +254,131 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     f = Loops(module, "correct", INT64, INTEGERS, INT64, NUMBERS, NUMBERS)
     memory, measurement, values, output = f.args
     m = _Memory(f, memory)
-    n, size = m.integer("errors"), f.at(m.integers("sizes"), measurement)
-    row, nu, H, S, R = *(m.numbers(k) for k in ("row", "nu", "H", "S")), f.at(m.integers("covariances"), measurement)
-    function = f.b.inttoptr(f.at(m.integers("measurements"), measurement), _FUNCTION)
-    turns = f.b.inttoptr(f.at(m.integers("turns"), measurement), NUMBERS)
-    # A function does not write entries that are always 0.
-    _clear(f, H, f.times(size, n))
-    f.b.call(function, [m.numbers("zeros"), row, nu, H, INT64(1)])
-    total = f.variable(DOUBLE, DOUBLE(0.0))
-    with f.over(size) as i:
-        difference = _shorter(f, f.b.fsub(f.at(values, i), f.at(nu, i)), f.at(turns, i))
-        f.put(nu, i, difference)
-        f.b.store(f.b.fadd(f.b.load(total), f.b.fsub(difference, difference)), total)
+    size = f.at(m.integers("sizes"), measurement)
+    R = f.b.inttoptr(f.at(m.integers("covariances"), measurement), NUMBERS)
+    total, one = _innovation(f, m, measurement, values), DOUBLE(1.0)
     f.put(output, 0, DOUBLE(float("nan")))
     f.put(output, 1, DOUBLE(0.0))
-    with f.b.if_then(f.b.fcmp_unordered("!=", f.b.load(total), DOUBLE(0.0))):
+    with f.b.if_then(f.b.fcmp_unordered("!=", total, DOUBLE(0.0))):
         f.b.ret(INT64(0))
-    HP, one = m.numbers("HP"), DOUBLE(1.0)
-    R = f.b.inttoptr(R, NUMBERS)
-    _clear(f, HP, f.times(size, n))
-    f.b.call(algebra.product, [HP, H, m.numbers("P"), size, n, n, n, n, n, one])
-    f.b.call(algebra.copy, [S, R, f.times(size, size)])
-    turned = m.numbers("turned")
-    f.b.call(algebra.transpose, [turned, H, size, n, n])
-    f.b.call(algebra.product, [S, HP, turned, size, n, size, size, n, size, one])
-    f.b.call(algebra.cholesky, [S, size])
+    _spread(f, m, algebra, size)
+    _whitened(f, m, algebra, size, R, one)
     e, nis = m.numbers("e"), f.variable(DOUBLE, DOUBLE(0.0))
-    f.b.call(algebra.copy, [e, nu, size])
-    f.b.call(algebra.cholesky_solve, [S, e, size, INT64(1), INT64(0)])
     with f.over(size) as i:
         f.b.store(f.plus(f.b.load(nis), f.at(e, i), f.at(e, i)), nis)
     f.put(output, 0, f.b.load(nis))
-    gate = f.at(m.numbers("gates"), measurement)
-    with f.b.if_then(f.b.fcmp_ordered(">", f.b.load(nis), gate)):
+    action = _action(f, m, measurement, f.b.load(nis))
+    with f.b.if_then(f.b.icmp_signed("<", action, INT64(0))):
         f.b.ret(INT64(0))
-    f.put(output, 1, one)
-    _apply(f, m, algebra, size, R)
+    with f.b.if_then(f.b.icmp_signed("==", action, INT64(STOP))):
+        f.b.ret(INT64(1))
+    recovers = f.b.icmp_signed(">", action, INT64(0))
+    f.put(output, 1, f.b.select(recovers, DOUBLE(2.0), one))
+    with f.b.if_then(f.b.icmp_signed("==", action, INT64(INFLATE))):
+        factor = f.b.fdiv(f.b.load(nis), f.b.sitofp(size, DOUBLE))
+        n = m.integer("errors")
+        for name, count in (("P", f.times(n, n)), ("HP", f.times(size, n)), ("A", f.times(size, size))):
+            with f.over(count) as i:
+                f.put(m.numbers(name), i, f.b.fmul(f.at(m.numbers(name), i), factor))
+        _whitened(f, m, algebra, size, R, one)
+    weight = _weight(f, m, algebra, measurement, size, R)
+    with f.b.if_then(f.b.icmp_signed("==", action, INT64(RESET))):
+        _whitened(f, m, algebra, size, R, DOUBLE(SURE))
+    _apply(f, m, algebra, size, R, weight)
     with f.b.if_then(f.b.icmp_signed("!=", m.integer("projector"), INT64(0))):
         _project(f, m, algebra)
     f.b.ret(f.b.zext(_not_finite(f, m), INT64))
     return f.function
 
 
-def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
-    """x − turn·⌊x/turn + ½⌋ where there is a turn, as 2π of an angle; x where turn is 0."""
-    floor = f.function.module.declare_intrinsic("llvm.floor", [DOUBLE])
-    some = f.b.fcmp_ordered("!=", turn, DOUBLE(0.0))
-    parts = f.b.fdiv(difference, f.b.select(some, turn, DOUBLE(1.0)))
-    turns = f.b.call(floor, [f.b.fadd(parts, DOUBLE(0.5))])
-    return f.b.fsub(difference, f.b.fmul(turn, turns))
+def _action(f: Loops, m: _Memory, measurement: Any, nis: Any) -> Any:
+    """0 for a value within the gate, −1 for one beyond it, which is left out, or what is to be done with that."""
+    counts, place = m.integers("rejected"), f.variable(INT64, INT64(0))
+    beyond = f.b.fcmp_ordered(">", nis, f.at(m.numbers("gates"), measurement))
+    with f.b.if_else(beyond) as (rejected, accepted):
+        with accepted:
+            f.put(counts, measurement, INT64(0))
+        with rejected:
+            count = f.add(f.at(counts, measurement), 1)
+            action, limit = (f.at(m.integers(name), measurement) for name in ("actions", "limits"))
+            acts = f.b.and_(f.b.icmp_signed(">", action, INT64(0)), f.b.icmp_signed(">=", count, limit))
+            f.b.store(f.b.select(acts, action, INT64(-1)), place)
+            starts = f.b.and_(acts, f.b.icmp_signed("!=", action, INT64(STOP)))
+            f.put(counts, measurement, f.b.select(starts, INT64(0), count))
+    return f.b.load(place)
 
 
-def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> None:
+def _innovation(f: Loops, m: _Memory, measurement: Any, values: Any) -> Any:
+    """ν and H of a measurement; returns 0, or NaN where a number is not finite."""
+    n, width = m.integer("errors"), m.integer("size")
+    size, count = (f.at(m.integers(name), measurement) for name in ("sizes", "counts"))
+    nu, H, seen = m.numbers("nu"), m.numbers("H"), m.numbers("seen")
+    function = f.b.inttoptr(f.at(m.integers("measurements"), measurement), _FUNCTION)
+    total = f.variable(DOUBLE, DOUBLE(0.0))
+    with f.over(width) as i:
+        f.put(seen, i, f.at(m.numbers("row"), i))
+    with f.over(count) as i:
+        value = f.at(values, i)
+        f.put(seen, f.add(width, i), value)
+        f.b.store(f.b.fadd(f.b.load(total), f.b.fsub(value, value)), total)
+    # A function does not write entries that are always 0.
+    _clear(f, H, f.times(size, n))
+    f.b.call(function, [m.numbers("zeros"), seen, nu, H, INT64(1)])
+    with f.over(size) as i:
+        difference = f.b.fneg(f.at(nu, i))
+        f.put(nu, i, difference)
+        f.b.store(f.b.fadd(f.b.load(total), f.b.fsub(difference, difference)), total)
+    return f.b.load(total)
+
+
+def _spread(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any) -> None:
+    """HP and A = HPHᵀ."""
+    n, H, HP, A, turned = m.integer("errors"), *(m.numbers(k) for k in ("H", "HP", "A", "turned"))
+    one = DOUBLE(1.0)
+    _clear(f, HP, f.times(size, n))
+    f.b.call(algebra.product, [HP, H, m.numbers("P"), size, n, n, n, n, n, one])
+    _clear(f, A, f.times(size, size))
+    f.b.call(algebra.transpose, [turned, H, size, n, n])
+    f.b.call(algebra.product, [A, HP, turned, size, n, size, size, n, size, one])
+
+
+def _whitened(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any, weight: Any) -> None:
+    """The root of S = A + R/w, and e = root⁻¹ν."""
+    S, A, e = m.numbers("S"), m.numbers("A"), m.numbers("e")
+    with f.over(f.times(size, size)) as i:
+        f.put(S, i, f.b.fadd(f.at(A, i), f.b.fdiv(f.at(R, i), weight)))
+    f.b.call(algebra.cholesky, [S, size])
+    f.b.call(algebra.copy, [e, m.numbers("nu"), size])
+    f.b.call(algebra.cholesky_solve, [S, e, size, INT64(1), INT64(0)])
+
+
+def _weight(f: Loops, m: _Memory, algebra: DenseAlgebra, measurement: Any, size: Any, R: Any) -> Any:
+    """w of the loss, 1 without one, with S = A + R/w: `estimation.engines.robust`."""
+    place, one = f.times(measurement, 3), DOUBLE(1.0)
+    a, b, kind = (f.at(m.numbers("losses"), f.add(place, i)) for i in range(3))
+    weight, z = f.variable(DOUBLE, one), m.numbers("K")
+    root = f.function.module.declare_intrinsic("llvm.sqrt", [DOUBLE])
+    with f.b.if_then(f.b.fcmp_ordered(">=", kind, DOUBLE(0.0))):
+        with f.over(TRIPS):
+            _whitened(f, m, algebra, size, R, f.b.load(weight))
+            f.b.call(algebra.copy, [z, m.numbers("nu"), size])
+            f.b.call(algebra.cholesky_solve, [m.numbers("S"), z, size, INT64(1), INT64(1)])
+            square = f.variable(DOUBLE, DOUBLE(0.0))
+            with f.over(size) as i, f.over(size) as j:
+                term = f.b.fmul(f.at(z, i), f.at(R, f.add(f.times(i, size), j)))
+                f.b.store(f.plus(f.b.load(square), term, f.at(z, j)), square)
+            w = f.b.load(weight)
+            distance = f.b.fdiv(f.b.load(square), f.b.fmul(w, w))
+            student = f.b.fdiv(a, f.b.fadd(b, distance))
+            some = f.b.select(f.b.fcmp_ordered(">", distance, DOUBLE(TINY)), distance, DOUBLE(TINY))
+            huber = f.b.fdiv(a, f.b.call(root, [some]))
+            huber = f.b.select(f.b.fcmp_ordered("<", huber, one), huber, one)
+            f.b.store(f.b.select(f.b.fcmp_ordered(">", kind, DOUBLE(0.0)), student, huber), weight)
+        _whitened(f, m, algebra, size, R, f.b.load(weight))
+    return f.b.load(weight)
+
+
+def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any, weight: Any) -> None:
     """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
     n, P, HP, S, K, KR, turned = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)
@@ -302,7 +389,7 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> No
     f.b.call(algebra.product, [P, K, HP, n, size, n, n, size, n, minus])
     _clear(f, KR, f.times(n, size))
     f.b.call(algebra.product, [KR, P, turned, n, n, size, size, n, size, one])
-    f.b.call(algebra.product, [KR, K, R, n, size, size, size, size, size, minus])
+    f.b.call(algebra.product, [KR, K, R, n, size, size, size, size, size, f.b.fdiv(minus, weight)])
     f.b.call(algebra.product, [P, KR, rows, n, size, n, n, size, n, minus])
     _symmetric(f, P, n)
     e = m.numbers("e")
@@ -313,17 +400,19 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> No
     f.b.call(algebra.copy, [f.place(moved, width), e, n])
     zeros = m.numbers("zeros")
     m.call("retract", _FUNCTION, [zeros, moved, row, zeros, INT64(1)])
+    # P is of errors about the row before: T P Tᵀ is of those about the row after.
+    T, square = m.numbers("Phi"), f.times(n, n)
+    f.b.call(algebra.copy, [f.place(moved, width), row, width])
+    _clear(f, T, square)
+    m.call("carry", _FUNCTION, [e, moved, m.numbers("KR"), T, INT64(1)])
+    _sandwich(f, m, algebra, T)
+    _symmetric(f, P, n)
 
 
 def _project(f: Loops, m: _Memory, algebra: DenseAlgebra) -> None:
     """P ← ΠPΠᵀ at the row, with the tangent space of constraints."""
-    n, Pi, W, P, turned = (m.integer("errors"), *map(m.numbers, ("Phi", "W", "P", "turned")))
-    square, one = f.times(n, n), DOUBLE(1.0)
-    _clear(f, Pi, square)
+    n, Pi = m.integer("errors"), m.numbers("Phi")
+    _clear(f, Pi, f.times(n, n))
     m.call("projector", _FUNCTION, [m.numbers("zeros"), m.numbers("row"), m.numbers("value"), Pi, INT64(1)])
-    _clear(f, W, square)
-    f.b.call(algebra.product, [W, Pi, P, n, n, n, n, n, n, one])
-    f.b.call(algebra.transpose, [turned, Pi, n, n, n])
-    _clear(f, P, square)
-    f.b.call(algebra.product, [P, W, turned, n, n, n, n, n, n, one])
-    _symmetric(f, P, n)
+    _sandwich(f, m, algebra, Pi)
+    _symmetric(f, m.numbers("P"), n)

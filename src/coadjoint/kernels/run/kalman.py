@@ -23,7 +23,8 @@ class Model(NamedTuple):
     parameters: of the step, and the places of those that drift. step: a kernel of one lane, or where there are no
     unknowns a function of (row, h). scratch: the size of its record with the course. between: the count of errors
     between parts, the first of them e. tangent: (unknowns, errors, w), (row, row after, length, h, first, last) of a
-    part ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
+    part ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e). carry:
+    (e, (row, row moved by e)) ↦ the error about the second.
     projector: (e, row) ↦ the error that is left of e on constraints; None without them.
     """
 
@@ -40,21 +41,23 @@ class Model(NamedTuple):
     tangent: NativeFunction
     densities: np.ndarray
     retract: NativeFunction
+    carry: NativeFunction
     inputs: np.ndarray
     errors: int
     projector: NativeFunction | None = None
 
 
 class MeasurementCode(NamedTuple):
-    """A measurement: its function of (e, row), R (m, m), the largest NIS that is accepted, and each number's turn.
-
-    The turn, (m,), is 2π of an angle and 0 of what does not turn.
-    """
+    """A measurement: its function of (e, (row, y)), whose value is −ν, R (m, m), the largest NIS that is accepted, how
+    many numbers y has, and (a, b, c) of its loss, with the weight min(1, a/d), or a/(b + d²) where c is 1.
+    recovery: the number of values in a row beyond the gate after which something is done, and what, 0 for nothing."""
 
     function: NativeFunction
     covariance: np.ndarray
     gate: float
-    turns: np.ndarray
+    numbers: int
+    loss: tuple[float, float, float] | None
+    recovery: tuple[int, int]
 
 
 @cache
@@ -88,8 +91,9 @@ class Filters:
             "value": u + among + 2 * k, "J": (u + among + 2 * k) * (u + among + w),
             "Phi": among**2, "chain": among**2, "turned": n * max(n, most), "W": max(n * max(n, most), among**2),
             "step_scratch": max(M.scratch, 1),
-            "moved": size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
-            "KR": max(most * n, u * (u + among + w)), "e": max(n, most), "zeros": u + n + w + 1,
+            "moved": 2 * size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
+            "KR": max(most * n, n, u * (u + among + w)), "e": max(n, most), "zeros": u + n + w + 1,
+            "seen": size + max([one.numbers for one in seen], default=0), "A": most * most,
         }  # fmt: skip
         for name, count in numbers.items():
             self._hold(name, np.zeros(max(count, 1)))
@@ -100,16 +104,21 @@ class Filters:
         for name, value in (("places", M.places), ("input_places", M.inputs)):
             self._hold(name, np.concatenate([value, [0]]).astype(np.int64))
         covariances = [np.ascontiguousarray(one.covariance, float) for one in seen]
-        turns = [np.ascontiguousarray(one.turns, float) for one in seen]
-        self._held |= {f"of {i}": part for i, part in enumerate([*covariances, *turns])}
+        self._held |= {f"of {i}": part for i, part in enumerate(covariances)}
         self._hold("measurements", np.array([address(one.function.code) for one in seen] + [0], np.int64))
         self._hold("sizes", np.array([len(R) for R in covariances] + [0], np.int64))
         self._hold("covariances", np.array([R.ctypes.data for R in covariances] + [0], np.int64))
-        self._hold("turns", np.array([part.ctypes.data for part in turns] + [0], np.int64))
+        self._hold("counts", np.array([one.numbers for one in seen] + [0], np.int64))
+        self._hold(
+            "losses", np.array([(0.0, 0.0, -1.0) if one.loss is None else one.loss for one in seen] + [(0.0,) * 3])
+        )
+        self._hold("limits", np.array([one.recovery[0] for one in seen] + [0], np.int64))
+        self._hold("actions", np.array([one.recovery[1] for one in seen] + [0], np.int64))
         self._hold("gates", np.array([one.gate for one in seen] + [0.0]))
         sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
         sizes |= {"parts": len(M.parts), "between": among, "course": M.course}
         functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}
+        functions["carry"] = address(M.carry.code)
         if M.projector is not None:
             functions["projector"] = address(M.projector.code)
         for name, value in {**sizes, **functions, "implicit": int(u > 0)}.items():
@@ -119,9 +128,45 @@ class Filters:
         self._held[name] = array
         self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
 
-    def follow(self, row: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray) -> int:
-        """Execute orders (count, 4) with one filter, whose row and P change: −1, or which order failed."""
+    def alone(self) -> OneFilter:
+        """One of the filters with memory of its own, for one order per call."""
+        n, seen = self._model.errors, self._measurements
+        return OneFilter(
+            self._function, self._memory, np.zeros((1, self._model.size)), np.zeros((1, n, n)),
+            np.zeros((1, max(len(seen), 1)), np.int64), np.zeros(max([1, *(one.numbers for one in seen)])),
+        )  # fmt: skip
+
+    def follow(
+        self, row: np.ndarray, P: np.ndarray, rejected: np.ndarray, orders: np.ndarray, data: np.ndarray,
+        output: np.ndarray,
+    ) -> int:  # fmt: skip
+        """Execute orders (count, 4) with one filter, whose row, P and counts `rejected` by measurements change: −1, or
+        which order failed."""
+        self._memory[kalman.FIELDS.index("rejected")] = rejected.ctypes.data
         self._memory[kalman.FIELDS.index("row")] = row.ctypes.data
         self._memory[kalman.FIELDS.index("P")] = P.ctypes.data
         pointers = [a.ctypes.data for a in (self._memory, orders)]
         return self._function(*pointers, len(orders), data.ctypes.data, output.ctypes.data)
+
+
+class OneFilter:
+    """A filter that executes one order per call, in memory that stays where it is.
+
+    row (1, size), P (1, n, n) and rejected (1, count): the arrays to fill before a call and to read after it. data: h,
+    or the numbers of a value. output: NIS, and how it was used.
+    """
+
+    def __init__(
+        self, function: Any, memory: np.ndarray, row: np.ndarray, P: np.ndarray, rejected: np.ndarray, data: np.ndarray
+    ):
+        self.row, self.P, self.rejected, self.data, self.output = row, P, rejected, data, np.zeros(2)
+        self._orders, self._memory, self._function = np.zeros((1, 4), np.int64), memory.copy(), function
+        for name, array in (("row", row), ("P", P), ("rejected", rejected)):
+            self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
+        places = [array.ctypes.data for array in (self._memory, self._orders, data, self.output)]
+        self._given = places[0], places[1], 1, places[2], places[3]
+
+    def __call__(self, order: int, number: int) -> bool:
+        """Execute an order, PREDICT by the first number of `data`, or CORRECT with a measurement; whether it failed."""
+        self._orders[0, 0], self._orders[0, 1] = order, 0 if order == kalman.PREDICT else number
+        return self._function(*self._given) >= 0

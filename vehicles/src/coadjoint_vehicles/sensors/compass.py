@@ -6,15 +6,18 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
+from coadjoint.groups import SO3
 from coadjoint.spaces import Named
+from coadjoint.spaces.charts import euler, roll_pitch_yaw, wrapped
 from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
 from coadjoint_vehicles.sensors.message import Message, MessageField
-from coadjoint_vehicles.sensors.sensor import Sensor, tilt, turn, wrapped
+from coadjoint_vehicles.sensors.sensor import Sensor, tilt, turn
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,8 +48,9 @@ class Ahrs(Sensor):
     """Roll, pitch and heading of the sensor axes, (3,) rad, of R M: an attitude and heading reference.
 
     roll = atan2(d_y, d_z) and pitch = atan2(−d_x, |(d_y, d_z)|) of down d in its axes, heading as of `Compass`.
-    tilt: the Errors of roll and pitch; heading: of the heading. declination: of magnetic from true north, rad.
-    Raises ArgumentError.
+    tilt, heading: the Errors of roll and pitch, and of the heading, which together are a vector e about its own axes:
+    it reads R M exp(e^×). declination: of magnetic from true north, rad. Raises
+    ArgumentError.
     """
 
     kind: ClassVar[str] = "ahrs"
@@ -63,12 +67,23 @@ class Ahrs(Sensor):
     tilt: Errors = field(default_factory=Errors)
     heading: Errors = field(default_factory=Errors)
 
+    @property
+    def space(self) -> PyTree:
+        return SO3()
+
+    @property
+    def coordinates(self) -> PyTree:
+        return "rpy"
+
+    def value(self, motion: Kinematics, own: Named) -> Array:
+        """Its attitude over magnetic north, (3, 3)."""
+        return euler(0.0, 0.0, -own.declination) @ jnp.asarray(motion.rotation) @ turned(own.euler_zyx)
+
     def reading(self, motion: Kinematics, own: Named) -> Array:
-        R = jnp.asarray(motion.rotation) @ turned(own.euler_zyx)
-        roll = jnp.arctan2(R[2, 1], R[2, 2])
-        pitch = jnp.arctan2(-R[2, 0], jnp.sqrt(R[2, 1] ** 2 + R[2, 2] ** 2))
-        heading = wrapped(jnp.arctan2(R[1, 0], R[0, 0]) - own.declination)
-        return jnp.stack([roll, pitch, heading])
+        return roll_pitch_yaw(self.value(motion, own))
+
+    def _shapes(self) -> PyTree:
+        return np.eye(3)
 
 
 def upright(motion: Kinematics, own: Named) -> Array:

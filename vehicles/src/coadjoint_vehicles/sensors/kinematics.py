@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import NodeMotion
+from coadjoint.spaces.charts import euler
 
 
 class Kinematics(NamedTuple):
@@ -79,11 +80,4 @@ def rotation_of(a: PyTree) -> Array:
 
 def turned(euler_zyx: Any) -> Array:
     """R_z(yaw)R_y(pitch)R_x(roll), (3, 3), of yaw, pitch and roll (3,) rad: from a sensor's axes to the body's."""
-    yaw, pitch, roll = euler_zyx[0], euler_zyx[1], euler_zyx[2]
-    (a, b), (c, d), (e, f) = ((jnp.cos(angle), jnp.sin(angle)) for angle in (yaw, pitch, roll))
-    rows = [
-        [a * c, a * d * f - b * e, a * d * e + b * f],
-        [b * c, b * d * f + a * e, b * d * e - a * f],
-        [-d, c * f, c * e],
-    ]
-    return jnp.stack([jnp.stack(row) for row in rows])
+    return euler(euler_zyx[2], euler_zyx[1], euler_zyx[0])

@@ -45,22 +45,23 @@ def measurement(
         )
     for name in biased:
         checks.known(name, [channel.name for channel in sensor.channels], "channel", f"The {sensor.title}`")
-    own = Named(**sensor.parameters())
+    own, space = Named(**sensor.parameters()), sensor.errors_in()
 
-    def exact(motion: PyTree, p: Named) -> Array:
+    def exact(motion: PyTree, p: Named) -> PyTree:
         if kinematics is None:
-            return sensor.reading(_of_motion(sensor, motion, p, bottom), own)
+            return sensor.value(_of_motion(sensor, motion, p, bottom), own)
         found = kinematics(motion, p)
-        return sensor.reading(found if bottom is None else found._replace(bottom=bottom), own)
+        return sensor.value(found if bottom is None else found._replace(bottom=bottom), own)
 
-    def with_biases(motion: PyTree, p: Named, biases: object) -> Array:
-        return exact(motion, p) + jnp.concatenate(
-            [_bias(sensor, channel, biased, biases) for channel in sensor.channels]
-        )
+    def with_biases(motion: PyTree, p: Named, biases: object) -> PyTree:
+        parts = [_bias(sensor, channel, biased, biases) for channel in sensor.channels]
+        return space.moved(exact(motion, p), jnp.concatenate(parts))
 
     R = sensor.covariance if covariance is None else covariance
     function = with_biases if biased else exact
-    return Measurement(function, R, gate=gate, angles=sensor.angles, of_state=kinematics is not None)
+    return Measurement(
+        function, R, gate=gate, of_state=kinematics is not None, space=sensor.space, coordinates=sensor.coordinates
+    )
 
 
 def _bias(sensor: Sensor, channel: Any, biased: Sequence[str], biases: PyTree) -> Array:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 from zlib import crc32
 
+import jax
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.extending import evaluate
 from coadjoint.groups import attitude
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.sensor import Sensor
@@ -78,7 +80,16 @@ class Noise:
             found.append(one.read(exact[:, columns], numbers, added, self.count))
             begin += one.size
         self.count += count
-        return Drawn(np.concatenate(found, axis=1), lost)
+        return Drawn(self._composed(exact, np.concatenate(found, axis=1)), lost)
+
+    def _composed(self, exact: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Readings with their errors, where these are not those of each number, as in an attitude or a direction."""
+        if self.sensor.coordinates is None or not len(exact):
+            return values
+        space, off = self.sensor.errors_in(), values - exact
+        e = np.where(space.angles, off - 2 * np.pi * np.floor(off / (2 * np.pi) + 0.5), off)
+        composed = jax.vmap(lambda y, e: space.numbers(space.moved(space.value(y), e)))
+        return np.asarray(evaluate(composed, exact, e))
 
 
 class _Channel:

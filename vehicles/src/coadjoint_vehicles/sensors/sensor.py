@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import jax
@@ -16,8 +17,10 @@ from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.extending import evaluate, traced
+from coadjoint.groups import SO2
 from coadjoint.models.quantities import angles, not_negative, number, positive, vector
 from coadjoint.spaces import Named
+from coadjoint.spaces.measured import MeasuredSpace, measured_space
 from coadjoint_vehicles.axes import body_axes
 from coadjoint_vehicles.parts.measured import Measured, check_fields, measured, place, share
 from coadjoint_vehicles.parts.numbers import Numbers
@@ -128,9 +131,32 @@ class Sensor(Numbers, ABC):
         return len(self.names)
 
     @property
-    def angles(self) -> np.ndarray:
-        """Which of the numbers of a reading are angles, (m,) of bool."""
-        return np.array([channel.angle for channel in self.channels for _ in channel.components])
+    def space(self) -> PyTree:
+        """The space of a reading as of `co.estimation.Measurement`, of several channels a tuple of theirs."""
+        found = [SO2() if channel.angle else None for channel in self.channels]
+        return tuple(found) if len(found) > 1 else found[0]
+
+    @property
+    def coordinates(self) -> PyTree:
+        """What its numbers are in the space, as of `co.estimation.Measurement`."""
+        return None
+
+    def value(self, motion: Kinematics, own: Named) -> PyTree:
+        """Its error-free reading as a value of `space`; jax.numpy only."""
+        return self._split(self.reading(motion, own))
+
+    def _split(self, reading: Array) -> PyTree:
+        ends = np.cumsum([0, *(len(channel.components) for channel in self.channels)]).tolist()
+        found = [reading[a:b] for a, b in pairwise(ends)]
+        return tuple(found) if len(found) > 1 else found[0]
+
+    def errors_in(self) -> MeasuredSpace:
+        """The space of its readings with their errors: of an attitude in its axes, of a direction on the sphere."""
+        return measured_space(self.space, self._shapes(), "body", self.coordinates, f"the {self.title}`")
+
+    def _shapes(self) -> PyTree:
+        """A value like those of the space."""
+        return self._split(np.zeros(self.size))
 
     @property
     def deviation(self) -> np.ndarray:
@@ -165,13 +191,12 @@ class Sensor(Numbers, ABC):
         return evaluate(lambda motion, own: function(_as_arrays(motion), own), motion, own)
 
     def residual(self, reading: object, expected: object) -> Array:
-        """reading − expected, (m,), angles by the shorter way: in [−π, π). Raises ArgumentError for other shapes."""
-
-        def difference(reading: PyTree, expected: PyTree) -> Array:
-            left = reading - expected
-            return jnp.where(self.angles, wrapped(left), left)
-
-        return evaluate(difference, vector(reading, "reading", self.size), vector(expected, "expected", self.size))
+        """The error e (m,) of a reading from the expected one, both (m,): their difference, of angles by the shorter
+        way; of an attitude log(R⁻¹R_read), and of a direction the way to it on the sphere. Raises ArgumentError for
+        other shapes."""
+        space = self.errors_in()
+        given = vector(reading, "reading", self.size), vector(expected, "expected", self.size)
+        return evaluate(lambda y, h: -space.difference(space.value(h), y), *given)
 
     @abstractmethod
     def reading(self, motion: Kinematics, own: Named) -> Array:
@@ -180,11 +205,6 @@ class Sensor(Numbers, ABC):
     def within(self, motion: Kinematics, own: Named) -> Array:
         """Whether the motion is within its limits; jax.numpy only."""
         return jnp.asarray(True)
-
-
-def wrapped(angle: Any) -> Array:
-    """The angle in [−π, π), of the shape given, rad."""
-    return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
 
 
 def needs(motion: Kinematics, name: str, who: str) -> PyTree:

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint import units as u
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import positive, vector
-from coadjoint.spaces import Named
+from coadjoint.spaces import Named, Sphere
+from coadjoint.spaces.charts import bearing
 from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.parts.part import speed_of
 from coadjoint_vehicles.sensors.errors import Channel, Errors
@@ -25,8 +27,8 @@ class Usbl(Sensor):
     seen_from: "vehicle", d from its place r to the beacon in its own axes, MᵀRᵀ(b − q − Rr); or "beacon", whose
     transceiver is aligned with space: d = q + Rr − b, so that the bearing is from north to the east.
 
-    beacon: b, (3,) m, north, east, down. farthest: the largest range, m. range, direction: their Errors. Raises
-    ArgumentError.
+    beacon: b, (3,) m, north, east, down. farthest: the largest range, m. range, direction: their Errors, those of the
+    direction along the arcs of bearing and elevation on the sphere. Raises ArgumentError.
     """
 
     kind: ClassVar[str] = "usbl"
@@ -47,9 +49,25 @@ class Usbl(Sensor):
             return -d
         return turned(own.euler_zyx).T @ (jnp.asarray(motion.rotation).T @ d)
 
-    def reading(self, motion: Kinematics, own: Named) -> Array:
+    @property
+    def space(self) -> PyTree:
+        return None, Sphere()
+
+    @property
+    def coordinates(self) -> PyTree:
+        return None, "bearing"
+
+    def value(self, motion: Kinematics, own: Named) -> tuple[Array, Array]:
+        """Range (1,) m and d, (3,) m, whose direction it reads."""
         d = self.between(motion, own)
-        return jnp.stack([speed_of(d), jnp.arctan2(d[1], d[0]), jnp.arctan2(-d[2], speed_of(d[:2]))])
+        return jnp.stack([speed_of(d)]), d
+
+    def reading(self, motion: Kinematics, own: Named) -> Array:
+        reach, d = self.value(motion, own)
+        return jnp.concatenate([reach, bearing(d)])
+
+    def _shapes(self) -> PyTree:
+        return np.zeros(1), np.ones(3)
 
     def within(self, motion: Kinematics, own: Named) -> Array:
         near = speed_of(self.between(motion, own))

@@ -1,0 +1,98 @@
+"""Problems and estimators whose measurements live on groups, and losses that outliers do not dominate."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.control import Measured, Problem
+
+pytest.importorskip("casadi")
+H, STEPS, S = 0.1, 8, 0.02
+
+
+@cache
+def body():
+    return co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi))
+
+
+@cache
+def log() -> tuple[Any, np.ndarray]:
+    """The motion at a pitch of 88°, and quaternions of either sign, x, y, z, w, one of which is absent."""
+    start = body().state(g=co.attitude.zyx(0.3, np.radians(88), 0.1), xi=[0.2, 0.1, -0.3])
+    run = co.simulate(body(), start, dt=H, steps=STEPS, monitors=False)
+    e = S * np.random.default_rng(2).normal(size=(STEPS + 1, 3))
+    y = co.attitude.to_quaternion(np.asarray(run.records.g) @ co.attitude.from_rotation_vector(e))
+    y = np.roll(y, -1, axis=1) * np.where(np.arange(STEPS + 1) % 2, 1.0, -1.0)[:, None]
+    y[3, 1] = np.nan
+    return run, y
+
+
+def problem(y: np.ndarray | None, **given: Any) -> Problem:
+    attitude = Measured(lambda m: m.g, y, S, space=co.SO3(), coordinates="xyzw", **given)
+    free = {"g": 0.3, "xi": 0.3}
+    far = body().state(g=co.attitude.zyx(0.4, np.radians(85), 0.1), xi=[0.1, 0.1, -0.2])
+    return Problem(
+        body(), far, dt=H, steps=STEPS, cost=lambda m: 0.0 * m.xi @ m.xi, free_start=free, measured={"y": attitude}
+    )
+
+
+def off(found: Any, k: int) -> float:
+    turn = np.asarray(log()[0].records.g)[k].T @ np.asarray(found)
+    return float(np.linalg.norm(co.attitude.rotation_vector(turn)))
+
+
+def test_quaternions_of_either_sign_lead_to_an_attitude_near_the_pole():
+    found = problem(log()[1]).solve()
+    left = found.residuals["y"]
+    assert left.shape == (STEPS + 1, 3) and np.all(np.isnan(left[3])) and np.sum(np.isnan(left)) == 3
+    assert off(found.run.records.g[-1], STEPS) < 2 * S and np.nanmax(np.abs(left)) < 3.5
+
+
+@pytest.mark.parametrize("loss", [co.losses.Huber(), co.losses.Student(4)])
+def test_a_wild_attitude_hardly_moves_an_estimate_with_a_robust_loss(loss: co.losses.Loss):
+    y = log()[1].copy()
+    y[5] = [1.0, 0.0, 0.0, 0.0]
+    plain, robust = (off(problem(y, **more).solve().run.records.g[5], 5) for more in ({}, {"loss": loss}))
+    assert robust < 2.5 * S < plain
+
+
+@pytest.mark.long
+def test_an_estimator_reads_attitudes_on_their_group_and_weighs_a_wild_one():
+    y = log()[1].copy()
+    ends = []
+    for loss in (None, co.losses.Student(4)):
+        estimator = problem(None, loss=loss).estimator(horizon=0.5, iterations=4)
+        y[6] = [1.0, 0.0, 0.0, 0.0]
+        estimates = [estimator({"y": one}, inputs={}) for one in y]
+        ends.append(off(estimates[-1].state.g, STEPS))
+    assert ends[1] < 3 * S < ends[0]
+
+
+def test_values_that_do_not_fit_their_space_raise_one_sentence():
+    y = log()[1]
+    for given, says in (
+        (
+            {"values": y[:, :3]},
+            r"values of the shape \(3,\), but on SO3.., by a unit .* they are 4",
+        ),
+        ({"values": 2 * y}, "must be on SO3.., by a unit .*: number 1 of 9, .* is off it by 1"),
+        ({"deviation": [S] * 4}, r"deviation of the shape \(4,\), but its errors are \(3,\): give one number, or one"),
+        ({"error_side": "left"}, '`error_side` of `y` must be "body" or "space"'),
+    ):
+        usual: dict[str, Any] = {
+            "function": lambda m: m.g,
+            "values": y,
+            "deviation": S,
+            "space": co.SO3(),
+            "coordinates": "xyzw",
+        }
+        one, start = Measured(**{**usual, **given}), body().state(xi=[0.1, 0.0, 0.0])
+        more: Any = {"cost": lambda m: 0.0 * m.xi @ m.xi, "free_start": {"g": math.inf}, "measured": {"y": one}}
+        with pytest.raises(co.errors.ArgumentError, match=says):
+            Problem(body(), start, dt=H, steps=STEPS, **more).solve()
