@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
+import numpy as np
+
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import truth
@@ -24,6 +26,7 @@ from coadjoint.identification.sampling import Between
 from coadjoint.identification.sensor_model import GROUPS, Attitude, sensing
 from coadjoint.identification.unknowns import unknowns
 from coadjoint.interrupts import deferred_interrupts
+from coadjoint.losses import Loss, require_loss
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -54,6 +57,7 @@ def identify(
     longest_delay: float = 0.5,
     attitude: Attitude | None = None,
     process_noise: Sequence[str] = (),
+    loss: Loss | None = None,
     progress: bool | None = None,
 ) -> Identification:
     """The parameters of `system` with which its simulation comes closest to the log, with confidence intervals.
@@ -84,7 +88,9 @@ def identify(
     bias of roll, pitch and heading are those about forward, starboard and down; by default that where the log pitches
     by over 60°. process_noise: "force" and "torque", which the model lacks, in the body, or their components X, Y, Z,
     K, M, N, or parameters such as "water.velocity". Each is an Ornstein–Uhlenbeck process, whose deviation and
-    correlation time are estimated, `found.process_noise`, and the intervals account for it. progress: None, a bar on a
+    correlation time are estimated, `found.process_noise`, and the intervals account for it. loss: `co.losses.Huber()`
+    or `Student()`, with which values far off count less, `found.weights`, and those that no motion explains are left
+    out and named by row and column in `found.warnings`; by default these raise an error. progress: None, a bar on a
     terminal after one second (the default); False, never. Raises ArgumentError for arguments that do not fit, and if no
     estimate is found.
     """
@@ -102,12 +108,16 @@ def identify(
         if value is not None:
             checks.mapping(value, name, "name → value by columns of the log")
     checks.choice(between, "between", get_args(Between))
+    require_loss(loss, "Argument `loss`")
+    if loss is not None and (coloured or process_noise):
+        raise ArgumentError(
+            "Argument `loss` is for white noise: leave out `coloured` and `process_noise`, or the loss."
+        )
     progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
     parameters, noted = with_current(system, log, parameters, process_noise)
     log = replace(log, notes=(*log.notes, *noted))
-    if named := wild(log.time, log.columns, log.units):
-        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {named[0]}")
+    log = _without_wild(log, loss)
     system, moved = wandering(system, process_noise)
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
@@ -119,10 +129,24 @@ def identify(
     channels = replace(channels, rotation=sensed.rotation)
     step = log.step if dt is None else float(dt)
     asked = setting(sought, log, start, channels, method, between, step, settle, sensed, moved)
+    asked = replace(asked, loss=loss)
     began = time.perf_counter()
     with Progress(None, progress, f"identification of {system.name}", "simulations") as bar:
         asked = replace(asked, simulated=lambda: bar.advance(1, time.perf_counter() - began))
         return judged(fitted(asked, segment, given), level)
+
+
+def _without_wild(log: Log, loss: Loss | None) -> Log:
+    """The log without values that no motion explains, which notes name; raises ArgumentError for them without a
+    loss."""
+    found = wild(log.time, log.columns, log.units)
+    if found and loss is None:
+        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {found[0].sentence}")
+    columns = {name: values.copy() for name, values in log.columns.items()}
+    for one in found:
+        columns[one.name][one.rows] = np.nan
+    notes = tuple(f"Left out: {one.sentence}" for one in found)
+    return replace(log, columns=columns, notes=(*log.notes, *notes)) if found else log
 
 
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], PyTree]]) -> Channels:

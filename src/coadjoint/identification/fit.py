@@ -29,8 +29,8 @@ LONGEST_TIME = 4.0
 class Fit:
     """Residuals of all samples over their noise.
 
-    `sigma`: standard deviation by channel; `times`: correlation times of their noise, s, 0 where it is white. `held`:
-    whether biases and delays keep their prior values.
+    `sigma`: standard deviation by channel; `times`: correlation times of their noise, s, 0 where it is white.
+    `weights`: of the samples by the loss, 1 without one. `held`: whether biases and delays keep their prior values.
     """
 
     def __init__(self, shooting: Shooting, asked: Setting, sigma: np.ndarray, held: bool = False):
@@ -49,6 +49,7 @@ class Fit:
             self.rotation = rotations.measured(*np.moveaxis(self.values[..., attitude], -1, 0))
         self.near = neighbours(self.log.time[rows], self.there)
         self.times = np.zeros(self.there.shape[2])
+        self.weights = np.ones(self.there.shape)
         self.internal: Any = None
         self.wander: Wander | None = None
 
@@ -116,6 +117,7 @@ class Fit:
         shooting = self.asked.shooting(self.shooting.samples.h / parts, segment, self.shooting.knots)
         found = Fit(shooting, self.asked, self.sigma)
         found.internal, found.times, found.wander = self.internal, self.times, self.wander
+        found.weights = self.weights
         return found
 
     def innovations(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
@@ -131,7 +133,7 @@ class Fit:
         found = self.predict(place)
         if found is None:
             return None
-        r = self.innovations(found, place.shared).reshape(self.shooting.runs, -1)
+        r = (np.sqrt(self.weights) * self.innovations(found, place.shared)).reshape(self.shooting.runs, -1)
         return (r if self.wander is None else np.concatenate([r, self._driving(place.own)], axis=1)), found
 
     def _driving(self, own: np.ndarray) -> np.ndarray:
@@ -186,6 +188,7 @@ class Fit:
 
     def jacobian(self, place: Estimates, way: Prediction) -> np.ndarray:
         weighted = whitened(self.slopes(place, way), self.near, self.times) / self.sigma
+        weighted = weighted * np.sqrt(self.weights)[:, :, None]
         J = weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, weighted.shape[2])
         knots = self.shooting.knots
         if self.wander is None or knots is None:

@@ -13,6 +13,7 @@ from coadjoint.identification.least_squares import Estimates, Solution, least_sq
 from coadjoint.identification.problem import Setting
 from coadjoint.identification.sampling import FEWEST_STEPS
 from coadjoint.identification.smoothing import noise as rough_noise
+from coadjoint.losses import Loss
 
 ATTEMPTS = 3
 """The number of searches, each from the parameters at which the previous one got stuck."""
@@ -26,6 +27,9 @@ round-off."""
 
 SAME_TIME = 0.02
 """Likewise of correlation times."""
+
+SAME_WEIGHT = 0.05
+"""The largest change of the root of a weight in the last round."""
 
 SHIFT = 0.1
 """The intended largest shift of a parameter by the step size, in standard errors; twice that is accepted."""
@@ -166,7 +170,9 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
             break
     again = fit.residual(place)
     assert again is not None and solution is not None
-    found = solution._replace(residual=again[0], jacobian=fit.jacobian(place, again[1]))
+    J, loss = fit.jacobian(place, again[1]), fit.asked.loss
+    J = J if loss is None else np.sqrt(loss.information) * J
+    found = solution._replace(residual=again[0], jacobian=J)
     return Fitted(fit, found, fit.sigma, open_, trips, np.zeros(0), unsettled)
 
 
@@ -174,13 +180,19 @@ def _judge_noise(fit: Fit, solution: Solution, open_: np.ndarray) -> dict[str, f
     """Give the fit the noise of a solution: σ, correlation times, process noise. Returns the parts that changed by more
     than SAME and SAME_TIME, with their relative changes."""
     names, sigma, times = fit.shooting.channels.names, fit.sigma, fit.times
-    fit.sigma = np.where(open_, _estimated(solution, fit, fit.own), sigma)
+    loss, weights = fit.asked.loss, fit.weights
+    fit.sigma = np.where(open_, _estimated(solution, fit, fit.own, loss), sigma)
+    if loss is not None:
+        z = solution.residual[:, : fit.there[0].size].reshape(fit.there.shape) / np.sqrt(weights)
+        fit.weights = loss.weight((z * sigma / fit.sigma) ** 2, 1)
     fit.times = _correlation_times(fit, solution.place)
     parts = np.abs(fit.sigma / sigma - 1), np.abs(fit.times - times) / np.maximum(times, 1e-300)
     found = {f"noise of {n}": float(part) for n, part in zip(names, parts[0], strict=True) if part > SAME}
     found |= {
         f"correlation time of {n}": float(part) for n, part in zip(names, parts[1], strict=True) if part > SAME_TIME
     }
+    if (moved := float(np.max(np.abs(np.sqrt(fit.weights) - np.sqrt(weights)), initial=0.0))) > SAME_WEIGHT:
+        found["weights of the loss"] = moved
     wandered = fit.find_process_noise(solution.place)
     return found | ({"process noise": wandered} if wandered > SAME_TIME else {})
 
@@ -255,10 +267,15 @@ def _missed(fit: Fit, solution: Solution) -> list[str]:
     return [f"{n} ({off:.3g})" for n, off in zip(names, rms, strict=True) if off > MISSED * rough_noise(fit.log, n)]
 
 
-def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
-    """σ̂² = Σ r²/(N − degrees of freedom of the fit) of each channel, at least the possible round-off."""
-    r = solution.residual[:, : problem.there[0].size]
-    squares = np.sum(r.reshape(problem.there.shape) ** 2, axis=(0, 1))
+def _estimated(solution: Solution, problem: Fit, d: int, loss: Loss | None = None) -> np.ndarray:
+    """σ̂² = Σ r²/(N − degrees of freedom of the fit) of each channel, or the scale of a loss, at least the possible
+    round-off."""
+    squares = solution.residual[:, : problem.there[0].size].reshape(problem.there.shape) ** 2
+    if loss is not None:
+        both = (squares / problem.weights).T, problem.weights.T
+        squares = loss.scale(*(part.reshape(len(part), -1) for part in both))
+    else:
+        squares = np.sum(squares, axis=(0, 1))
     size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
     found = problem.sigma * np.sqrt(squares / np.maximum(_freedom(solution.jacobian, problem.there, d), 1.0))
     return np.maximum(found, QUIETEST * size)

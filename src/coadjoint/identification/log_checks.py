@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapp
                 f"wrapped: name the column `{name}_rad`, or give np.degrees of it."
             )
     others = {name: values for name, values in columns.items() if name not in told}
-    return [*told.values(), *inconsistent(time, others, units), *wild(time, columns, units)]
+    return [*told.values(), *inconsistent(time, others, units), *(one.sentence for one in wild(time, columns, units))]
 
 
 def _wrapped_by_radians(degrees: np.ndarray) -> bool:
@@ -107,9 +108,17 @@ def _bursts(known: np.ndarray, least: float) -> np.ndarray:
     return np.flatnonzero(bad)
 
 
-def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """Sentences on values far from their neighbours, or from all others. time: s, (n,). columns, units: of a `Log`."""
-    found = []
+class Wild(NamedTuple):
+    """Wild values of a column: their rows, and a sentence."""
+
+    name: str
+    rows: np.ndarray
+    sentence: str
+
+
+def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[Wild]:
+    """Values far from their neighbours, or from all others. time: s, (n,). columns, units: of a `Log`."""
+    found: list[Wild] = []
     for name, values in columns.items():
         rows = np.flatnonzero(np.isfinite(values))
         if len(rows) < FEWEST:
@@ -118,10 +127,11 @@ def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
         marks = _marks(known, FLOORS.get(units.get(name, ""), np.inf))
         if len(marks):
             k = int(rows[marks[0]])
-            found.append(
+            text = (
                 f"`{name}` is {values[k]:.6g} in {len(marks)} rows, first in row {k + 1}, at {time[k]:.6g} s, and no "
                 "other value is near it: if it marks missing values, leave these cells empty."
             )
+            found.append(Wild(name, rows[marks], text))
             continue
         off = np.abs(known - (np.append(known[1], known[:-1]) + np.append(known[1:], known[-2])) / 2)
         near = np.sort(np.abs(known - np.median(known)))[: -max(min(LONGEST, len(known) // 10), len(known) // 50)]
@@ -132,8 +142,9 @@ def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
         calm = np.setdiff1d(np.arange(len(known)), bursts)
         after = int(np.searchsorted(calm, k))
         around = known[calm[[max(after - 1, 0), min(after, len(calm) - 1)]]]
-        found.append(
+        text = (
             f"`{name}` is {known[k]:.6g} in row {rows[k] + 1}, at {time[rows[k]]:.6g} s, between {around[0]:.6g} and "
             f"{around[1]:.6g}: leave that value out{f', and {more} more like it' if more else ''}."
         )
+        found.append(Wild(name, rows[bursts], text))
     return found

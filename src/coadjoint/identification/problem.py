@@ -21,6 +21,7 @@ from coadjoint.identification.sensor_model import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
+from coadjoint.losses import Loss
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.declared_constraints import require_free
 from coadjoint.mechanics.identity import version
@@ -52,6 +53,7 @@ class Setting:
     settle: float
     sensing: Sensing
     wandering: Moved | None = None
+    loss: Loss | None = None
     simulated: Callable[[], None] = lambda: None
     """Called after every simulation of the log."""
 

@@ -34,10 +34,10 @@ class Identification:
     `estimates` by name; `correlation` (m, m) in their order; `noise` by column, those in `assumed` as given;
     `system` has the values that were found. `correlation_times` of coloured noise, s, by column; 0 where it is white.
     `process_noise`: its components, by name. `innovations`: measured less simulated, less the prediction from previous
-    coloured noise and process noise, over the noise; NaN where nothing was measured. `misfits`: columns whose
-    innovations follow a command. `whiteness`: their lag-one correlation. `settled`: whether the estimated noise was
-    unchanged in the last round of least squares. `warnings`: sentences on problems of the log and the fit. `residuals`
-    and `simulated`: columns at the log's times.
+    coloured noise and process noise, over the noise; NaN where nothing was measured. `weights`: w of the loss,
+    likewise, 1 without one. `misfits`: columns whose innovations follow a command. `whiteness`: their lag-one
+    correlation. `settled`: whether the estimated noise was unchanged in the last round of least squares. `warnings`:
+    sentences on problems of the log and the fit. `residuals` and `simulated`: columns at the log's times.
     """
 
     system: System
@@ -49,6 +49,7 @@ class Identification:
     correlation_times: dict[str, float]
     process_noise: dict[str, ProcessNoise]
     innovations: dict[str, np.ndarray]
+    weights: dict[str, np.ndarray]
     misfits: tuple[Misfit, ...]
     assumed: tuple[str, ...]
     whiteness: dict[str, float]
@@ -146,6 +147,7 @@ def judged(found: Fitted, level: float) -> Identification:
         correlation_times={names[i]: float(fit.times[i]) for i in fit.sensing.coloured},
         process_noise=wandered(fit, place, level),
         innovations=innovations,
+        weights=_by_rows(fit, np.where(fit.there, fit.weights, np.nan)),
         misfits=missed,
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
