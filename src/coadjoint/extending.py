@@ -40,6 +40,8 @@ MODULES = (
     "coadjoint.plotting.scene",
     "coadjoint.plotting.style",
     "coadjoint.runs.sections",
+    "coadjoint.spaces.charts",
+    "coadjoint.spaces.measured",
 )
 """Types, checks, units, files, tables, clocks, errors, members, rates of motion, links and joints, figures."""
 
