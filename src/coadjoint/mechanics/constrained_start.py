@@ -12,6 +12,7 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.constraints import places
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.momentum_sizes import largest
@@ -90,14 +91,16 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
     if rows_of(system) is not None:
         return _surveyed_links(system, state)
     at = site(state)
-    places = []
-    for one in system.constraints:
-        if not one.holonomic:
-            places.append((jnp.zeros(one.size), jnp.ones(one.size)))
-            continue
-        slopes = jax.jacfwd(lambda n, a, one=one: one.value(system, at._replace(n=n, a=a)), (0, 1))(at.n, at.a)
-        size = sum(jnp.abs(slope) @ (jnp.abs(x) + 1e-3) for slope, x in zip(slopes, (at.n, at.a), strict=True))
-        places.append((jnp.abs(one.value(system, at)), size))
+    bounds = [one for one in system.constraints if one.holonomic]
+
+    def values(n: Array, a: Array) -> tuple[list[Array], list[Array]]:
+        found = places(system, bounds, at._replace(n=n, a=a))
+        return found, found
+
+    slopes, found = jax.jacfwd(values, (0, 1), has_aux=True)(at.n, at.a)
+    sizes = [abs(by_n) @ (abs(at.n) + 1e-3) + abs(by_a) @ (abs(at.a) + 1e-3) for by_n, by_a in slopes]
+    held = iter(zip(map(jnp.abs, found), sizes, strict=True))
+    gaps = [next(held) if one.holonomic else (jnp.zeros(one.size), jnp.ones(one.size)) for one in system.constraints]
     node = node_rates(system, state)
     v = jnp.concatenate([node.velocities.xi, node.velocities.nu])
 
@@ -105,20 +108,20 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
         return rate(system, at, v[: system.group.dim], v[system.group.dim :])
 
     size = jnp.abs(jax.jacfwd(rates)(v)) @ (jnp.abs(v) + 1e-3) + jnp.abs(rates(jnp.zeros_like(v)))
-    return {"places": places, "rate": (jnp.abs(node.rate), size), "mobility": node.mobility}
+    return {"places": gaps, "rate": (jnp.abs(node.rate), size), "mobility": node.mobility}
 
 
 def _surveyed_links(system: ReducedFunctions, state: State) -> Table:
     """`_surveyed` of many links, relative to the largest n, a, ξ and ν, without A M⁻¹Aᵀ."""
     at, node = site(state), inverse_legendre.velocities(system, state)
     size = 1e-3 + largest(state.n, state.a)
-    places = [
+    gaps = [
         (jnp.abs(one.value(system, at)) if one.holonomic else jnp.zeros(one.size), jnp.full(one.size, size))
         for one in system.constraints
     ]
     rates = jnp.abs(rate(system, at, node.xi, node.nu))
     speed = size * (1e-3 + largest(node.xi, node.nu))
-    return {"places": places, "rate": (rates, jnp.full_like(rates, speed)), "mobility": jnp.zeros((0, 0))}
+    return {"places": gaps, "rate": (rates, jnp.full_like(rates, speed)), "mobility": jnp.zeros((0, 0))}
 
 
 def _independent(system: ReducedFunctions, matrix: np.ndarray) -> Independent:
@@ -250,7 +253,8 @@ def _least_motion(system: ReducedFunctions, state: State) -> tuple[Array, Array]
         return xi, nu
 
     held = [jnp.full(one.size, float(one.holonomic)) for one in system.constraints]
-    values = [one.value(system, at) if one.holonomic else jnp.zeros(one.size) for one in system.constraints]
+    found = iter(places(system, [one for one in system.constraints if one.holonomic], at))
+    values = [next(found) if one.holonomic else jnp.zeros(one.size) for one in system.constraints]
     kept = jnp.diag(jnp.concatenate(held))
     impulse = _least(kept @ node_rates(system, state).mobility @ kept, -jnp.concatenate(values))
     return jax.jvp(given, (jnp.zeros_like(impulse),), (impulse,))[1]

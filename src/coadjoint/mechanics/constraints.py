@@ -115,7 +115,7 @@ class Bound(Portable):
 
     def value(self, system: ReducedFunctions, at: Site) -> Array:
         """φ, (m,), of a holonomic constraint."""
-        return _places(system, [self], at)[0]
+        return places(system, [self], at)[0]
 
     def rate(self, system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
         """φ̇, or A·(ξ, ν) − b, (m,); xi: (dim G,). nu: (ambient,)."""
@@ -155,7 +155,7 @@ class Bound(Portable):
         return f"The constraint `{self.name}`"
 
 
-def _places(system: ReducedFunctions, bounds: Sequence[Bound], at: Site) -> list[Array]:
+def places(system: ReducedFunctions, bounds: Sequence[Bound], at: Site) -> list[Array]:
     """φ of holonomic constraints, (m,) each."""
     given, found = _views(system, at), []
     for one in bounds:
@@ -173,7 +173,7 @@ def place_rates(system: ReducedFunctions, bounds: Sequence[Bound], at: Site, xi:
     names = ("n", "a", "t")[:last]
 
     def values(*place: Array) -> list[Array]:
-        return _places(system, bounds, at._replace(**dict(zip(names, place, strict=True))))
+        return places(system, bounds, at._replace(**dict(zip(names, place, strict=True))))
 
     return jax.jvp(values, at[:last], moving[:last])[1]
 
@@ -183,7 +183,7 @@ def place_reactions(
 ) -> tuple[Array, Array]:
     """The torque Σ(∂_aφᵀλ)⋄a + (∂_nφᵀλ)⋄n and the force Σ∂_nφᵀλ of holonomic constraints with multipliers λ (m,)."""
     group, Q, V = system.places
-    values = jax.vjp(lambda n, a: _places(system, bounds, at._replace(n=n, a=a)), at.n, at.a)[1]
+    values = jax.vjp(lambda n, a: places(system, bounds, at._replace(n=n, a=a)), at.n, at.a)[1]
     along_n, along_a = values(strengths)
     torque = V.diamond(group, along_a, at.a) + Q.diamond(group, along_n, at.n)
     return torque, Q.project(group, at.n, along_n)

@@ -23,7 +23,7 @@ from coadjoint.mechanics.constrained_start import (
     checked_start,
     require_members_on_constraints,
 )
-from coadjoint.mechanics.constraints import Bound
+from coadjoint.mechanics.constraints import Bound, places
 from coadjoint.mechanics.coupling import structure
 from coadjoint.mechanics.discrete import Node, Point
 from coadjoint.mechanics.reactions import chosen, closing, count, kicked, powers, site, source
@@ -176,9 +176,11 @@ class Rattle(Step):
         after = self.base.advance(system, inner, h) if any(one.holonomic for one in system.constraints) else inner
         points = self.base.quadrature(system, inner, h) if not all(one.holonomic for one in system.constraints) else []
 
+        held = iter(places(system, [one for one in system.constraints if one.holonomic], site(after)))
+
         def of(one: Bound) -> Array:
             if one.holonomic:
-                return one.value(system, site(after)) / h
+                return next(held) / h
             rates = [w * one.rate(system, _site_of(inner, point), point.xi, point.nu) for w, point in points]
             return reduce(operator.add, rates)
 
