@@ -26,7 +26,7 @@ class Sweep:
     BEGINS: ClassVar[str] = "Reading {file}."
 
     file: Annotated[tyro.conf.Positional[Path], called("FILE")]
-    """The sweep file, with sections sweep, vary and results."""
+    """The sweep file, with sections sweep, vary and results; with --starter a run file or a mission file."""
     out: Annotated[Path | None, called("DIR")] = None
     """Output folder, by default named like the file; one that holds this sweep is finished, or shown if it is
     complete."""
@@ -38,6 +38,8 @@ class Sweep:
     """Show the runs of `sweep` and report its errors, without running anything."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
+    starter: bool = False
+    """Print a commented sweep file for a run file, to start from, and nothing else."""
     overwrite: bool = False
     """Begin a sweep that the folder holds again."""
 
@@ -45,6 +47,11 @@ class Sweep:
         from coadjoint.sweeps.file import read_sweep
         from coadjoint.sweeps.sweep import execute, groups, probed
 
+        if self.starter:
+            from coadjoint.sweeps.example import example
+
+            terminal.text(example(self.file))
+            return 0
         sweep = read_sweep(self.file)
         folder = self.out or Path(self.file.stem)
         if self.check:

@@ -26,10 +26,10 @@ class Vehicles:
     remus_100 --manoeuvre zigzag_20 > zigzag.toml`.
     """
 
-    action: Annotated[tyro.conf.Positional[Literal["list", "show", "mission"]], called("[{list,show,mission}]")] = (
-        "list"
-    )
-    """The action."""
+    action: Annotated[
+        tyro.conf.Positional[Literal["list", "show", "mission", "new"]], called("[{list,show,mission,new}]")
+    ] = "list"
+    """The action; `new` prints a commented vehicle file to start from."""
     name: Annotated[tyro.conf.Positional[str], called("[VEHICLE]")] = ""
     """A vehicle: the name of a shipped one, or the path of a TOML file."""
     toml: bool = False
@@ -53,6 +53,12 @@ class Vehicles:
                 terminal.json(rows)
             else:
                 show_shelf(rows)
+        elif self.action == "new":
+            from coadjoint_vehicles.files.example import EXAMPLE
+
+            if self.name or self.json:
+                raise ArgumentError("`coadjoint vehicles new` prints a file of TOML and takes nothing else.")
+            terminal.text(EXAMPLE)
         elif not self.name:
             raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; the path of your own file works too.")
         elif self.toml and self.json:
