@@ -91,24 +91,25 @@ class FilterEngine:
     def _alone(self) -> OneFilter | None:
         return None if self._filters is None else self._filters.alone()
 
-    def once(self, held: FilterMemory, order: int, number: int, data: np.ndarray) -> tuple[FilterMemory, np.ndarray]:
-        """Execute PREDICT, data h, or CORRECT of a measurement, data (1 or members, numbers).
+    def once(self, memory: FilterMemory, order: int, number: int, data: np.ndarray) -> tuple[FilterMemory, np.ndarray]:
+        """Execute PREDICT, data h (1, 1), or CORRECT of a measurement, data (1 or members, numbers).
 
-        Returns what is held after it, and (NIS, used) (members, 2). Raises StepError; `held` is unchanged.
+        Returns what is held after it, and (NIS, used) (members, 2), which the next call overwrites. Raises StepError;
+        `memory` is unchanged.
         """
-        one = self._alone if len(held.rows) == 1 else None
+        one = self._alone if len(memory.rows) == 1 else None
         if one is None:
-            after, output = FilterMemory(*(part.copy() for part in held)), np.empty((len(held.rows), 2))
-            self.follow(*after, np.array([[order, number if order == CORRECT else 0, 0, 0]]), data, output)
+            after, output = FilterMemory(*(part.copy() for part in memory)), np.empty((len(memory.rows), 2))
+            orders = np.array([[order, number if order == CORRECT else 0, 0, 0]])
+            self.follow(*after, orders, data, output)
             return after, output
-        one.row[:], one.P[:], one.rejected[:] = held
-        one.data[: data.size] = data[0]
+        one.row[:], one.P[:], one.rejected[:] = memory
+        one.data[: data.shape[1]] = data[0]
         if one(order, number):
             self._fail(one.row[0], np.array([order, number]), one.rejected[0])
-        after = FilterMemory(one.row.copy(), one.P.copy(), one.rejected.copy())
-        if not math.isfinite(after.rows.sum()):
-            self._require_finite(after.rows)
-        return after, one.output[None].copy()
+        if not math.isfinite(one.flat.dot(one.flat)):
+            self._require_finite(one.row)
+        return FilterMemory(one.row.copy(), one.P.copy(), one.rejected.copy()), one.output
 
     def _require_finite(self, rows: np.ndarray) -> None:
         """Raise StepError where an estimate is not finite, with the first time at which one was."""

@@ -211,7 +211,7 @@ class Filter(WithOverview, Remade):
             for name in self._awaited - set(given):
                 raise ArgumentError(f"There is no step without a reading of `{name}`: give inputs={{{name!r}: …}}.")
         there = before._replace(rows=self.process.with_inputs(before.rows, given)) if given else before
-        self._held, _ = self._engine.once(there, PREDICT, 0, np.full((1, 1), float(dt)))
+        self._held, _ = self._engine.once(there, PREDICT, 0, np.array([[float(dt)]]))
         self._awaited -= set(given)
         if self._sample is not None:
             self._judge(self._sample, before.rows, before.P, float(dt), given)

@@ -391,7 +391,6 @@ def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any, weigh
     f.b.call(algebra.product, [KR, P, turned, n, n, size, size, n, size, one])
     f.b.call(algebra.product, [KR, K, R, n, size, size, size, size, size, f.b.fdiv(minus, weight)])
     f.b.call(algebra.product, [P, KR, rows, n, size, n, n, size, n, minus])
-    _symmetric(f, P, n)
     e = m.numbers("e")
     _clear(f, e, n)
     f.b.call(algebra.product, [e, K, m.numbers("nu"), n, size, INT64(1), INT64(1), size, INT64(1), one])

@@ -153,13 +153,14 @@ class OneFilter:
     """A filter that executes one order per call, in memory that stays where it is.
 
     row (1, size), P (1, n, n) and rejected (1, count): the arrays to fill before a call and to read after it. data: h,
-    or the numbers of a value. output: NIS, and how it was used.
+    or the numbers of a value. output: NIS, and how it was used, (1, 2). flat: the row (size,).
     """
 
     def __init__(
         self, function: Any, memory: np.ndarray, row: np.ndarray, P: np.ndarray, rejected: np.ndarray, data: np.ndarray
     ):
-        self.row, self.P, self.rejected, self.data, self.output = row, P, rejected, data, np.zeros(2)
+        self.row, self.P, self.rejected, self.data, self.output = row, P, rejected, data, np.zeros((1, 2))
+        self.flat = row[0]
         self._orders, self._memory, self._function = np.zeros((1, 4), np.int64), memory.copy(), function
         for name, array in (("row", row), ("P", P), ("rejected", rejected)):
             self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
