@@ -27,6 +27,9 @@ BATCH = 1024
 MOST_NUMBERS = 1 << 21
 """The most numbers in the matrices of their Legendre transforms; fewer records are evaluated if they exceed it."""
 
+LONG = 400
+"""Links from which XLA's compiling takes less time than sweeps over them by NumPy."""
+
 
 class Derivation:
     """Functions of records of a system, traced once for each shape of them.
@@ -68,7 +71,8 @@ class Derivation:
         leaves, structure = jax.tree.flatten(arguments)
         key = structure, *(np.shape(leaf) for leaf in leaves)
         if key not in self._made:
-            self._made[key] = tabulate(self._traced, *arguments)
+            group = self.skeleton.group
+            self._made[key] = tabulate(self._traced, *arguments, long=isinstance(group, Power) and group.count > LONG)
         return self._made[key]
 
     def _traced(self, shared: object, records: State, own: dict[int, object]) -> dict[str, object]:

@@ -102,3 +102,16 @@ def test_several_matrices_are_factorised_one_by_one_and_a_singular_one_has_a_zer
             assert np.array_equal(found, alone)
     assert abs(factors[1, 3, 3]) < 1e-15
     assert not np.any(np.isfinite(evaluate(jnp.linalg.solve, np.array([[1.0, 2.0], [2.0, 4.0]]), np.ones(2))))
+
+
+def test_long_loops_go_to_xla_and_give_the_same(monkeypatch):
+    sent = []
+    monkeypatch.setattr("coadjoint.kernels.trace.evaluate.compiled", lambda f: sent.append(f) or jax.jit(f))
+
+    def summed(x):
+        return jax.lax.scan(lambda total, y: (total + y, total), 0.0, x)
+
+    x = np.arange(6.0)
+    here, there = (tabulate(summed, x, long=long)(x) for long in (False, True))
+    assert sent == [summed] and here[0] == there[0] == 15.0
+    assert np.array_equal(here[1], there[1]) and there[1].dtype == np.float64

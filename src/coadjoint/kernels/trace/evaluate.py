@@ -38,16 +38,17 @@ def evaluate(function: Callable[..., PyTree], *args: object) -> PyTree:
     return tabulate(function, *args)(*args)
 
 
-def tabulate(function: Callable[..., PyTree], *args: object) -> Callable[..., PyTree]:
+def tabulate(function: Callable[..., PyTree], *args: object, long: bool = False) -> Callable[..., PyTree]:
     """`function` traced once at the shapes of `args`: a callable for many values of the same shapes.
 
-    Control flow that depends on values stays alive. ValueError if a later call has other shapes or structure.
+    long: whether it has loops of so many trips that XLA's compiling takes less time than they do here. Control flow
+    that depends on values stays alive. ValueError if a later call has other shapes or structure.
     """
     args = jax.tree_util.tree_map(_numpy, args)
     closed, structure = jaxpr_of(function, *args)
     expected = jax.tree_util.tree_structure(args)
     shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
-    by_xla: list[Callable] = []
+    by_xla: list[Callable] = [compiled(function)] if long else []
     straight: list[Straight] = []
     runs = 0
 
