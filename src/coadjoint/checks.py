@@ -8,19 +8,19 @@ library take what has passed here and check nothing again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from importlib import import_module
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, CoadjointError, shown
 from coadjoint.errors import nearest as nearest
+from coadjoint.real_numbers import float64 as float64
+from coadjoint.real_numbers import is_short as is_short
+from coadjoint.real_numbers import numeric as numeric
 from coadjoint.units import split_name
-
-if TYPE_CHECKING:
-    from coadjoint.kernels.trace.jaxprs import Tracer
 
 T = TypeVar("T")
 Error = type[CoadjointError]
@@ -127,16 +127,14 @@ def _bounds(least: float, most: float, above: float, below: float) -> str:
 
 def truth(value: object, name: str, error: Error = ArgumentError) -> bool:
     """True or False, of Python or of NumPy; 0 and 1 are neither."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise error(f"{subject(name)} must be True or False, but is {shown(value)}.")
+    expect(isinstance(value, (bool, np.bool_)), value, name, "True or False", error)
     return bool(value)
 
 
 def text(value: object, name: str, error: Error = ArgumentError) -> str:
     """A text that is not empty."""
-    if not isinstance(value, str) or not value:
-        raise error(f"{subject(name)} must be a text, but is {shown(value)}.")
-    return value
+    expect(isinstance(value, str) and value, value, name, "a text", error)
+    return value  # pyright: ignore[reportReturnType]
 
 
 def choice(value: object, name: str, words: Collection[T], error: Error = ArgumentError) -> T:
@@ -198,39 +196,69 @@ def known(name: object, names: Collection[str], what: str, where: str, error: Er
     return str(name)
 
 
+def all_known(
+    names: Iterable[object], there: Collection[str], what: str, where: str, error: Error = ArgumentError
+) -> None:
+    """Raise unless all names are known, as `known` does."""
+    for name in names:
+        known(name, there, what, where, error)
+
+
+def library(module: str, what: str, extra: str, package: str = "") -> Any:
+    """A module that an extra installs; raises ArgumentError with the command that does, where it is not installed.
+
+    what: who needs it, with the verb, as "Reading MCAP needs". package: its name, if that is not the module's.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        named = package or module.partition(".")[0]
+        raise ArgumentError(f'{what} {named}, which is not installed: pip install "{extra}".') from error
+
+
 def letters(name: str) -> str:
     """The letters and digits of a name in lower case, by which `left-rectangle` is `LeftRectangle`."""
     return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
+def expect(fits: object, value: object, name: str, words: str, error: Error = ArgumentError) -> None:
+    """Raise unless a condition on a value holds: "Argument `pair` must be two numbers, but is (1,)."."""
+    if not fits:
+        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
+
+
 def instance(value: object, name: str, kind: type[T] | tuple[type, ...], words: str, error: Error = ArgumentError) -> T:
     """An object of a class; `words` say what is expected, as "a co.System"."""
-    if not isinstance(value, kind):
-        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
+    expect(isinstance(value, kind), value, name, words, error)
     return value  # pyright: ignore[reportReturnType]
 
 
 def mapping(
-    value: object, name: str, words: str = "a dictionary of name → value", error: Error = ArgumentError
+    value: object,
+    name: str,
+    words: str = "a dictionary of name → value",
+    error: Error = ArgumentError,
+    of: type = object,
 ) -> Mapping[str, Any]:
-    """A mapping whose keys are texts."""
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
-    return value
+    """A mapping whose keys are texts and whose values are objects of a class."""
+    fits = isinstance(value, Mapping) and all(
+        isinstance(key, str) and isinstance(one, of) for key, one in value.items()
+    )
+    expect(fits, value, name, words, error)
+    return value  # pyright: ignore[reportReturnType]
 
 
 def function(value: object, name: str, words: str = "a function", error: Error = ArgumentError) -> Callable[..., Any]:
     """What can be called; `words` say which function is expected."""
-    if not callable(value):
-        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
-    return value
+    expect(callable(value), value, name, words, error)
+    return value  # pyright: ignore[reportReturnType]
 
 
 def texts(value: object, name: str, words: str, error: Error = ArgumentError) -> tuple[str, ...]:
     """A list or tuple of texts, as ("mass", "inertia"); a single text is none. words: what they name."""
-    if not isinstance(value, (list, tuple)) or not all(isinstance(one, str) for one in value):
-        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
-    return tuple(value)
+    listed = isinstance(value, (list, tuple)) and all(isinstance(one, str) for one in value)
+    expect(listed, value, name, words, error)
+    return tuple(value)  # pyright: ignore[reportArgumentType]
 
 
 def shape(value: Any, name: str, *expected: str | tuple[int, ...], error: Error = ArgumentError) -> tuple[int, ...]:
@@ -279,100 +307,3 @@ def increasing(values: object, name: str, error: Error = ArgumentError) -> None:
     """Raise unless numbers (k,) are strictly increasing; those of tracers are not known."""
     if isinstance(values, np.ndarray) and np.any(np.diff(values) <= 0):
         raise error(f"{subject(name)} must be strictly increasing, but is not: sort it, and give each once.")
-
-
-def float64(value: object, name: str) -> Any:
-    """A finite float64 array from numbers, arrays and lists of these.
-
-    Floats of fewer digits, those of more where digits would be lost, complex numbers, text and booleans are refused.
-    Float64 tracers pass.
-    """
-    import jax
-
-    from coadjoint.kernels.trace.jaxprs import Tracer
-
-    if isinstance(value, Tracer):
-        return _float64_tracer(value, name)
-    leaves = jax.tree.leaves(value, is_leaf=lambda leaf: leaf is None)
-    try:
-        for leaf in leaves:
-            if type(leaf) not in (float, int):
-                _require_real(leaf, name)
-    except CoadjointError:
-        raise
-    except Exception as error:  # Of an object that cannot be converted.
-        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown(value)}.") from error
-    if any(isinstance(leaf, Tracer) for leaf in leaves):
-        with jax.enable_x64(True):
-            return jax.numpy.asarray(value, dtype=np.float64)
-    try:
-        found = np.array(value, dtype=np.float64)
-    except OverflowError as error:
-        raise ArgumentError(f"{name} must be a number of at most 1.8e308 in size, but is {shown(value)}.") from error
-    except Exception as error:
-        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown(value)}.") from error
-    if not np.all(np.isfinite(found)):
-        bad = np.sum(~np.isfinite(found))
-        said = f"is {found.tolist()}" if found.size <= 9 else f"{bad} of its {found.size} numbers are not"
-        raise ArgumentError(f"{name} must be finite, but {said}.")
-    return found
-
-
-def numeric(value: object) -> bool:
-    """Whether this is made of numbers, of whatever kind, and not of text, truth values, times or other objects."""
-    from coadjoint.kernels.trace.jaxprs import Tracer
-
-    if isinstance(value, (tuple, list)):
-        return all(numeric(part) for part in value)
-    try:
-        return isinstance(value, Tracer) or np.asarray(value).dtype.kind not in "OSUbmM"
-    except Exception:  # Of an object that cannot be converted.
-        return False
-
-
-def is_short(dtype: Any) -> bool:
-    """Whether this is a type of floats with fewer digits than float64: float32, float16, bfloat16 and the like."""
-    from jax import numpy as jnp
-
-    return bool(jnp.issubdtype(dtype, jnp.floating)) and np.dtype(dtype).itemsize < 8
-
-
-def _float64_tracer(value: Tracer, name: str) -> Tracer:
-    if value.dtype != np.float64:
-        raise ArgumentError(
-            f"{name} must be float64, but is traced as {value.dtype}: wrap your own jit, grad or vmap in "
-            "`with co.float64():` and pass Python floats or float64 arrays."
-        )
-    return value
-
-
-def _require_real(leaf: PyTree, name: str) -> None:
-    """Raise ArgumentError unless a leaf, or every entry of an array of objects, is a real number with all digits."""
-    from coadjoint.kernels.trace.jaxprs import Tracer
-
-    if isinstance(leaf, Tracer):
-        _float64_tracer(leaf, name)
-        return
-    if np.ma.is_masked(leaf):
-        raise ArgumentError(
-            f"{name} must have a value everywhere, but some of its entries are masked: fill them first."
-        )
-    found = leaf if hasattr(leaf, "dtype") else np.asarray(leaf)
-    if found.dtype == object and leaf is not None:
-        for entry in np.ravel(found):
-            if entry is None or isinstance(entry, (str, bytes, bool, complex, np.generic, np.ma.MaskedArray)):
-                _require_real(entry, name)
-    elif is_short(found.dtype):
-        raise ArgumentError(
-            f"{name} must be float64, but is {found.dtype}, which has lost digits already: 5.46 becomes 5.460000038; "
-            "make it with NumPy, or with jax.numpy inside `with co.float64():`."
-        )
-    elif found.dtype.kind == "f" and found.dtype.itemsize > 8:
-        if np.any((found.astype(np.float64) != found) & np.isfinite(found)):
-            raise ArgumentError(
-                f"{name} is {found.dtype}, whose digits float64 does not have: round it by .astype(float) if that is "
-                "what you mean."
-            )
-    elif found.dtype.kind not in "fiu":
-        said = shown(leaf) if len(shown(leaf)) < 60 else f"an array of {found.dtype}"
-        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {said}.")

@@ -7,7 +7,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint import checks
+from coadjoint.errors import FileError
 
 Jumps = Literal["refuse", "split"]
 """The treatment of jumps of a clock: an error, or a new stretch of the log."""
@@ -85,10 +86,8 @@ def clock(
 
 def require_choices(jumps: str | None, unsorted: str) -> None:
     """Raise ArgumentError for unknown choices."""
-    if jumps not in ("refuse", "split", None):
-        raise ArgumentError(f'Argument `jumps` must be "refuse" or "split", but is {jumps!r}.')
-    if unsorted not in ("refuse", "sort"):
-        raise ArgumentError(f'Argument `unsorted` must be "refuse" or "sort", but is {unsorted!r}.')
+    checks.expect(jumps in ("refuse", "split", None), jumps, "jumps", '"refuse" or "split"')
+    checks.expect(unsorted in ("refuse", "sort"), unsorted, "unsorted", '"refuse" or "sort"')
 
 
 def usual(time: np.ndarray) -> float:

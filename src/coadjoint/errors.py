@@ -115,6 +115,15 @@ def rephrased(
         raise kind(f"{what}: {reason}{'; ' * bool(then)}{then}.") from error
 
 
+@contextmanager
+def prefixed(where: str, kind: type[CoadjointError] = FileError) -> Iterator[None]:
+    """A block whose errors of arguments become errors of a file, "where: sentence", or of another kind."""
+    try:
+        yield
+    except ArgumentError as error:
+        raise kind(f"{where}: {error}") from error
+
+
 class StepError(CoadjointError, ArithmeticError):
     """A step failed: `sentence` says where and why; `run` holds the results until then."""
 

@@ -77,7 +77,7 @@ class Manifest:
             written = found["facts"]["format"]
             plain = all(map(_is_entry, found["files"].values())) and isinstance(found["facts"]["kind"], str)
         except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-            raise FileError(f"The file {path} is not a manifest that coadjoint wrote: {DAMAGED}.") from None
+            written, plain, found = FORMAT, False, {}
         if written != FORMAT:
             raise FileError(
                 f"The folder {folder} was written in format {shown(written)} of stored runs, but this version of "

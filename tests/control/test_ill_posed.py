@@ -44,7 +44,7 @@ WRONG = {
     "more equations than choices": ({"steps": 1, "end": End(g=[0.1], xi=[0.0])}, "more equations than|No optimum"),
     "a path that is not finite": ({"path": {"log": Bounds(lambda motion, p: jnp.log(motion.g[0]), 0.0)}}, "`log`"),
     "a free duration that is backwards": ({"free_duration": (2.0, 1.0)}, "shortest, longest"),
-    "a parameter that is none": ({"parameters": {"weight": (0.0, 1.0)}}, "not a parameter of the system"),
+    "a parameter that is none": ({"parameters": {"weight": (0.0, 1.0)}}, "no parameter `weight`"),
     "a parameter without bounds": ({"parameters": {"mass": 1.0}}, "lower, upper"),
     "a parameter between nothing": ({"parameters": {"mass": (2.0, 1.0)}}, "Nothing lies between"),
     "steps that choose themselves": ({"method": co.VariableStep()}, "fixed step"),
@@ -86,7 +86,7 @@ def test_wrong_inputs_and_bounds_are_told(make, told):
         ({"tolerance": 2.0}, "small positive number"),
         ({"max_iterations": 0}, "must be a whole number from 1"),
         ({"guess": np.zeros(3)}, "a run, a name or None"),
-        ({"guess": "straight"}, '"interpolate", "simulate"'),
+        ({"guess": "straight"}, '"interpolate" or "simulate"'),
         ({"options": {"no_such_option": 1}}, "CasADi cannot set up ipopt"),
     ],
 )

@@ -292,7 +292,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
         (lambda: pushed(Input((1,), course="linear")).estimator(), "`push` is none"),
         (lambda: pushed(Profile(lambda t, theta: theta, [0.0])).estimator(), "`push` is none"),
         (lambda: pushed(Input((1,), rate=1.0)).estimator(), "bounds no rates"),
-        (lambda: of_cart().estimator(known=("trust",)), "`known` names 'trust', which is not a co.control.Input"),
+        (lambda: of_cart().estimator(known=("trust",)), "no co.control.Input `trust`: did you mean"),
         (lambda: of_cart().estimator(known=3), "must be names"),
         (lambda: of_cart().estimator(0.03), "whole number of steps"),
         (lambda: of_cart().estimator(0.0), "at least one"),

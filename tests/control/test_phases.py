@@ -248,7 +248,7 @@ PLANE = co.System(
         (lambda: pair(total_duration=3.0), "shortest, longest"),
         (lambda: pair(total_duration=(2.0, 3.0)), "the phases last 0.8 to 0.8 s"),
         (lambda: pair().solve(guess={"three": "simulate"}), "dictionary of phases"),
-        (lambda: pair().solve(guess="nearly"), '"interpolate", "simulate"'),
+        (lambda: pair().solve(guess="nearly"), '"interpolate" or "simulate"'),
         (lambda: pair().solve(solver="newton"), 'must be "ipopt" or "fatrop"'),
         (lambda: pair(two={"end": End(g=[9.0])}).solve(), "most violated: `g` at the end of phase `two`, by"),
     ],

@@ -271,7 +271,7 @@ WRONG = {
     "a delay beyond the period": ({}, {"delay": 0.2}, "not be longer than the period"),
     "no iteration": ({}, {"iterations": 0}, "`iterations`"),
     "a fallback that is a dictionary": ({}, {"fallback": {"torque": 0.0}}, "`fallback` must be a function"),
-    "a change of no parameter": ({}, {"changing": ("mass",)}, "`mass`, which is not a parameter"),
+    "a change of no parameter": ({}, {"changing": ("mass",)}, "no parameter `mass`"),
     "a change that is a number": ({}, {"changing": 1}, "must be names of parameters"),
     "no cost": (NO_COST, {}, "give the problem a `cost`"),
     "a free duration": ({"free_duration": (1.0, 2.0)}, {}, "leave out `free_duration`"),

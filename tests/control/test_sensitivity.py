@@ -131,7 +131,7 @@ def test_by_a_parameter_beside_a_free_duration_and_a_chosen_parameter():
 def test_what_has_no_derivative_is_told():
     optimum = turn().solve()
     for names, start, words in [
-        (("jay",), (), "not a parameter of the system"),
+        (("jay",), (), "no parameter `jay`"),
         ((), ("xi",), "parts of a state"),
         ((), "xi", "parts of a state"),
         ((), 3, "must be names"),

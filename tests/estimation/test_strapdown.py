@@ -187,9 +187,9 @@ def test_a_log_of_an_unit_and_places_leads_to_the_biases_and_machine_code_does_w
 
 WRONG = {
     "error": (lambda: StrapdownProcess(error="middle"), '"left" or "right"'),
-    "noise": (lambda: StrapdownProcess(noise={"gyro": 1.0}), "has `gyroscope` and `accelerometer`, but no `gyro`"),
+    "noise": (lambda: StrapdownProcess(noise={"gyro": 1.0}), "no part `gyro`: did you mean `gyroscope`"),
     "shape of noise": (lambda: StrapdownProcess(noise={"gyroscope": [1.0, 2.0]}), r"one number or have shape \(3,\)"),
-    "drifting": (lambda: StrapdownProcess(drifting={"scale": RandomWalk()}), "but no `scale`"),
+    "drifting": (lambda: StrapdownProcess(drifting={"scale": RandomWalk()}), "no part `scale`"),
     "position": (lambda: StrapdownProcess(position=(1.0, 2.0)), r"`position`.*have shape \(3,\)"),
     "state": (lambda: unit().row(3.0), "must be an InertialState"),
     "rotation": (lambda: unit().row(InertialState(rotation=2 * np.eye(3))), "must be a rotation"),

@@ -107,7 +107,10 @@ WRONG = {
         lambda: found(estimated="gauge").nees(simulated()),
         "lacks `gauge`.*known=",
     ),
-    "a bias that there is not": (lambda: found().nees(simulated(), known={"gauge": 0.1}), "drifting are none"),
+    "a bias that there is not": (
+        lambda: found().nees(simulated(), known={"gauge": 0.1}),
+        "no drifting number `gauge`",
+    ),
     "a bias of two numbers": (lambda: gauge([0.1, 0.2]), r"`gauge` of `known` must be 1 numbers, or \(21, 1\)"),
     "what is known as a list": (
         lambda: found(estimated="gauge").nees(simulated(), known=[0.1]),  # pyright: ignore[reportArgumentType]

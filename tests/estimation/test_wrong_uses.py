@@ -56,7 +56,7 @@ WRONG = {
         lambda: ModelProcess(system(), start(), method=co.methods.VariableStep(co.Midpoint())),
         "a method of fixed steps",
     ),
-    "noise": (lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"drag": 1.0}), "no `drag`"),
+    "noise": (lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"drag": 1.0}), "no part `drag`"),
     "negative noise": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"force": -1.0}),
         "finite and not negative",
@@ -67,11 +67,11 @@ WRONG = {
     ),
     "drifting": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"mass": RandomWalk(1.0)}),
-        "no parameter `mass` that could drift: there are bias",
+        "no parameter `mass`: did you mean `bias`",
     ),
     "drift": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": 0.1}),
-        "must drift as a co.estimation.RandomWalk",
+        "must be a co.estimation.RandomWalk",
     ),
     "time": (lambda: GaussMarkov(0.1, 0.0), "`time` of .* must be positive"),
     "density": (lambda: RandomWalk("much"), "finite and not negative"),
@@ -81,7 +81,7 @@ WRONG = {
         lambda: Measurement(lambda m: m.q, 1.0, gate=3.0),
         "`gate` of .*, a probability, must be a number between 0 and 1, but is 3.0",
     ),
-    "function": (lambda: Measurement(2.0, 1.0), "takes a function of the motion"),
+    "function": (lambda: Measurement(2.0, 1.0), "must be a function of the motion"),
     "size of covariance": (
         lambda: Filter(
             process(), start(), measurements={"q": Measurement(lambda m: m.q, [1.0, 1.0])}, deviations={"q": 1.0}
@@ -119,7 +119,7 @@ WRONG = {
     "mean": (lambda: GaussMarkov(0.1, 5.0, mean=np.inf), "`mean`.*must be finite"),
     "bias": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, biases={"gyro": 0.1}),
-        "must drift as a co.estimation.RandomWalk",
+        "must be a co.estimation.RandomWalk",
     ),
     "shape of an input": (lambda: filter().predict(0.1, {"push": [1.0, 2.0]}), "input `push` is 1 numbers"),
     "input that is NaN": (lambda: filter().predict(0.1, {"push": np.nan}), "`push` must be finite"),
@@ -196,7 +196,7 @@ def test_arrays_that_do_not_fit_are_told():
         one.with_velocities(rows, np.zeros((1, 2)), np.zeros((1, 1)))
     with pytest.raises(co.errors.ArgumentError, match="`dt` must be positive"):
         filter.predict(True)
-    with pytest.raises(co.errors.ArgumentError, match=r"Smoothing takes the result of `Filter\.run`"):
+    with pytest.raises(co.errors.ArgumentError, match=r"must be the result of `Filter\.run`"):
         co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]
 
 

@@ -211,9 +211,9 @@ def test_what_is_no_representation_is_refused_in_one_sentence():
     with pytest.raises(GroupError, match="needs a linear action, but Points\\(\\) moves the origin"):
         co.SemidirectProduct(co.SE3(), co.spaces.Points())
     for stranger in (co.Sphere(), co.SO3(), 3):
-        with pytest.raises(GroupError, match="needs a representation such as"):
+        with pytest.raises(GroupError, match="must be a representation such as"):
             co.SemidirectProduct(co.SO3(), stranger)
-    with pytest.raises(GroupError, match="needs a Lie group"):
+    with pytest.raises(GroupError, match="must be a Lie group"):
         co.SemidirectProduct(3, co.Defining())  # type: ignore[arg-type]
     with pytest.raises(GroupError, match="dimension 1 or more"):
         co.SemidirectProduct(co.SO3(), co.Trivial(0))

@@ -119,7 +119,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
         (["remus_100", "log.csv", "--parameters", "hull", "--settle", "99"], "shorter than the log"),
         (["remus_100", "log.csv", "--parameters", "hull", "--out", "none/fit.png"], "The folder none does not exist"),
         (["remus_100", "log.csv", "--parameters", "hull", "--still", "rudder"], "the log holds its commands"),
-        (["remus_100", "log.csv", "--parameters", "hull", "--ignore", "wind"], "no column `wind` to ignore"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--ignore", "wind"], "no column `wind`"),
         (["remus_100", "log.csv", "--parameters", "hull", "--process-noise", "winds"], "no `winds` that process noise"),
     ],
 )  # fmt: skip

@@ -229,7 +229,7 @@ REFUSED = {
     "no shapes": (lambda: co.mechanics.Connection(SO3, 0, lambda x: x), "must be a whole number from 1, but is 0"),
     "no group": (lambda: co.mechanics.Connection("SO3", 1, lambda x: x), "must be a Lie group"),  # type: ignore[arg-type]
     "open loop": (lambda: co.mechanics.holonomy(CONNECTION, [[0, 0], [1, 1]]), "must end where it begins"),
-    "shapes of another size": (lambda: co.mechanics.horizontal_lift(CONNECTION, [[0.0], [1.0]]), "(N+1, 2)"),
+    "shapes of another size": (lambda: co.mechanics.horizontal_lift(CONNECTION, [[0.0], [1.0]]), "(n, 2)"),
     "shapes that are not numbers": (
         lambda: co.mechanics.horizontal_lift(CONNECTION, [[0, 0], [1, np.nan]]),
         "must be finite",

@@ -91,7 +91,7 @@ def test_a_body_with_quadratic_drag_is_integrated_and_differentiated_from_rest()
 def test_what_is_no_drag_is_refused_in_one_sentence():
     with pytest.raises(co.errors.ArgumentError, match=r"coefficients of shape \(\), \(k,\) or \(k, k\)"):
         co.mechanics.quadratic_drag(np.zeros(2), np.zeros(3))
-    with pytest.raises(co.errors.ArgumentError, match="takes a function R"):
+    with pytest.raises(co.errors.ArgumentError, match="must be a function R"):
         co.mechanics.rayleigh(3.0)
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=co.mechanics.rayleigh(lambda motion: motion.xi))
     with pytest.raises(co.errors.LagrangianError, match="must return one number"):

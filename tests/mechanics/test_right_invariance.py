@@ -227,7 +227,7 @@ def test_what_is_no_side_and_a_group_that_is_opposite_already_are_refused():
         damped("both")
     with pytest.raises(ArgumentError, match=r"must be the group itself, SO3\(\)"):
         co.System(co.groups.Opposite(co.SO3()), lambda xi: xi @ xi, invariance="right")
-    with pytest.raises(GroupError, match="Opposite needs a Lie group"):
+    with pytest.raises(GroupError, match="Opposite must be a Lie group"):
         co.groups.Opposite("SO3")  # type: ignore[arg-type]
     with pytest.raises(GroupError, match="must carry a left action"):
         co.System(co.SO3(), lambda xi, a: xi @ xi, advected=ByRight(), invariance="right")

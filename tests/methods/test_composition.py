@@ -218,10 +218,10 @@ REFUSED = {
     "nan": (lambda: co.methods.Composition(co.Midpoint(), (np.nan, 1.0, np.nan)), "`coefficients`"),
     "not symmetric": (lambda: co.methods.KahanLi6(co.LeftRectangle()), "symmetric method of order 2"),
     "not symmetric either": (lambda: co.methods.Composition(co.LeftRectangle(), (0.5, 0.5)), "co.methods.Symmetrised"),
-    "no method": (lambda: co.methods.Composition(co.Cayley(), (0.5, 0.5)), "needs a method"),
+    "no method": (lambda: co.methods.Composition(co.Cayley(), (0.5, 0.5)), "must be a method"),
     "order 4 in a scheme for 2": (lambda: co.methods.KahanLi8(co.Suzuki4(co.Midpoint())), "of order 2"),
     "no adjoint": (lambda: co.methods.Symmetrised(co.methods.GroupVariational()), "adjoint of GroupVariational"),
-    "symmetrised nothing": (lambda: co.methods.Symmetrised(None), "needs a method"),
+    "symmetrised nothing": (lambda: co.methods.Symmetrised(None), "must be a method"),
 }
 
 

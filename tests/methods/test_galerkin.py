@@ -310,7 +310,7 @@ def test_newton_starts_from_the_last_curve_as_its_new_frame_sees_it():
 def test_what_galerkin_refuses():
     with pytest.raises(ArgumentError, match="`degree` must be 1, 2, 3 or 4"):
         co.Galerkin(degree=5)
-    with pytest.raises(ArgumentError, match="leave out `start`"):
+    with pytest.raises(ArgumentError, match="Galerkin starts from momenta"):
         co.Galerkin(start="velocity")
     system, start = random_system("SO3 on a sphere")
     with pytest.raises(ArgumentError, match="needs a flat space of additional dynamics"):

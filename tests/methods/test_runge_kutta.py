@@ -117,9 +117,9 @@ def test_the_group_is_kept_and_momentum_is_not():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: MuntheKaas(degree=6), "`degree` of MuntheKaas must be one of 1, 2, 3, 4, 5, but is 6"),
-        (lambda: CrouchGrossman(degree=True), "must be one of 3, 4, but is True"),
-        (lambda: CommutatorFree(degree=2), "must be one of 3, 4"),
+        (lambda: MuntheKaas(degree=6), "`degree` of MuntheKaas must be 1, 2, 3, 4 or 5, but is 6"),
+        (lambda: CrouchGrossman(degree=True), "must be 3 or 4, but is True"),
+        (lambda: CommutatorFree(degree=2), "must be 3 or 4"),
         (lambda: MuntheKaas(start="velocity"), "starts from momenta"),
         (lambda: co.simulate(*top(), dt=0.1, steps=1, method=CrouchGrossman(co.Cayley())), "needs co.Exponential"),
         (lambda: co.Suzuki4(MuntheKaas()), "symmetric"),

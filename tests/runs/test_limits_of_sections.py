@@ -81,8 +81,8 @@ def test_what_is_no_system_no_start_or_no_method_is_named():
     system, other = (co.System(group, lambda xi: 0.5 * xi @ xi) for group in (co.SO3(), co.SO2()))
     start = system.state(xi=[0.1, 0.2, 0.3])
     arguments.require_kinds(system, start, co.Midpoint())
-    refused("`system` must be a co.System, but is int", arguments.require_kinds, 3, start, co.Midpoint())
-    refused("`start` must come from system.state", arguments.require_kinds, system, 3, co.Midpoint())
+    refused("`system` must be a co.System, but is 3", arguments.require_kinds, 3, start, co.Midpoint())
+    refused("`start` must be a state, system.state", arguments.require_kinds, system, 3, co.Midpoint())
     refused("another group or other spaces", arguments.require_kinds, other, start, co.Midpoint())
     refused("`method` must be a method", arguments.require_kinds, system, start, co.Midpoint)
 

@@ -401,8 +401,8 @@ def test_a_traced_float32_parameter_asks_for_the_float64_scope():
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"system": 3}, "`system` must be a co.System, but is int"),
-        ({"start": 3}, "`start` must come from system.state(…), but is int"),
+        ({"system": 3}, "`system` must be a co.System, but is 3"),
+        ({"start": 3}, "`start` must be a state, system.state(…), but is 3"),
         ({"start": co.System(co.SO3(), lambda xi: xi @ xi).state()}, "another group or other spaces"),
         ({"method": co.Midpoint}, "must be a method such as"),
         ({"dt": [0.1, 0.1]}, "`dt` must be one number, but has shape (2,)"),

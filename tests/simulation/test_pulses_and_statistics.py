@@ -155,9 +155,9 @@ def test_statistics_have_labels_counts_and_the_axes_of_time():
     assert found.energy.sel(statistic="mean").values.tolist() == [3.0, 5.0, 4.0] and "speed" not in found.coords
     assert set(statistics(made, "energy").data_vars) == {"energy"}
     for call, sentence in (
-        (lambda: statistics(made, "speed"), "has no variable `speed`; it has: mu, energy"),
-        (lambda: statistics(made, quantiles=[1.01]), "numbers from 0 to 1, such as 0.95, but holds 1.01"),
-        (lambda: statistics(made, quantiles=[-0.01]), "numbers from 0 to 1"),
+        (lambda: statistics(made, "speed"), "has no variable `speed`: it knows energy, mu"),
+        (lambda: statistics(made, quantiles=[1.01]), "a number from 0 to 1, but is 1.01"),
+        (lambda: statistics(made, quantiles=[-0.01]), "a number from 0 to 1"),
         (lambda: statistics(made.isel(member=0)), "over the members of an ensemble, but this dataset has none"),
     ):
         with pytest.raises(ArgumentError, match=sentence):

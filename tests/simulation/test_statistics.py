@@ -55,7 +55,7 @@ def test_members_that_have_failed_do_not_count_from_there_on():
     ("arguments", "sentence"),
     [
         ({"variables": ["speed"]}, "no variable `speed`"),
-        ({"quantiles": [95]}, "from 0 to 1, such as 0.95, but holds 95"),
+        ({"quantiles": [95]}, "a number from 0 to 1, but is 95"),
     ],
 )
 def test_what_statistics_cannot_give_is_said(arguments, sentence):

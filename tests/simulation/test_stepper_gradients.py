@@ -114,9 +114,9 @@ def test_wrong_calls_of_the_twin_get_a_sentence(ship):
     wrong = [
         (lambda: ship.trajectory(START), "that of a single member"),
         (lambda: ship.trajectory(jax.tree.map(jnp.asarray, state)), "must be float64"),
-        (lambda: ship.trajectory(state, {"ruder": 1.0}), "There is no command `ruder`"),
+        (lambda: ship.trajectory(state, {"ruder": 1.0}), "no command `ruder`"),
         (lambda: ship.trajectory(state, 1.0), "must be name → value"),
-        (lambda: ship.trajectory(state, {"rudder": [1.0, 2.0]}), "must have one number"),
+        (lambda: ship.trajectory(state, {"rudder": [1.0, 2.0]}), "must be one number"),
         (lambda: ship.trajectory(state, n=0), "whole number"),
         (lambda: ship.reset(seed=3), "Nothing in this system is random"),
     ]

@@ -474,5 +474,5 @@ def test_a_retraction_that_finds_no_point_says_so():
 
 def test_a_sphere_lies_in_a_representation():
     for inside in (3, co.Sphere()):
-        with pytest.raises(ArgumentError, match="Sphere needs a representation"):
+        with pytest.raises(ArgumentError, match="Sphere must be a representation"):
             co.Sphere(inside)  # type: ignore[arg-type]

@@ -79,5 +79,5 @@ def test_members_of_a_space_by_inverses_are_those_of_the_space():
     for wrong, says in ((within, "is a space of the opposite of a group"), (co.SE2(), "opposite of a group")):
         with pytest.raises(co.errors.GroupError, match=says):
             one.dim(wrong)
-    with pytest.raises(co.errors.GroupError, match=r"ByInverse needs a space such as co.Defining\(\), but got 3"):
+    with pytest.raises(co.errors.GroupError, match=r"ByInverse must be a space such as co.Defining\(\), but is 3"):
         ByInverse(3)  # type: ignore[arg-type]

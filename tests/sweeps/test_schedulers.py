@@ -92,10 +92,9 @@ def test_workers_of_a_scheduler_compute_a_sweep(tmp_path):
 
 
 def test_a_sweep_without_a_scheduler_needs_no_dask(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     sweep = read_sweep(sweep_file(tmp_path))
     with pytest.raises(co.errors.ArgumentError, match=r"coadjoint\[cluster\]"):
         execute(sweep, tmp_path / "out", "tcp://127.0.0.1:9", progress=False)
-    monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.setattr("socket.socket.bind", None)
     assert execute(sweep, tmp_path / "out", workers=1, progress=False).failures == {}

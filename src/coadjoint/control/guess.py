@@ -15,7 +15,7 @@ from coadjoint.control.inputs_between import guesses
 from coadjoint.control.problem_data import End
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Split, Transcription
-from coadjoint.errors import ArgumentError, GroupError, StepError, shown
+from coadjoint.errors import ArgumentError, GroupError, StepError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -49,11 +49,8 @@ def guessed_motion(transcription: Transcription, guess: Run | str | None) -> tup
     if isinstance(guess, Run):
         return _of_run(transcription, guess)
     checks.instance(guess, "guess", str, "a run, a name or None")
-    if guess == "interpolate":
-        return _interpolated(transcription), {}
-    if guess == "simulate":
-        return _simulated(transcription), {}
-    raise ArgumentError(f'Argument `guess` must be a run, "interpolate", "simulate" or None, but is {shown(guess)}.')
+    checks.choice(guess, "Argument `guess`, if it is not a run,", ("interpolate", "simulate"))
+    return (_interpolated if guess == "interpolate" else _simulated)(transcription), {}
 
 
 def variables(transcription: Transcription, states: State, known_inputs: dict[str, np.ndarray]) -> np.ndarray:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.control.numbers import number, require_between, spread
@@ -49,17 +50,10 @@ class Profile:
     upper: Any = math.inf
 
     def __post_init__(self):
-        if not callable(self.function):
-            raise ArgumentError(
-                f"co.control.Profile takes a function of t and its numbers θ, but got {shown(self.function)}."
-            )
+        checks.function(self.function, "The function of co.control.Profile", "a function of t and its numbers θ")
         require_signature(self.function, "The function of co.control.Profile", ["t", "theta"])
         guess = float64(number(self.guess, "guess"), "Argument `guess` of co.control.Profile")
-        if guess.ndim > 1 or not guess.size:
-            raise ArgumentError(
-                f"Argument `guess` of co.control.Profile must be a number or (m,) numbers, but has the shape "
-                f"{guess.shape}."
-            )
+        checks.shape(guess, "Argument `guess` of co.control.Profile", (), "(m,)")
         object.__setattr__(self, "guess", guess)
         for name in ("lower", "upper"):
             object.__setattr__(self, name, spread(getattr(self, name), guess.shape, name, "a profile"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from coadjoint.errors import ArgumentError
+from coadjoint.checks import library
 
 IPOPT = {
     "sb": "yes",
@@ -19,10 +19,4 @@ INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
 
 def casadi() -> Any:
     """The module; raises ArgumentError if it is not installed."""
-    try:
-        import casadi as module
-    except ImportError as error:
-        raise ArgumentError(
-            'Optimal control needs CasADi, which is not installed: pip install "coadjoint[control]".'
-        ) from error
-    return module
+    return library("casadi", "Optimal control needs", "coadjoint[control]", "CasADi")

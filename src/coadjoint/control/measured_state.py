@@ -20,6 +20,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import State
+from coadjoint.simulation.arguments import require_places
 
 GIVEN = ("t", "g", "n", "a", "xi", "nu", "mu", "pi", "internal")
 """The parts of a measured state from which a step begins."""
@@ -59,8 +60,7 @@ class MeasuredState:
     def _require(self, state: State) -> None:
         system = self._transcription.problem.system
         checks.instance(state, "state", State, "a co.State of the problem's system")
-        if state.places != system.places:
-            raise ArgumentError("Argument `state` belongs to a system with another group or other spaces.")
+        require_places(state, system.places, "state")
         if np.ndim(state.t):
             raise ArgumentError("Argument `state` must be of one member, but has many: give each its own controller.")
         if jax.tree_util.tree_structure(state.internal) != self._structure:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.control.arrival_cost import Arrival, Quadratic
 from coadjoint.control.horizon_limits import HorizonLimits
@@ -163,13 +164,10 @@ class Estimator(Remade):
         )  # fmt: skip
 
     def _read(self, measured: Mapping[str, PyTree]) -> SeenAtNode:
-        if not isinstance(measured, Mapping):
-            raise ArgumentError(f"An estimator takes a dictionary of measurements, but got {shown(measured)}.")
+        checks.mapping(measured, "measured", "a dictionary of measurements")
         values, weights = {}, {}
         for name, given in measured.items():
-            if name not in self.problem.measured:
-                names = ", ".join(f"`{one}`" for one in self.problem.measured)
-                raise ArgumentError(f"The problem measures {names}, but got {shown(name)}.")
+            checks.known(name, self.problem.measured, "measurement", "The problem")
             if given is None:
                 continue
             space = self._transcription.data[name].space
@@ -182,8 +180,7 @@ class Estimator(Remade):
 
     def _row(self, inputs: Mapping[str, object]) -> np.ndarray:
         """The inputs of the step that ended: those that are known, and the guesses of the others."""
-        if not isinstance(inputs, Mapping):
-            raise ArgumentError(f"An estimator takes a dictionary of known inputs, but got {shown(inputs)}.")
+        checks.mapping(inputs, "inputs", "a dictionary of known inputs")
         expected = set(self.known) if self._seen else set()
         if set(inputs) != expected:
             names = ", ".join(f"`{name}`" for name in self.known) or "none"

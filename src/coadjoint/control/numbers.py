@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.mechanics.system import System
 
 
 def number(value: Any, name: str, nan: bool = False) -> np.ndarray:
@@ -17,8 +19,7 @@ def number(value: Any, name: str, nan: bool = False) -> np.ndarray:
         found = np.asarray(np.nan if np.iscomplexobj(value) else value, float)
     except (TypeError, ValueError):
         raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.") from None
-    if np.iscomplexobj(value) or (np.any(np.isnan(found)) and not nan):
-        raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.")
+    checks.expect(not np.iscomplexobj(value) and (not np.any(np.isnan(found)) or nan), value, name, "numbers")
     return found
 
 
@@ -31,6 +32,20 @@ def spread(value: object, shape: tuple[int, ...], name: str, what: str = "an inp
         return np.broadcast_to(found, shape).copy()
     except ValueError:
         raise ArgumentError(f"Argument `{name}` of {what} must be a number or have the shape {shape}.") from None
+
+
+def known_parameter(system: System, name: object) -> None:
+    """Raise ArgumentError for what is not the name of a parameter of the system."""
+    names = [] if system.parameters is None else [*system.parameters.asdict()]
+    checks.known(name, names, "parameter", "The system")
+
+
+def shortest_and_longest(given: Any, name: str) -> tuple[float, float]:
+    """Bounds of a duration, s; raises ArgumentError unless they are positive, finite and in order."""
+    pair = isinstance(given, (tuple, list)) and len(given) == 2
+    low, high = (float(number(one, name)) for one in given) if pair else (0.0, 0.0)
+    checks.expect(0 < low <= high < math.inf, given, name, "(shortest, longest) in s, positive and finite")
+    return low, high
 
 
 def require_between(lower: np.ndarray, upper: np.ndarray, what: str) -> None:

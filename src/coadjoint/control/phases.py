@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.control.guess import guessed_motion, variables
 from coadjoint.control.joints import KEPT, PhaseJoint, carried, phased_program
-from coadjoint.control.numbers import number
+from coadjoint.control.numbers import shortest_and_longest
 from coadjoint.control.phased_optimum import PhasedOptimum, phases_flown
 from coadjoint.control.problem import Problem
 from coadjoint.control.solve import found_by, settings_of, solver_of
@@ -57,11 +56,10 @@ class Phases:
 
     def __post_init__(self):
         named = isinstance(self.phases, Mapping) and all(isinstance(name, str) for name in self.phases)
-        if not named or len(self.phases) < 2 or not all(isinstance(one, Problem) for one in self.phases.values()):
-            raise ArgumentError(
-                "Argument `phases` must be a dictionary of name → co.control.Problem(…), of two phases at least, but "
-                f"is {shown(self.phases)}."
-            )
+        fits = named and len(self.phases) >= 2 and all(isinstance(one, Problem) for one in self.phases.values())
+        checks.expect(
+            fits, self.phases, "phases", "a dictionary of name → co.control.Problem(…), of two phases at least"
+        )
         self._require_one_after_the_other()
         kept = self._kept()
         pairs = zip(pairwise(self.phases), kept, strict=True)
@@ -109,11 +107,10 @@ class Phases:
                 )
             return ["momentum"] * count
         kept = [self.keep] * count if isinstance(self.keep, str) else self.keep
-        if not isinstance(kept, (list, tuple)) or len(kept) != count or not all(one in KEPT for one in kept):
-            raise ArgumentError(
-                f'Argument `keep` must be "momentum" or "velocity", or one of these for each of the {count} joints, '
-                f"but is {shown(self.keep)}."
-            )
+        fits = isinstance(kept, (list, tuple)) and len(kept) == count and all(one in KEPT for one in kept)
+        checks.expect(
+            fits, self.keep, "keep", f'"momentum" or "velocity", or one of these for each of the {count} joints'
+        )
         for name, kind in zip(list(self.phases)[1:], kept, strict=True):
             if kind == "velocity" and not self.phases[name].system.additional.flat:
                 raise ArgumentError('A q on a manifold continues with its momenta alone: use keep="momentum".')
@@ -154,12 +151,10 @@ class Phases:
         given = self.total_duration
         if given is None:
             return
-        if not isinstance(given, (tuple, list)) or len(given) != 2:
-            raise ArgumentError(f"Argument `total_duration` must be (shortest, longest) in s, but is {shown(given)}.")
-        low, high = (float(number(x, "total_duration")) for x in given)
+        low, high = shortest_and_longest(given, "total_duration")
         limits = [one.free_duration or (one.length, one.length) for one in self.phases.values()]
         least, most = (sum(float(limit[side]) for limit in limits) for side in (0, 1))
-        if not 0 < low <= high < math.inf or high < least - 1e-12 or low > most + 1e-12:
+        if high < least - 1e-12 or low > most + 1e-12:
             raise ArgumentError(
                 f"Argument `total_duration` is ({low:g}, {high:g}) s, but the phases last {least:g} to {most:g} s "
                 "together."

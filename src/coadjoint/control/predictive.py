@@ -289,14 +289,11 @@ class Controller(Remade):
         if not isinstance(command, dict) or set(command) != {name for name, _ in known}:
             names = ", ".join(f"`{name}`" for name, _ in known)
             raise ArgumentError(f"The `fallback` must return a dictionary of {names}, but returned {shown(command)}.")
-        try:
-            found = [np.broadcast_to(np.asarray(command[name], float), given.shape).ravel() for name, given in known]
-        except (TypeError, ValueError):
-            raise ArgumentError("The `fallback` must return numbers of the inputs' shapes.") from None
-        row = np.clip(np.concatenate(found), self._expanding.lower, self._expanding.upper)
-        if not np.all(np.isfinite(row)):
-            raise ArgumentError(f"The `fallback` must return finite numbers, but returned {shown(command)}.")
-        return row
+        found = [
+            np.broadcast_to(checks.array(command[name], f"`{name}` of the `fallback`", (), given.shape), given.shape)
+            for name, given in known
+        ]
+        return np.clip(np.concatenate([one.ravel() for one in found]), self._expanding.lower, self._expanding.upper)
 
     def __str__(self) -> str:
         problem = self.problem

@@ -14,7 +14,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.checks import truth
 from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
-from coadjoint.control.numbers import number, require_between, spread
+from coadjoint.control.numbers import known_parameter, number, require_between, shortest_and_longest, spread
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import State
@@ -48,8 +48,8 @@ class Input:
     def __post_init__(self):
         checks.choice(self.course, "Argument `course` of an input", COURSES)
         shape = (self.shape,) if isinstance(self.shape, int) else self.shape
-        if not isinstance(shape, tuple) or not all(type(n) is int and n > 0 for n in shape) or len(shape) > 1:
-            raise ArgumentError(f"Argument `shape` of an input must be () or (m,), but is {shown(self.shape)}.")
+        fits = isinstance(shape, tuple) and all(type(n) is int and n > 0 for n in shape) and (len(shape) <= 1)
+        checks.expect(fits, self.shape, "Argument `shape` of an input", "() or (m,)")
         object.__setattr__(self, "shape", shape)
         for name in ("lower", "upper", "rate", "guess"):
             object.__setattr__(self, name, spread(getattr(self, name), shape, name))
@@ -154,8 +154,7 @@ class ProblemData:
         for name in ("cost", "final_cost"):
             if getattr(self, name) is not None:
                 require_signature(getattr(self, name), f"Argument `{name}`", arguments)
-        if not isinstance(self.path, Mapping) or not all(isinstance(b, Bounds) for b in self.path.values()):
-            raise ArgumentError("Argument `path` must be a dictionary of name → co.control.Bounds(function, …).")
+        checks.mapping(self.path, "path", "a dictionary of name → co.control.Bounds(function, …)", of=Bounds)
         for name, bounds in self.path.items():
             require_signature(bounds.function, f"Argument `path` under `{name}`", arguments)
         if self.end is not None and not isinstance(self.end, End):
@@ -191,9 +190,8 @@ class ProblemData:
                 raise ArgumentError(f"The standard deviation of `{name}` in `free_start` must be positive.")
         if self.free_start and self.method.start == "velocity":
             raise ArgumentError('With `free_start` a method begins with momenta: use start="momentum".')
-        named = isinstance(self.measured, Mapping) and all(isinstance(name, str) for name in self.measured)
-        if not named or not all(isinstance(one, Measured) for one in self.measured.values()):
-            raise ArgumentError("Argument `measured` must be a dictionary of name → co.control.Measured(function, …).")
+        words = "a dictionary of name → co.control.Measured(function, …)"
+        checks.mapping(self.measured, "measured", words, of=Measured)
         arguments = ["motion"] if self.system.parameters is None else ["motion", "p"]
         for name, one in self.measured.items():
             require_signature(one.function, f"Argument `measured` under `{name}`", arguments)
@@ -203,17 +201,7 @@ class ProblemData:
 
     def _require_free(self) -> None:
         if self.free_duration is not None:
-            given = self.free_duration
-            if not isinstance(given, (tuple, list)) or len(given) != 2:
-                raise ArgumentError(
-                    f"Argument `free_duration` must be (shortest, longest) in s, but is {shown(given)}."
-                )
-            low, high = (number(x, "free_duration") for x in given)
-            if not 0 < low <= high < math.inf:
-                raise ArgumentError(
-                    "Argument `free_duration` must be (shortest, longest) in s, positive and finite, but is "
-                    f"{shown(self.free_duration)}."
-                )
+            shortest_and_longest(self.free_duration, "free_duration")
             if self.method.start == "velocity" and self.start.from_velocities:
                 raise ArgumentError(
                     'A method with start="velocity" begins with momenta that depend on h: with `free_duration` use '
@@ -224,10 +212,8 @@ class ProblemData:
                 'A method with start="velocity" begins with momenta that depend on the parameters: with `parameters`, '
                 'or for derivatives by them, use start="momentum".'
             )
-        known = self.system.parameters
         for name, limits in self.parameters.items():
-            if known is None or not hasattr(known, name):
-                raise ArgumentError(f"Argument `parameters` names `{name}`, which is not a parameter of the system.")
+            known_parameter(self.system, name)
             if not isinstance(limits, tuple) or len(limits) != 2:
                 raise ArgumentError(f"Argument `parameters` must be name → (lower, upper), but `{name}` is {limits!r}.")
             require_between(number(limits[0], name), number(limits[1], name), f"parameter `{name}`")

@@ -11,10 +11,12 @@ from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import Profile
 from coadjoint.control.library import casadi
+from coadjoint.control.numbers import known_parameter
 from coadjoint.control.problem_data import Input, ProblemData
 from coadjoint.control.transcription import Transcription
 from coadjoint.control.window import Window
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.spaces.space import require_flat
 
 
 def steps_of(value: Any, dt: float, name: str, least: int) -> int:
@@ -34,8 +36,7 @@ def changing_names(problem: ProblemData, changing: Any) -> tuple[str, ...]:
     names = (changing,) if isinstance(changing, str) else changing
     checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
     for name in names:
-        if not hasattr(problem.system.parameters, name):
-            raise ArgumentError(f"Argument `changing` names `{name}`, which is not a parameter of the system.")
+        known_parameter(problem.system, name)
     return tuple(names)
 
 
@@ -67,19 +68,14 @@ def require_estimable(problem: ProblemData, known: PyTree) -> None:
         raise ArgumentError("An estimator estimates states and inputs alone: leave out `parameters`.")
     if problem.end is not None or problem.final_cost is not None:
         raise ArgumentError("An estimator has no end to reach: leave out `end` and `final_cost`.")
-    if not problem.system.additional.flat:
-        raise ArgumentError("An estimator needs a flat space of q, but this system's q lies on a manifold.")
+    require_flat(problem.system.additional, "An estimator", "describe q by coordinates")
     chosen = {name: one for name, one in problem.inputs.items() if hasattr(one, "guess")}
     for name, one in chosen.items():
         if not isinstance(one, Input) or one.course != "held":
             raise ArgumentError(f"An estimator takes inputs that are held over each step, but `{name}` is none.")
         if np.any(np.isfinite(one.rate)):
             raise ArgumentError(f"An estimator bounds no rates: leave out `rate` of input `{name}`.")
-    for name in known:
-        if name not in chosen:
-            raise ArgumentError(
-                f"Argument `known` names {shown(name)}, which is not a co.control.Input of the problem."
-            )
+    checks.all_known(known, chosen, "co.control.Input", "Argument `known`: the problem")
     if set(chosen) - set(known) and problem.cost is None:
         raise ArgumentError(
             "An estimator needs a `cost` of the inputs that it estimates, such as 0.5 * w @ w / σ**2: without one any "

@@ -12,10 +12,11 @@ from scipy.sparse import csc_matrix
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.control.conditions import SolvedProgram, conditions
+from coadjoint.control.numbers import known_parameter
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.transcription import Split, Transcription, transcribe
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.simulation.run import Run
 
 OF_THE_START = ("g", "q", "mu", "pi")
@@ -62,19 +63,12 @@ def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start
 def _require(problem: ProblemData, names: tuple[str, ...], start: PyTree) -> None:
     checks.instance(start, "start", (tuple, list), 'names of parts of a state, such as ("g", "mu")')
     for name in names:
-        if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):
-            raise ArgumentError(
-                f"The optimum is asked for its derivative by {shown(name)}, which is not a parameter of the system."
-            )
+        known_parameter(problem.system, name)
         if name in problem.parameters:
             raise ArgumentError(
                 f"Parameter `{name}` is optimised with the motion, so that the optimum is not a function of it."
             )
-    for part in start:
-        if part not in OF_THE_START:
-            raise ArgumentError(
-                f"Argument `start` names parts of a state, of {', '.join(OF_THE_START)}, but {shown(part)}."
-            )
+    checks.all_known(start, OF_THE_START, "part", "Argument `start`: a state")
     if start and problem.free_start:
         raise ArgumentError("The start is optimised with the motion, so that the optimum is not a function of it.")
     if not names and not start:

@@ -18,7 +18,7 @@ from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.transcription import transcribe
-from coadjoint.errors import ArgumentError, Interrupted, OptimumError, shown
+from coadjoint.errors import ArgumentError, Interrupted, OptimumError
 from coadjoint.simulation.run import Run
 
 SOLVERS = ("ipopt", "fatrop")
@@ -86,8 +86,8 @@ def settings_of(
 ) -> Settings:
     """The arguments of `Problem.solve` that are the solver's, checked."""
     checks.choice(solver, "solver", SOLVERS)
-    if not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
-        raise ArgumentError(f"Argument `tolerance` must be a small positive number, but is {shown(tolerance)}.")
+    fits = isinstance(tolerance, (int, float)) and 0 < tolerance < 1
+    checks.expect(fits, tolerance, "tolerance", "a small positive number")
     found, more = _options(solver, tolerance, whole(max_iterations, "max_iterations"), verbose), dict(options or {})
     return Settings(solver, tolerance, found | more | {solver: found[solver] | dict(more.get(solver, {}))})
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 
@@ -27,8 +27,7 @@ class Squared(DifferenceMap):
     half: DifferenceMap
 
     def __post_init__(self):
-        if not isinstance(self.half, DifferenceMap):
-            raise ArgumentError(f"Squared needs a difference map such as co.Cayley(), but got {shown(self.half)}.")
+        checks.instance(self.half, "The half of Squared", DifferenceMap, "a difference map such as co.Cayley()")
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         root = self.half.tau(group, 0.5 * xi)

@@ -17,6 +17,7 @@ from coadjoint.estimation.process import Process
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
+from coadjoint.spaces.space import require_flat
 
 WHOSE = "co.estimation.ModelProcess"
 
@@ -35,21 +36,19 @@ def require_fit(method: Method, system: System, start: State, error: str) -> Non
         raise ArgumentError(
             f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."
         )
-    if not system.additional.flat:
-        raise ArgumentError("A filter needs a flat space of additional dynamics, such as co.Defining().")
+    require_flat(system.additional, "A filter", "take one such as co.Defining()")
     if np.ndim(start.t):
         raise ArgumentError("Argument `start` must be of one member: give `Filter` many covariances or starts instead.")
 
 
 def roots_of_noise(given: Mapping[str, PyTree] | None, d: int, q: int) -> np.ndarray:
     """Roots of densities, (dim G + dim Q,)."""
-    given, found = dict(given or {}), []
+    given, found = given or {}, []
+    checks.all_known(given, ("torque", "force"), "part", "`noise`")
     for name, size in (("torque", d), ("force", q)):
-        value = not_negative(given.pop(name, 0.0), name, "`noise`")
+        value = not_negative(given.get(name, 0.0), name, "`noise`")
         checks.shape(value, f"`{name}` of `noise`", (), (size,))
         found.append(np.broadcast_to(value, (size,)))
-    if given:
-        raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")
     return np.concatenate(found)
 
 

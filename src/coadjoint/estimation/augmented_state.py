@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
+from coadjoint.estimation.drifts import Drift, GaussMarkov, finite, require_drift
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.methods.program import Constants
@@ -82,16 +82,9 @@ class DriftingParameters(Drifting):
     def __init__(self, constants: Constants, drifting: Mapping[str, Drift], biases: Mapping[str, Drift]):
         self._layout, self._values = pack(constants)
         known = _places(constants)
-        for name in drifting:
-            if name not in known:
-                raise ArgumentError(
-                    f"There is no parameter `{name}` that could drift: there are {', '.join(known) or 'none'}."
-                )
+        checks.all_known(drifting, known, "parameter", "The system")
         for name, drift in {**drifting, **biases}.items():
-            if not isinstance(drift, Drift):
-                raise ArgumentError(
-                    f"`{name}` must drift as a co.estimation.RandomWalk or GaussMarkov, but is {shown(drift)}."
-                )
+            require_drift(drift, name)
         sizes = {name: len(known[name]) for name in drifting}
         self.places = np.array([i for name in drifting for i in known[name]], int)
         self._biases = Drifting({name: _count(name, drift) for name, drift in biases.items()}, biases)
@@ -103,9 +96,7 @@ class DriftingParameters(Drifting):
         """θ at `count` nodes, (count, k), of a system with these constants; `known` values, name → numbers or (count,
         numbers), take their place. Raises ArgumentError unless both determine all of θ."""
         places, values = _places(constants), pack(constants)[1]
-        for name in known:
-            if name not in self.sizes:
-                raise ArgumentError(f"`known` has `{name}`, but drifting are {', '.join(self.sizes) or 'none'}.")
+        checks.all_known(known, self.sizes, "drifting number", "Argument `known`: the process")
         found = []
         for name, size in self.sizes.items():
             if name not in known and (name in self._biases.sizes or len(places.get(name, ())) != size):

@@ -11,7 +11,6 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
-from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.trace.evaluate import traced
 
@@ -83,19 +82,21 @@ def _of(h: Scalar) -> Any:
     return jnp if traced(h) else np
 
 
+def require_drift(value: object, name: str) -> None:
+    """Raise ArgumentError unless this is a drift."""
+    checks.instance(value, f"The drift of `{name}`", Drift, "a co.estimation.RandomWalk or GaussMarkov")
+
+
 def not_negative(value: object, name: str, whose: str) -> np.ndarray:
     """A standard deviation or a density as float64; raises ArgumentError unless it is finite and not negative."""
     found = numbers(value)
-    if not np.all(np.isfinite(found) & (found >= 0)):
-        raise ArgumentError(
-            f"Argument `{name}` of {whose} must be numbers that are finite and not negative, but is {shown(value)}."
-        )
+    fits = np.all(np.isfinite(found) & (found >= 0))
+    checks.expect(fits, value, f"Argument `{name}` of {whose}", "numbers that are finite and not negative")
     return found
 
 
 def finite(value: object, name: str, whose: str) -> np.ndarray:
     """Numbers as float64; raises ArgumentError unless they are finite."""
     found = numbers(value)
-    if not np.all(np.isfinite(found)):
-        raise ArgumentError(f"Argument `{name}` of {whose} must be finite numbers, but is {shown(value)}.")
+    checks.expect(np.all(np.isfinite(found)), value, f"Argument `{name}` of {whose}", "finite numbers")
     return found

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.timetable import SAME
 from coadjoint.mechanics.state import State
@@ -194,11 +194,8 @@ def states_at(truth: object, times: np.ndarray, system: System) -> State | None:
         truth = truth.at(times)
     if not isinstance(truth, State):
         return None
-    if truth.places != system.places or np.shape(truth.t) != np.shape(times):
-        raise ArgumentError(
-            f"Argument `truth` must be {len(times)} states of the system of the filter, one for each node, but is "
-            f"{shown(truth)}."
-        )
+    fits = truth.places == system.places and np.shape(truth.t) == np.shape(times)
+    checks.expect(fits, truth, "truth", f"{len(times)} states of the system of the filter, one for each node")
     if not np.max(np.abs(truth.t - times)) < SAME:
         raise ArgumentError("Argument `truth` has states of other times than the nodes: give the run itself.")
     return truth

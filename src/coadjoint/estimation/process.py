@@ -328,6 +328,5 @@ def _input(value: object, name: str, shape: tuple[int, int]) -> np.ndarray:
             f"The input `{name}` is {size} numbers, or ({members}, {size}) of all members, but has the shape "
             f"{found.shape}."
         )
-    if not np.all(np.isfinite(found)):
-        raise ArgumentError(f"The input `{name}` must be finite numbers, but is {shown(value)}.")
+    checks.expect(np.all(np.isfinite(found)), value, f"The input `{name}`", "finite numbers")
     return found.reshape(-1, size)

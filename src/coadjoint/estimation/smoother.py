@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.estimation.filtered import Filtered
 
 
@@ -26,8 +27,7 @@ def smoothed(found: Filtered) -> Filtered:
     found: of `Filter.run` with covariances=True and every node kept. Returns the same at its nodes, with NIS unchanged.
     Raises ArgumentError where covariances or nodes were not kept.
     """
-    if not isinstance(found, Filtered):
-        raise ArgumentError(f"Smoothing takes the result of `Filter.run`, but got {shown(found)}.")
+    checks.instance(found, "found", Filtered, "the result of `Filter.run`")
     if found.covariances is None or found.every != 1:
         raise ArgumentError("Smoothing needs every covariance: run the filter with covariances=True, save_every=1.")
     process, one = found._process, found.rows.ndim == 2

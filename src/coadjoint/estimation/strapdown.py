@@ -16,9 +16,9 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.estimation.augmented_state import Drifting
-from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative
+from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative, require_drift
 from coadjoint.estimation.extended_poses import (
     ExtendedPose,
     exponential,
@@ -99,8 +99,8 @@ class StrapdownProcess(Process):
             checks.not_negative(gravity, f"`gravity` of {WHOSE}, whose third axis is down,"),
         )
         angles = vector(euler_zyx, "euler_zyx", (3,), WHOSE)
-        if np.any(np.abs(angles) > 2 * np.pi):
-            raise ArgumentError(f"`euler_zyx` of {WHOSE} must be angles in rad, up to 2π, but is {shown(euler_zyx)}.")
+        fits = not np.any(np.abs(angles) > 2 * np.pi)
+        checks.expect(fits, euler_zyx, f"`euler_zyx` of {WHOSE}", "angles in rad, up to 2π")
         self._lever, self._mount = vector(position, "position", (3,), WHOSE), attitude.zyx(*angles)
         drifts = _drifts(drifting)
         self._drifts = Drifting(dict.fromkeys(drifts, 3), drifts)
@@ -288,12 +288,8 @@ def _drifts(given: Mapping[str, Drift] | None) -> dict[str, Drift]:
     _require_names(given, "drifting", "drift")
     found = {**dict.fromkeys(BIASES, RandomWalk()), **dict(given or {})}
     for name, drift in found.items():
-        if name not in DRIFTING:
-            raise ArgumentError(f"`drifting` of {WHOSE} has {', '.join(DRIFTING)}, but no `{name}`.")
-        if not isinstance(drift, Drift):
-            raise ArgumentError(
-                f"`{name}` must drift as a co.estimation.RandomWalk or GaussMarkov, but is {shown(drift)}."
-            )
+        checks.known(name, DRIFTING, "part", f"`drifting` of {WHOSE}")
+        require_drift(drift, name)
     return {name: found[name] for name in DRIFTING if name in found}
 
 
@@ -304,11 +300,10 @@ def _require_names(given: object, argument: str, of: str) -> None:
 
 def _noise(given: Mapping[str, object] | None) -> np.ndarray:
     _require_names(given, "noise", "number")
-    given, found = dict(given or {}), []
+    given, found = given or {}, []
+    checks.all_known(given, ("gyroscope", "accelerometer"), "part", f"`noise` of {WHOSE}")
     for name in ("gyroscope", "accelerometer"):
-        value = not_negative(given.pop(name, 0.0), name, "`noise`")
+        value = not_negative(given.get(name, 0.0), name, "`noise`")
         checks.shape(value, f"`{name}` of `noise`", (), (3,))
         found.append(np.broadcast_to(value, (3,)))
-    if given:
-        raise ArgumentError(f"`noise` of {WHOSE} has `gyroscope` and `accelerometer`, but no `{next(iter(given))}`.")
     return np.concatenate(found)

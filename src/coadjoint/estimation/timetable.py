@@ -93,9 +93,7 @@ class Series(NamedTuple):
 
 def series(name: str, given: PyTree, argument: str, sizes: Mapping[str, int], members: int | None) -> Series:
     """(times, values) as given for a name; raises ArgumentError unless they fit."""
-    if name not in sizes:
-        known = ", ".join(sizes) or "none"
-        raise ArgumentError(f"There is no `{name}` that could be among `{argument}`: there are {known}.")
+    checks.known(name, sizes, "part", f"Argument `{argument}`")
     try:
         times, values = (float64(part) for part in given)
     except (TypeError, ValueError):

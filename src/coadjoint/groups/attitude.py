@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 
 SINGULAR = 1e-12
 """Up to this |sin θ| (ZXZ) or |cos pitch| (ZYX) the outer two axes count as one."""
@@ -250,10 +251,7 @@ def _finite(name: str, value: ArrayLike, *axes: int) -> np.ndarray:
         real = array.dtype.kind in "fiu" and not np.ma.is_masked(value)
     except Exception:
         array, real = np.zeros(()), False
-    if not real:
-        raise ArgumentError(
-            f"Argument `{name}` must be real numbers, an angle in radians or an array, but is {shown(value)}."
-        )
+    checks.expect(real, value, name, "real numbers, an angle in radians or an array")
     array = array.astype(np.float64)
     if array.shape[array.ndim - len(axes) :] != axes:
         raise ArgumentError(f"Argument `{name}` must have last axes {axes}, but its shape is {array.shape}.")

@@ -12,8 +12,8 @@ import jax.scipy.linalg
 import numpy as np
 
 from coadjoint.arrays import Array
-from coadjoint.errors import GroupError, shown
-from coadjoint.groups.group import Element, LieGroup
+from coadjoint.errors import GroupError
+from coadjoint.groups.group import Element, LieGroup, require_group
 from coadjoint.groups.power import require_one_matrix
 
 
@@ -29,10 +29,8 @@ class DirectProduct(LieGroup):
     def __init__(self, *factors: LieGroup):
         if not factors:
             raise GroupError("DirectProduct needs at least one factor: DirectProduct(SO3(), SO2()).")
-        strangers = [factor for factor in factors if not isinstance(factor, LieGroup)]
-        if strangers:
-            raise GroupError(f"DirectProduct needs Lie groups such as SO3(), but got {shown(strangers[0])}.")
         for factor in factors:
+            require_group(factor, "A factor of DirectProduct")
             require_one_matrix(factor, "DirectProduct")
         object.__setattr__(self, "factors", tuple(factors))
 

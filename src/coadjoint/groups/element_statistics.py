@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Element, LieGroup, require_solution
@@ -122,9 +123,6 @@ def _weights(weights: ArrayLike, count: int) -> np.ndarray:
         w = np.asarray(weights, dtype=float)
     except (TypeError, ValueError):
         w = np.full(0, np.nan)
-    if w.shape != (count,) or not np.all(w >= 0) or not 0 < np.sum(w) < np.inf:
-        raise ArgumentError(
-            f"Argument `weights` must be {count} finite numbers that are not negative, with a positive sum, but is "
-            f"{shown(weights)}."
-        )
+    fits = w.shape == (count,) and np.all(w >= 0) and (0 < np.sum(w) < np.inf)
+    checks.expect(fits, weights, "weights", f"{count} finite numbers that are not negative, with a positive sum")
     return w

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array as Array
 from coadjoint.arrays import PyTree
 from coadjoint.errors import GroupError, must_give
@@ -21,6 +22,11 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 Element = PyTree
 """A group element: a PyTree of arrays."""
+
+
+def require_group(value: object, what: str) -> None:
+    """Raise GroupError unless this is a group; what: the subject of the sentence."""
+    checks.instance(value, what, LieGroup, "a Lie group such as co.SO3()", GroupError)
 
 
 class LieGroup:

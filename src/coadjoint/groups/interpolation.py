@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.element_statistics import logarithms, stacked
@@ -193,11 +194,8 @@ def _times(times: ArrayLike, count: int) -> np.ndarray:
         t = np.asarray(times, dtype=float)
     except (TypeError, ValueError):
         t = np.zeros(0)
-    if t.shape != (count,) or count < 2 or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
-        raise ArgumentError(
-            f"Argument `times` must be strictly increasing, one for each of two or more elements, here {count}, but is "
-            f"{shown(times)}."
-        )
+    fits = t.shape == (count,) and count >= 2 and np.all(np.diff(t) > 0) and np.all(np.isfinite(t))
+    checks.expect(fits, times, "times", f"strictly increasing, one for each of two or more elements, here {count}")
     return t
 
 
@@ -206,9 +204,6 @@ def _ends(velocities: ArrayLike, dim: int) -> np.ndarray:
         found = np.asarray(velocities, dtype=float)
     except (TypeError, ValueError):
         found = np.zeros(0)
-    if found.shape != (2, dim) or not np.all(np.isfinite(found)):
-        raise ArgumentError(
-            f"Argument `velocities` must be those of the first and the last node, shape (2, {dim}), but is "
-            f"{shown(velocities)}."
-        )
+    fits = found.shape == (2, dim) and np.all(np.isfinite(found))
+    checks.expect(fits, velocities, "velocities", f"those of the first and the last node, shape (2, {dim})")
     return found

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coadjoint.arrays import Array
-from coadjoint.errors import GroupError, shown
-from coadjoint.groups.group import Element, LieGroup
+from coadjoint.groups.group import Element, LieGroup, require_group
 from coadjoint.groups.power import require_one_matrix
 
 
@@ -25,8 +24,7 @@ class Opposite(LieGroup):
     group: LieGroup
 
     def __post_init__(self):
-        if not isinstance(self.group, LieGroup):
-            raise GroupError(f"Opposite needs a Lie group such as SO3(), but got {shown(self.group)}.")
+        require_group(self.group, "The group of Opposite")
         require_one_matrix(self.group, "Opposite")
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import GroupError, shown
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Element, LieGroup
 
 COUPLINGS = ("chain", "ring", "all")
@@ -176,21 +176,20 @@ def require_one_matrix(group: LieGroup, what: str) -> None:
 def _coupling(coupling: Any, count: int) -> str | tuple[tuple[int, int], ...]:
     """ "chain", "ring", "all", or pairs (i, j) with i < j, each once and in order; raises GroupError."""
     if isinstance(coupling, str):
-        if coupling not in COUPLINGS:
-            raise GroupError(
-                f'Argument `coupling` of Power must be "chain", "ring", "all" or pairs of links, but is {coupling!r}.'
-            )
+        fits = coupling in COUPLINGS
+        checks.expect(
+            fits, coupling, "Argument `coupling` of Power", '"chain", "ring", "all" or pairs of links', GroupError
+        )
         return coupling
     given: Any = np.zeros(0)
     with suppress(TypeError, ValueError):
         given = np.asarray(list(coupling))
     if given.size == 0 and isinstance(coupling, (list, tuple)):
         return ()
-    if given.ndim != 2 or given.shape[-1] != 2 or given.dtype.kind not in "iu":
-        raise GroupError(
-            "Argument `coupling` of Power must be a list of pairs of links, as in [(0, 1), (1, 5)], but is "
-            f"{shown(coupling)}."
-        )
+    fits = given.ndim == 2 and given.shape[-1] == 2 and (given.dtype.kind in "iu")
+    checks.expect(
+        fits, coupling, "Argument `coupling` of Power", "a list of pairs of links, as in [(0, 1), (1, 5)]", GroupError
+    )
     wrong = given[np.any((given < 0) | (given >= count), axis=1) | (given[:, 0] == given[:, 1])]
     if len(wrong):
         raise GroupError(

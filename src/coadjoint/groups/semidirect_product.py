@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.errors import GroupError, shown
-from coadjoint.groups.group import Element, LieGroup, transpose
+from coadjoint.groups.group import Element, LieGroup, require_group, transpose
 from coadjoint.groups.matrix_functions import exponential_minus_one
 from coadjoint.groups.power import require_one_matrix
 from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, versine_ratio
@@ -66,16 +67,14 @@ class SemidirectProduct(LieGroup):
     representation: Any
 
     def __post_init__(self):
-        if not isinstance(self.group, LieGroup):
-            raise GroupError(f"SemidirectProduct needs a Lie group such as SO3(), but got {shown(self.group)}.")
+        require_group(self.group, "The group of SemidirectProduct")
         require_one_matrix(self.group, "SemidirectProduct")
         V = self.representation
         try:
             acts = isinstance(V, LinearAction) and bool(V.flat)
         except Exception:  # Of a member that raises where it is only asked for.
             acts = False
-        if not acts:
-            raise GroupError(f"SemidirectProduct needs a representation such as co.Defining(), but got {shown(V)}.")
+        checks.expect(acts, V, "The space of SemidirectProduct", "a representation such as co.Defining()", GroupError)
         V.require_fit(self.group)
         if V.ambient(self.group) == 0:
             raise GroupError(f"SemidirectProduct needs a representation of dimension 1 or more, but got {shown(V)}.")

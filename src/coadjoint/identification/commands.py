@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.log import Log
 from coadjoint.mechanics.state import State
@@ -39,10 +40,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
                 f"The log holds {log.inputs[name][0].size} commands of `{name}`, which takes {np.size(parts[name])}."
             )
     for name in still:
-        if name not in commanded:
-            raise ArgumentError(
-                f"`still` names `{name}`, but the commanded actuators are {', '.join(commanded) or 'none'}."
-            )
+        checks.known(name, commanded, "commanded actuator", "Argument `still`: the system")
         if name in log.inputs:
             raise ArgumentError(f"`still` names `{name}`, but the log holds its commands: leave out one of them.")
     missing = [name for name in commanded if name not in log.inputs and name not in still]

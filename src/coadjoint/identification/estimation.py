@@ -152,8 +152,7 @@ def _without_wild(log: Log, loss: Loss | None) -> Log:
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], PyTree]]) -> Channels:
     """Every column of the log as a function of the state."""
     for name, function in measured.items():
-        if name not in log.columns:
-            raise ArgumentError(f"Argument `measured` names `{name}`, but the log holds {', '.join(log.columns)}.")
+        checks.known(name, log.columns, "column", "Argument `measured`: the log")
         checks.function(function, f"`{name}` of `measured`", "a function of the state")
     rest = [name for name in log.columns if name not in measured]
     if rest and not is_vehicle(system):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.identification.log import Log
 from coadjoint.plotting.style import COLOURS, PAGE, PlotFigure, canvas, legend, style, time_axis
 
@@ -87,7 +87,5 @@ def autocorrelation(w: np.ndarray, lags: int) -> np.ndarray:
 
 def _names(known: Mapping[str, np.ndarray], columns: Sequence[str] | None) -> list[str]:
     names = list(known) if columns is None else list(columns)
-    unknown = [name for name in names if name not in known]
-    if unknown or not names:
-        raise ArgumentError(f"The log has no column `{(unknown or [''])[0]}`; it has {', '.join(known)}.")
+    checks.all_known(names or [""], known, "column", "The log")
     return names

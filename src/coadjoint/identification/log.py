@@ -68,8 +68,7 @@ class Log:
         inputs = {name: _numbers(values, name) for name, values in self.inputs.items()}
         actual = {name: _numbers(values, name) for name, values in self.actual.items()}
         current = {name: _numbers(values, f"current_{name}") for name, values in self.current.items()}
-        if strange := [name for name in self.current if name not in ("north", "east", "down")]:
-            raise ArgumentError(f"`current` of a log has north, east and down, but not `{strange[0]}`.")
+        checks.all_known(self.current, ("north", "east", "down"), "component", "`current` of a log")
         did = {f"actual[{name!r}]": values for name, values in actual.items()}
         water = {f"current_{name}": values for name, values in current.items()}
         for name, values in {**columns, **inputs, **did, **water}.items():
@@ -153,11 +152,12 @@ def merged(logs: Sequence[Log]) -> Log:
     differ in inputs, in the units of a column or in the places of sensors.
     """
     found = list(logs) if isinstance(logs, (list, tuple)) else []
-    if not found or not all(isinstance(one, Log) for one in found):
-        raise ArgumentError(
-            "Argument `log` must be a Log, as co.vehicles.logs.read_log(path) and co.identification.synthetic_log(run) "
-            f"make, or a list of them, but is {logs!r:.60}."
-        )
+    checks.expect(
+        found and all(isinstance(one, Log) for one in found),
+        logs,
+        "log",
+        "a Log, as co.vehicles.logs.read_log(path) and co.identification.synthetic_log(run) make, or a list of them",
+    )
     first, units = found[0], {}
     for number, one in enumerate(found, start=1):
         if set(one.inputs) != set(first.inputs):
@@ -214,6 +214,7 @@ def _numbers(values: object, name: str) -> np.ndarray:
 
 def _place(value: object, name: str) -> tuple[float, float, float]:
     found = _numbers(value, f"positions[{name!r}]")
-    if found.shape != (3,) or not np.all(np.isfinite(found)):
-        raise ArgumentError(f"`positions` of `{name}` must be three finite numbers, m, but is {value!r:.60}.")
+    checks.expect(
+        found.shape == (3,) and np.all(np.isfinite(found)), value, f"`positions` of `{name}`", "three finite numbers, m"
+    )
     return tuple(found.tolist())

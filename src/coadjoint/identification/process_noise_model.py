@@ -8,6 +8,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.groups import SO3
@@ -45,8 +46,7 @@ def _on_poses(motion: PyTree, p: PyTree) -> Force:
 
 def wandering(system: System, names: Sequence[str]) -> tuple[System, Moved | None]:
     """The system, with an additional force where one is named, and the moved parameters; raises ArgumentError."""
-    if isinstance(names, str):
-        raise ArgumentError(f"Argument `process_noise` must be a list of names, such as [{names!r}], not {names!r}.")
+    checks.expect(not isinstance(names, str), names, "process_noise", f"a list of names, such as [{names!r}]")
     if not names or system.parameters is None:
         return system, None
     own = _arrays(system.parameters)

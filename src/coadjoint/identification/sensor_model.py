@@ -125,8 +125,7 @@ def sensing(
 
 
 def _listed(argument: str, given: Sequence[str]) -> Sequence[str]:
-    if isinstance(given, str):
-        raise ArgumentError(f"Argument `{argument}` must be a list of names, such as [{given!r}], not {given!r}.")
+    checks.expect(not isinstance(given, str), given, argument, f"a list of names, such as [{given!r}]")
     return given
 
 

@@ -27,9 +27,7 @@ def synthetic_log(
     """
     if not is_vehicle(run.system):
         raise ArgumentError(f"{run.system.name} is not a vehicle on SO(3) × ℝ³ or SE(3): make a Log of its records.")
-    unknown = [name for name in (*columns, *(noise or {})) if name not in VEHICLE]
-    if unknown:
-        raise ArgumentError(f"A vehicle has no column `{unknown[0]}`; it has {', '.join(VEHICLE)}.")
+    checks.all_known([*columns, *(noise or {})], VEHICLE, "column", "A vehicle")
     for name, size in (noise or {}).items():
         checks.not_negative(size, f"The noise of `{name}`, a standard deviation,")
     checks.whole(seed, "seed", 0)

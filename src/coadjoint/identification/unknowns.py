@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint.identification.equalities import SIGN, NamedEntry, groups, require_equal, require_once
 from coadjoint.kernels.packing import pack
@@ -101,8 +102,8 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
     """
     if system.parameters is None:
         raise ArgumentError("This system has no parameters to identify: give it co.Parameters(…).")
-    if isinstance(parameters, str) or not list(parameters):
-        raise ArgumentError(f"Argument `parameters` must be a list of names, such as ['damping'], not {parameters!r}.")
+    fits = not isinstance(parameters, str) and list(parameters)
+    checks.expect(fits, parameters, "parameters", "a list of names, such as ['damping']")
     known = _arrays(system.parameters)
     positive = _expanded(positive, known)
     chosen: dict[tuple[int, ...], Unknown] = {}
@@ -165,11 +166,8 @@ def _require_few(labels: Sequence[str]) -> None:
 
 def _require_sought(positive: Sequence[str], labels: Sequence[str]) -> None:
     for given in positive:
-        if given not in labels and given not in {label.partition("[")[0] for label in labels}:
-            raise ArgumentError(
-                f"Argument `positive` names `{given}`, which is not among the estimated parameters: "
-                f"{', '.join(labels)}."
-            )
+        if given not in {label.partition("[")[0] for label in labels}:
+            checks.known(given, labels, "parameter", "Argument `positive`: the estimation")
 
 
 def _arrays(parameters: Parameters) -> dict[str, tuple[int, np.ndarray]]:

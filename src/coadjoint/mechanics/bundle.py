@@ -120,11 +120,8 @@ def shapes_of(connection: DiscreteConnection, shapes: PyTree) -> np.ndarray:
     checks.instance(connection, "connection", DiscreteConnection, "a co.mechanics.DiscreteConnection")
     if callable(shapes):
         raise ArgumentError("A discrete connection goes from shape to shape: give an array (N+1, m), not a function.")
-    found = float64(shapes, "The shapes")
-    if found.ndim != 2 or found.shape[1] != connection.size or len(found) < 2:
-        raise ArgumentError(
-            f"The shapes must have shape (N+1, {connection.size}) with N ≥ 1, but have shape {found.shape}."
-        )
+    found = checks.array(shapes, "shapes", f"(n, {connection.size})")
+    checks.expect(len(found) > 1, found, "shapes", "two shapes or more")
     return found
 
 
@@ -159,9 +156,8 @@ def _product(group: LieGroup, g0: Element, increments: Element) -> Element:
 def _times(times: ArrayLike | None) -> np.ndarray:
     if times is None:
         raise ArgumentError("The lift of a continuous connection needs `times`, an array (N+1,).")
-    found = float64(times, "Argument `times`")
-    if found.ndim != 1 or len(found) < 2:
-        raise ArgumentError(f"Argument `times` must have shape (N+1,) with N ≥ 1, but has shape {found.shape}.")
+    found = checks.array(times, "times", "(n,)")
+    checks.expect(len(found) > 1, found, "times", "two times or more")
     return found
 
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -67,9 +66,7 @@ class Connection:
             brackets = jax.vmap(lambda u: jax.vmap(lambda v: self.group.ad(u, v))(columns))(columns)
             return slope - jnp.swapaxes(slope, 1, 2) - jnp.moveaxis(brackets, 2, 0)
 
-        at = float64(x, "Argument `x`")
-        if at.ndim not in (1, 2) or at.shape[-1] != self.size:
-            raise ArgumentError(f"Argument `x` must have shape ({self.size},) or (k, {self.size}), but has {at.shape}.")
+        at = checks.array(x, "x", (self.size,), f"(k, {self.size})")
         return finite(evaluate(bent if at.ndim == 1 else jax.vmap(bent), at), "The curvature")
 
 

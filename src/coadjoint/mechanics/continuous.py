@@ -25,6 +25,7 @@ from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import traced_once
+from coadjoint.spaces.space import require_flat
 
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:
@@ -90,10 +91,7 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
             "The reference solution has no steps, but the rule of this system advances its internal state once a step: "
             "compare with small steps."
         )
-    if not system.additional.flat:
-        raise ArgumentError(
-            "The reference solution needs a flat space of additional dynamics; compare with small steps."
-        )
+    require_flat(system.additional, "The reference solution", "compare with small steps")
     at = _in_order(times, float(start.t))
     start = start if system.inputs is None else with_own_momenta(system.driven(None), start)
     xi, nu = (start.xi, start.nu) if start.from_velocities else _velocities_of(system, start)

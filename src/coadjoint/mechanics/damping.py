@@ -7,6 +7,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.mechanics.state import Force, Motion
@@ -22,8 +23,7 @@ def rayleigh(dissipation: Callable[..., PyTree]) -> Callable[..., Force]:
     let R depend on the velocity relative to the water: motion.nu − motion.a.current.
     Raises LagrangianError where R is not one number.
     """
-    if not callable(dissipation):
-        raise ArgumentError(f"co.mechanics.rayleigh takes a function R(motion, p), but got {dissipation!r}.")
+    checks.function(dissipation, "dissipation", "a function R(motion, p)")
 
     def force(motion: Motion, *parameters: PyTree) -> Force:
         def R(xi: Array, nu: Array):

@@ -9,8 +9,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import CoadjointError, LagrangianError, shown
+from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.groups import LieGroup, Power
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import Force, Places
@@ -46,11 +47,14 @@ def forces_from(given: Any, parameters: bool) -> Forces | None:
     if not functions:
         raise LagrangianError("The dictionary `forces` is empty: leave it out, or name at least one force.")
     for name, function in functions.items():
-        if not isinstance(name, str) or not name.isidentifier() or name in (TIME, INPUTS, INTERNAL):
-            raise LagrangianError(
-                "The name of a force must be a word such as 'drag', other than `time`, `inputs` and `internal`, "
-                f"but is {shown(name)}."
-            )
+        fits = isinstance(name, str) and name.isidentifier() and (name not in (TIME, INPUTS, INTERNAL))
+        checks.expect(
+            fits,
+            name,
+            "The name of a force",
+            "a word such as 'drag', other than `time`, `inputs` and `internal`",
+            LagrangianError,
+        )
         what = "The forces" if function is given else f"The force `{name}`"
         require_signature(function, what, ["motion", *(["p"] if parameters else [])])
     return Forces(tuple(functions), tuple(functions.values()))

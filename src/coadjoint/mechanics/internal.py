@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError, shown
@@ -21,11 +22,8 @@ def starting_values(given: object) -> PyTree:
     """The argument `internal` of a start: a dictionary of numbers, possibly nested, of float64 or `Each`."""
     if given is None:
         return None
-    if not isinstance(given, (Mapping, Named)) or not list(given):
-        raise ArgumentError(
-            f"Argument `internal` must be a dictionary of numbers and arrays, such as {{'rudder': 0.0}}, "
-            f"but is {shown(given)}."
-        )
+    fits = isinstance(given, (Mapping, Named)) and list(given)
+    checks.expect(fits, given, "internal", "a dictionary of numbers and arrays, such as {'rudder': 0.0}")
     return _values(given, "internal")
 
 

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_scalar
-from coadjoint.spaces.space import transpose
+from coadjoint.spaces.space import require_flat, transpose
 
 Function = Callable[[State], PyTree]
 """A number as a function of a state's μ, n, π, a."""
@@ -42,16 +43,14 @@ def poisson_bracket(f: Function, k: Function) -> Function:
     of additional dynamics.
     """
     for given in (f, k):
-        if not callable(given):
-            raise ArgumentError(f"A Poisson bracket is that of two functions of a state, but got {given!r}.")
+        checks.function(given, "Each part of a Poisson bracket", "a function of a state")
 
     def value(state: State) -> Scalar:
         slope, rate = _slope(f, state), vector_field(k, state)
         return sum(b @ x for b, x in zip(slope, rate, strict=True))
 
     def bracket(state: State) -> Array:
-        if not isinstance(state, State):
-            raise ArgumentError(f"A Poisson bracket is a function of a state, system.state(…), but got {state!r}.")
+        checks.instance(state, "The argument of a Poisson bracket", State, "a state, system.state(…)")
         for given in (f, k):
             require_scalar(given, "A function in a Poisson bracket", (state,))
             _require_phase(given, state)
@@ -67,10 +66,7 @@ def vector_field(k: Function, state: State) -> Phase:
     Lie–Poisson equation μ̇ = ad*_{∂k/∂μ} μ.
     """
     group, Q, V = state.places
-    if not Q.flat:
-        raise ArgumentError(
-            "The Poisson bracket needs a flat space of additional dynamics; a sphere has no chart here."
-        )
+    require_flat(Q, "The Poisson bracket", "a curved space has no chart here")
     by = _slope(k, state)
     xi, nu, n, a = by.mu, by.pi, state.n, state.a
     turning = Q.lifted_diamond(group, state.pi, n, nu) - Q.diamond(group, by.n, n) - V.diamond(group, by.a, a)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, cast
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, Coordinates, PyTree, Scalar
 from coadjoint.checks import float64, numeric, one_of_each
 from coadjoint.errors import ArgumentError, shown
@@ -58,9 +59,7 @@ def checked(
     else:
         place, rate = _pair(system, q, qdot)
     turning = np.zeros(system.group.dim) if xi is None else _of_links(system.group, xi, "mu" if by_momenta else "xi")
-    time = float64(t, "Argument `t`")
-    if np.shape(time) != ():
-        raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(time)}.")
+    time = checks.array(t, "t", ())
     return Checked(element, place, rate, turning, _advected(system, a0), time)
 
 

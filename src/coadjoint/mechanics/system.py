@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import jax
 
 from coadjoint.arrays import Coordinates, PyTree, Scalar
-from coadjoint.errors import ArgumentError, GroupError, shown
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
-from coadjoint.groups.group import Element
+from coadjoint.groups.group import Element, require_group
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.constrained_start import projected
@@ -129,8 +129,7 @@ class System(ReducedFunctions, Portable, WithOverview):
         invariance: Invariance = "left",
         constraints: Mapping[str, Constraint] | None = None,
     ):
-        if not isinstance(group, LieGroup):
-            raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
+        require_group(group, "group")
         parameters = parameters_from(parameters)
         require_plain(name, units, verify)
         given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]

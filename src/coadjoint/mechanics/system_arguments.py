@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.errors import LagrangianError
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.reduced_functions import TRIVIAL, ReducedFunctions
 from coadjoint.mechanics.signatures import require_signature
@@ -37,10 +37,8 @@ def parameters_from(parameters: Parameters | Mapping[str, PyTree] | None) -> Par
 def require_plain(name: object, units: object, verify: object) -> None:
     """Raise ArgumentError unless the name is a text, units are texts by name, and `verify` is True or False."""
     checks.instance(name, "name", str, "a text")
-    if units is not None and not (isinstance(units, Mapping) and all(isinstance(u, str) for u in units.values())):
-        raise ArgumentError(
-            f'Argument `units` must be a dictionary of texts such as {{"energy": "J"}}, but is {shown(units)}.'
-        )
+    fits = units is None or (isinstance(units, Mapping) and all(isinstance(u, str) for u in units.values()))
+    checks.expect(fits, units, "units", 'a dictionary of texts such as {"energy": "J"}')
     checks.instance(verify, "verify", bool, "True or False")
 
 

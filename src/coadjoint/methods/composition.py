@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.methods.left_rectangle import LeftRectangle
@@ -126,10 +127,8 @@ class Composition(_OverBase):
             )
         if any(step.tolerant for step, _ in base.stages):
             raise ArgumentError(f"{type(self).__name__} needs a method of fixed step, but got {base!r}.")
-        if negative_substeps not in ("refuse", "allow"):
-            raise ArgumentError(
-                f'Argument `negative_substeps` must be "refuse" or "allow", but is {negative_substeps!r}.'
-            )
+        fits = negative_substeps in ("refuse", "allow")
+        checks.expect(fits, negative_substeps, "negative_substeps", '"refuse" or "allow"')
         self._set(base, start, coefficients=_coefficients(coefficients), negative_substeps=negative_substeps)
         if order is not None and self.order < order:
             raise ArgumentError(
@@ -155,17 +154,14 @@ class Composition(_OverBase):
 
 
 def _require_method(base: object, name: str) -> None:
-    if not isinstance(base, Method):
-        raise ArgumentError(f"{name} needs a method such as co.Midpoint(co.Cayley()), but got {base!r}.")
+    checks.instance(base, f"The base of {name}", Method, "a method such as co.Midpoint(co.Cayley())")
 
 
 def _coefficients(given: object) -> tuple[float, ...]:
     """Coefficients that are consistent and symmetric."""
     numbers = np.atleast_1d(float64(given, "Argument `coefficients`"))
-    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers):
-        raise ArgumentError(
-            f"Argument `coefficients` must be a row of numbers other than 0, such as (γ, 1 - 2*γ, γ), but is {given!r}."
-        )
+    fits = numbers.ndim == 1 and len(numbers) and np.all(numbers)
+    checks.expect(fits, given, "coefficients", "a row of numbers other than 0, such as (γ, 1 - 2*γ, γ)")
     if np.max(np.abs(numbers - numbers[::-1])) > 1e-14:
         raise ArgumentError(
             "Argument `coefficients` must read the same backwards, so that the composition is symmetric, but is "

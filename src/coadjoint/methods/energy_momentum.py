@@ -75,8 +75,7 @@ class EnergyMomentum(Method, HalfStepSquared):
     def __post_init__(self):
         super().__post_init__()
         whole(self.points, "points", most=MAX_POINTS)
-        if self.start != "momentum":
-            raise ArgumentError('EnergyMomentum starts from momenta: leave out start="velocity".')
+        self._start_from_momenta()
 
     @property
     def order(self) -> int:

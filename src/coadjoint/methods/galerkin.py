@@ -8,8 +8,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.arrays import Array, Scalar
-from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.discrete import Node, Point, node
@@ -18,6 +18,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.quadrature import gauss
 from coadjoint.methods.step import Step
+from coadjoint.spaces.space import require_flat
 
 
 class _Node(NamedTuple):
@@ -68,14 +69,9 @@ class Galerkin(Method, Step):
 
     def __post_init__(self):
         super().__post_init__()
-        if type(self.degree) is not int or self.degree not in (1, 2, 3, 4):
-            raise ArgumentError(
-                f"Argument `degree` must be 1, 2, 3 or 4, for the orders 2, 4, 6 and 8, but is {self.degree!r}."
-            )
-        if self.start == "velocity":
-            raise ArgumentError(
-                "Galerkin starts from momenta, because its steps have several velocities: leave out `start`."
-            )
+        fits = type(self.degree) is int and self.degree in (1, 2, 3, 4)
+        checks.expect(fits, self.degree, "degree", "1, 2, 3 or 4, for the orders 2, 4, 6 and 8")
+        self._start_from_momenta()
 
     @property
     def order(self) -> int:
@@ -95,11 +91,7 @@ class Galerkin(Method, Step):
 
     def require_fit(self, system: System) -> None:
         super().require_fit(system)
-        if not system.additional.flat:
-            raise ArgumentError(
-                f"Galerkin needs a flat space of additional dynamics, but {system.additional!r} is curved: "
-                "use co.Midpoint, or a composition of it for a higher order."
-            )
+        require_flat(system.additional, "Galerkin", "use co.Midpoint, or a composition of it for a higher order")
 
     def remember(self, system: System, state: State) -> State:
         """Ω and V of the last step; at a start, constant velocities."""

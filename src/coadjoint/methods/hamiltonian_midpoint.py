@@ -16,6 +16,7 @@ from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.spaces.space import require_flat
 
 
 class MiddleMomenta(NamedTuple):
@@ -53,12 +54,8 @@ class HamiltonianMidpoint(Midpoint):
         super().require_fit(system)
         if system.hamiltonian is None:
             raise ArgumentError("co.HamiltonianMidpoint needs a system with a `hamiltonian`: use co.Midpoint().")
-        if not system.additional.flat:
-            raise ArgumentError(
-                "co.HamiltonianMidpoint needs a flat space of additional dynamics: use co.Midpoint() on a curved one."
-            )
-        if self.start != "momentum":
-            raise ArgumentError('co.HamiltonianMidpoint starts from momenta: leave out start="velocity".')
+        require_flat(system.additional, "co.HamiltonianMidpoint", "use co.Midpoint()")
+        self._start_from_momenta()
 
     def remember(self, system: System, state: State) -> State:
         return state.replace(memory=MiddleMomenta(state.mu, state.pi))

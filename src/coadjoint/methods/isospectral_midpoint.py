@@ -9,10 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, Scalar
 from coadjoint.checks import truth
 from coadjoint.difference_maps import Cayley
-from coadjoint.errors import ArgumentError, GroupError, shown
+from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.momentum_sizes import largest, relative
@@ -96,13 +97,10 @@ class IsospectralMidpoint(Method, FullStep):
 
     def __post_init__(self):
         super().__post_init__()
-        if not isinstance(self.tolerance, float) or not 0 < self.tolerance < 1e-3:
-            raise ArgumentError(
-                f"Argument `tolerance` must be a number over 0 and below 0.001, but is {shown(self.tolerance)}."
-            )
+        fits = isinstance(self.tolerance, float) and 0 < self.tolerance < 0.001
+        checks.expect(fits, self.tolerance, "tolerance", "a number over 0 and below 0.001")
         truth(self.carry_g, "carry_g")
-        if self.start != "momentum":
-            raise ArgumentError('co.IsospectralMidpoint starts from momenta: leave out start="velocity".')
+        self._start_from_momenta()
 
     @property
     def order(self) -> int:

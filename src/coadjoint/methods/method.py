@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import Cayley, DifferenceMap
 from coadjoint.errors import ArgumentError, shown
@@ -74,13 +75,15 @@ class Method(ABC):
             _ADJOINTS.update({cls: adjoint_of, adjoint_of: cls})
 
     def __post_init__(self):
-        if not isinstance(self.difference_map, DifferenceMap):
-            raise ArgumentError(
-                "Argument `difference_map` must be a difference map such as co.Cayley(), "
-                f"but is {shown(self.difference_map)}."
-            )
-        if not isinstance(self.start, str) or self.start not in ("momentum", "velocity"):
-            raise ArgumentError(f'Argument `start` must be "momentum" or "velocity", but is {shown(self.start)}.')
+        fits = isinstance(self.difference_map, DifferenceMap)
+        checks.expect(fits, self.difference_map, "difference_map", "a difference map such as co.Cayley()")
+        fits = isinstance(self.start, str) and self.start in ("momentum", "velocity")
+        checks.expect(fits, self.start, "start", '"momentum" or "velocity"')
+
+    def _start_from_momenta(self) -> None:
+        """Raise ArgumentError for a method without one velocity of a step unless it starts from momenta."""
+        if self.start != "momentum":
+            raise ArgumentError(f'{type(self).__name__} starts from momenta: leave out start="velocity".')
 
     @property
     @abstractmethod

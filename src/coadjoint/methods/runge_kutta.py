@@ -18,6 +18,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, Scalar
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError, shown
@@ -28,6 +29,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.step import Step
+from coadjoint.spaces.space import require_flat
 
 Row = Sequence[float]
 
@@ -102,13 +104,8 @@ class RungeKutta(Method, Step):
 
     def __post_init__(self):
         super().__post_init__()
-        if isinstance(self.degree, bool) or self.degree not in self.degrees:
-            orders = ", ".join(map(str, self.degrees))
-            raise ArgumentError(
-                f"Argument `degree` of {type(self).__name__} must be one of {orders}, but is {shown(self.degree)}."
-            )
-        if self.start != "momentum":
-            raise ArgumentError(f'{type(self).__name__} starts from momenta: leave out start="velocity".')
+        checks.choice(self.degree, f"Argument `degree` of {type(self).__name__}", self.degrees)
+        self._start_from_momenta()
 
     @property
     def order(self) -> int:
@@ -142,8 +139,7 @@ class RungeKutta(Method, Step):
 
     def require_fit(self, system: System) -> None:
         super().require_fit(system)
-        if not system.additional.flat:
-            raise ArgumentError(f"{type(self).__name__} needs a flat space of additional dynamics: use co.Midpoint().")
+        require_flat(system.additional, type(self).__name__, "use co.Midpoint()")
 
     def course(self, system: System, record: State, h: Scalar) -> list[tuple[Element, State]]:
         """F and the state at every stage, and at the end."""

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError
@@ -18,6 +19,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Claims, Method, Start
 from coadjoint.methods.simpson import Simpson
 from coadjoint.methods.step import Step
+from coadjoint.spaces.space import require_flat
 
 BLUNT = 1e-10
 """The least |dE/dh|h along the solutions of the base rule, relative to |E| + |⟨μ, ξ⟩| + |⟨π, ν⟩|, that determines h.
@@ -57,11 +59,8 @@ class Paced(Step):
                 "VariableStep holds the energy, which forces, explicit time, inputs and internal states change: use a "
                 "fixed step, such as co.Midpoint(), for this system."
             )
-        if not system.additional.flat:
-            raise ArgumentError(
-                f"VariableStep needs a flat space of additional dynamics, but got {system.additional!r}: on a curved "
-                "one the discrete energy of a rule crosses the true one, and no h holds it there. Use co.Midpoint()."
-            )
+        # On a curved one the discrete energy of a rule crosses the true one, and no h holds it there.
+        require_flat(system.additional, "VariableStep", "use co.Midpoint()")
         self.base.require_fit(system)
 
     def remember(self, system: System, state: State) -> State:
@@ -263,8 +262,6 @@ def _bounds(within: PyTree) -> tuple[float, float]:
         low, high = map(float, within)
     except (TypeError, ValueError):
         low = high = 0.0
-    if not 0 < low < 1 < high < float("inf"):
-        raise ArgumentError(
-            f"Argument `within` must be two bounds of h/dt with 0 < low < 1 < high, as in (0.25, 4), but is {within!r}."
-        )
+    fits = 0 < low < 1 < high < float("inf")
+    checks.expect(fits, within, "within", "two bounds of h/dt with 0 < low < 1 < high, as in (0.25, 4)")
     return low, high

@@ -8,22 +8,17 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array
 from coadjoint.groups import SE3, SO3
-from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.orientation import orientation
-from coadjoint.models.paper_form import UNITS
+from coadjoint.models.paper_form import UNITS, start
 from coadjoint.models.quantities import (
     checked,
-    direction,
     not_negative,
     place,
     positive,
     positive_definite,
     positive_semidefinite,
-    vector,
 )
 from coadjoint.spaces import Defining, Dual
 
@@ -153,21 +148,5 @@ def se3_vehicle(
     )
 
 
-def se3_start(
-    vehicle: System,
-    *,
-    position: Quantity = (0.0, 0.0, 0.0),
-    velocity: Quantity = (0.0, 0.0, 0.0),
-    rotation: Quantity | None = None,
-    euler_zxz: Quantity | None = None,
-    euler_zyx: Quantity | None = None,
-    angular_velocity: Quantity | None = None,
-    euler_rates: Quantity | None = None,
-    down: Quantity = (0.0, 0.0, 1.0),
-) -> State:
-    """The state of a vehicle on SE(3): arguments as in `start`, with q̇ in the space frame; ξ = (ω, R⁻¹q̇)."""
-    R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
-    q, qdot = vector(position, "position"), vector(velocity, "velocity")
-    a0 = evaluate(lambda d: jnp.append(d, 0.0), direction(down, "down"))
-    xi = evaluate(lambda R, omega, v: jnp.concatenate([omega, R.T @ v]), R, omega, qdot)
-    return vehicle.state(g=(R, q), xi=xi, a0=a0)
+se3_start = start
+"""The state of a vehicle on SE(3), as of `paper_start`."""

@@ -8,9 +8,10 @@ from itertools import combinations
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import SOn
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.members import Quantity
@@ -94,8 +95,7 @@ def lax_pair(manakov: System, mu: Array, z: complex) -> tuple[Array, Array]:
     Raises ArgumentError for others.
     """
     moments = _lambdas(manakov)
-    if not isinstance(z, (int, float, complex, np.number)) or not np.isfinite(z):
-        raise ArgumentError(f"Argument `z` must be a finite number, but is {shown(z)}.")
+    checks.expect(isinstance(z, (int, float, complex, np.number)) and np.isfinite(z), z, "z", "a finite number")
     M = _matrix(_momenta(manakov, mu), moments)
     Omega = M / (moments[:, None] + moments + (2 * np.abs(moments) + 1) * np.eye(len(moments)))  # M_ii = 0
     return M + z * np.diag(moments**2), Omega + z * np.diag(moments)
@@ -177,14 +177,12 @@ def _momenta(manakov: System, mu: Array) -> np.ndarray:
         raise ArgumentError(
             "Integrals of momenta are computed from numbers: under jax.jit observe `trace_k_j` instead."
         )
-    found, count = np.asarray(float64(mu, "Argument `mu`")), manakov.group.dim
-    if found.shape[-1:] != (count,):
-        raise ArgumentError(f"Argument `mu` must have shape (…, {count}), but has shape {found.shape}.")
-    return found
+    return np.asarray(checks.array(mu, "mu", f"(…, {manakov.group.dim})"))
 
 
 def _size(manakov: System) -> int:
     """n of a body; raises ArgumentError for another system."""
-    if not isinstance(manakov, System) or manakov.hamiltonian is not energy:
-        raise ArgumentError(f"Argument `manakov` must be a body of co.models.manakov, but is {manakov!r:.80}.")
+    checks.expect(
+        isinstance(manakov, System) and manakov.hamiltonian is energy, manakov, "manakov", "a body of co.models.manakov"
+    )
     return manakov.group.matrix_size

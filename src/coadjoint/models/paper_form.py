@@ -20,7 +20,10 @@ from __future__ import annotations
 
 from functools import partial
 
-from coadjoint.groups import SO3
+import jax.numpy as jnp
+
+from coadjoint.groups import SE3, SO3
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
@@ -128,7 +131,11 @@ def start(
 
     position: q, (3,) m; velocity: q̇, (3,) m/s, both in the space frame. Attitude and angular velocity as in
     `orientation`: R = I and ω = 0 unless given. down: the direction of gravity in the space frame, a unit vector (3,).
+    Of a vehicle on SE(3), g = (R, q), ξ = (ω, R⁻¹q̇) and a₀ = (down, 0).
     """
     R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
-    q, qdot = vector(position, "position"), vector(velocity, "velocity")
-    return vehicle.state(g=R, q=q, xi=omega, qdot=qdot, a0=direction(down, "down"))
+    q, qdot, a0 = vector(position, "position"), vector(velocity, "velocity"), direction(down, "down")
+    if not isinstance(vehicle.group, SE3):
+        return vehicle.state(g=R, q=q, xi=omega, qdot=qdot, a0=a0)
+    xi = evaluate(lambda R, omega, v: jnp.concatenate([omega, R.T @ v]), R, omega, qdot)
+    return vehicle.state(g=(R, q), xi=xi, a0=evaluate(lambda d: jnp.append(d, 0.0), a0))

@@ -8,9 +8,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, DirectProduct, Heisenberg
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.members import Quantity
@@ -191,20 +192,14 @@ def _arrays(*values: object) -> Any:
 
 def _of(vortices: System, energy: object, model: str) -> np.ndarray:
     """Γ_i, (N,), of vortices with this energy; raises ArgumentError for others."""
-    if not isinstance(vortices, System) or vortices.hamiltonian is not energy:
-        raise ArgumentError(
-            f"Argument `vortices` must be a system of co.models.point_vortices.{model}, but is {shown(vortices)}."
-        )
+    fits = isinstance(vortices, System) and vortices.hamiltonian is energy
+    checks.expect(fits, vortices, "vortices", f"a system of co.models.point_vortices.{model}")
     return np.asarray(vortices.parameters.circulations)  # pyright: ignore[reportOptionalMemberAccess]
 
 
 def _positions(value: object, count: int, size: int) -> np.ndarray:
     """(count, size), finite and apart from one another."""
-    found = np.asarray(float64(value, "Argument `positions`"))
-    if found.shape != (count, size):
-        raise ArgumentError(
-            f"Argument `positions` must have shape ({count}, {size}), a row a vortex, but has shape {found.shape}."
-        )
+    found = np.asarray(checks.array(value, "positions", (count, size)))
     pairs = np.triu_indices(count, 1)
     apart = np.linalg.norm(found[pairs[0]] - found[pairs[1]], axis=1)
     (i, j), least = (int(row[np.argmin(apart)]) for row in pairs), np.min(apart)

@@ -8,9 +8,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.checks import array
-from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import MatrixGroup
 from coadjoint.mechanics.members import Quantity
 from coadjoint.mechanics.state import State
@@ -34,10 +34,8 @@ def lattice(*, particles: Any) -> System:
     Source: Flaschka, The Toda lattice II, Prog. Theor. Phys. 51 (1974); Moser (1975).
     """
     number = isinstance(particles, (int, float, np.integer)) and not isinstance(particles, bool)
-    if not number or not 2 <= particles <= LARGEST or particles != int(particles):
-        raise ArgumentError(
-            f"Argument `particles` must be a whole number from 2 to {LARGEST}, but is {shown(particles)}."
-        )
+    fits = number and 2 <= particles <= LARGEST and (particles == int(particles))
+    checks.expect(fits, particles, "particles", f"a whole number from 2 to {LARGEST}")
     n = int(particles)
     watched = {f"trace_{power}": partial(trace, power=power) for power in range(3, n + 1)}
     units = dict.fromkeys(("g", "xi", "xi_spatial", "mu", "energy", "discrete_energy", *watched), "1")

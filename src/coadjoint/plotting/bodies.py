@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
@@ -224,14 +225,7 @@ def _pose(solid: Solid, found: tuple[np.ndarray, np.ndarray], nodes: int) -> tup
     for name, given, own in zip(("place", "turn"), (solid.place, solid.turn), found, strict=True):
         values = own if given is None else np.asarray(given, dtype=float)
         values = np.broadcast_to(values, own.shape) if values.shape == own.shape[1:] else values
-        if values.shape != (nodes, *own.shape[1:]):
-            raise ArgumentError(
-                f"Argument `{name}` of a solid must have shape {(nodes, *own.shape[1:])}, a row for each saved node, "
-                f"but has shape {values.shape}."
-            )
-        if not np.all(np.isfinite(values)):
-            raise ArgumentError(f"Argument `{name}` of a solid must be finite.")
-        pair.append(values)
+        pair.append(checks.array(values, f"Argument `{name}` of a solid", (nodes, *own.shape[1:])))
     return pair[0], pair[1]
 
 
@@ -254,13 +248,12 @@ def _three(value: object, name: str) -> list[float]:
         found = [float(number) for number in np.asarray(value, dtype=float)]
     except (TypeError, ValueError):
         found = []
-    if len(found) != 3 or not np.all(np.isfinite(found)):
-        raise ArgumentError(f"Argument `{name}` of a shape must be three finite numbers, but is {value!r}.")
+    fits = len(found) == 3 and np.all(np.isfinite(found))
+    checks.expect(fits, value, f"Argument `{name}` of a shape", "three finite numbers")
     return found
 
 
 def _sizes(value: object, name: str) -> list[float]:
     found = _three(value, name)
-    if min(found) <= 0:
-        raise ArgumentError(f"Argument `{name}` of a shape must be positive, but is {value!r}.")
+    checks.expect(not min(found) <= 0, value, f"Argument `{name}` of a shape", "positive")
     return found

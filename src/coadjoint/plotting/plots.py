@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError
 from coadjoint.extensions import import_string
 from coadjoint.log import phase
@@ -233,9 +234,7 @@ def save_figures(
     """
     common = [name for name in figure_names() if all(name in available(dataset) for dataset in datasets)]
     chosen = common if wanted is None else list(wanted)
-    for name in chosen:
-        if name not in figure_names():
-            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names())}.")
+    checks.all_known(chosen, figure_names(), "figure", "A run")
     plots = Plots(datasets[0])
     files = [f"{name}.{_ending(name, ending)}" for name in chosen]
     if files:

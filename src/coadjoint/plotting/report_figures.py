@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from coadjoint.errors import ArgumentError
+from coadjoint import checks
 from coadjoint.plotting.plots import Plots, available, figure_names
 from coadjoint.plotting.registries import ADDED, points_down
 
@@ -55,8 +55,7 @@ def svgs(
 
     found = []
     for name in wanted or chosen(datasets):
-        if name not in figure_names(films=False):
-            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names(films=False))}.")
+        checks.known(name, figure_names(films=False), "figure", "A report")
         figure = getattr(Plots(datasets[0]), name)(*datasets[1:], labels=labels)
         found.append((name.replace("_", " "), caption(name, datasets), svg(figure)))
     return found

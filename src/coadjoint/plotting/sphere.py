@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coadjoint import checks
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.plotting.film import DOTS, ending, write
 from coadjoint.plotting.style import COLUMN, PAGE, canvas, save, style
 
@@ -161,9 +161,8 @@ def _node(fields: Any, name: str, time: Any) -> int:
 
 
 def _require(fields: Any, variable: str, projection: str = "mollweide") -> None:
-    if not hasattr(fields, "data_vars") or "time" not in fields.dims or variable not in fields:
-        raise ArgumentError(
-            f"Argument `fields` must be a dataset of co.models.fluids.fields with `{variable}` over time, but is "
-            f"{shown(type(fields).__name__)}."
-        )
+    fits = hasattr(fields, "data_vars") and "time" in fields.dims and (variable in fields)
+    checks.expect(
+        fits, type(fields).__name__, "fields", f"a dataset of co.models.fluids.fields with `{variable}` over time"
+    )
     checks.choice(projection, "projection", ("mollweide", "hammer"))

@@ -210,8 +210,8 @@ def _apply(table: dict[str, object], change: str) -> None:
     if equals and len(keys) == 1 and not value.strip():
         table.pop(keys[0], None)
         return
-    if not equals or (len(keys) < 2 and keys != ["axes"]) or not all(keys):
-        raise ArgumentError(f"A change with --set must be section.key=value, as in run.dt=0.02, but is {change!r}.")
+    fits = equals and (len(keys) >= 2 or keys == ["axes"]) and all(keys)
+    checks.expect(fits, change, "A change with --set", "section.key=value, as in run.dt=0.02")
     try:
         parsed = read_table(f"value = {value}", "")["value"]
     except FileError:

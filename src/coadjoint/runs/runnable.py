@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from coadjoint import checks, sections
-from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.runs.methods import map_name, method_name
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
@@ -47,8 +46,7 @@ class Runnable(ABC):
         """The sections of a file by name; raises ArgumentError, also for unknown methods and maps."""
         known = [*cls.SECTIONS, *cls.FREE]
         for name, given in table.items():
-            if name not in known:
-                raise ArgumentError(unknown(f"section [{name}]", f"A {cls.WORD}", name, known))
+            checks.known(name, known, "section", f"A {cls.WORD}")
             checks.instance(given, f"[{name}]", dict, f"a section of a {cls.WORD}")
         for name in cls.NEEDED:
             if name not in table:

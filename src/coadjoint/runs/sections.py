@@ -106,7 +106,5 @@ class OutputSection:
     def __post_init__(self):
         from coadjoint.plotting.plots import figure_names
 
-        known = figure_names()
-        wrong = [name for name in (self.figures if isinstance(self.figures, list) else []) if name not in known]
-        if wrong:
-            raise ArgumentError(f"[output] figures has no figure `{wrong[0]}`: there are {', '.join(known)}.")
+        asked = self.figures if isinstance(self.figures, list) else []
+        checks.all_known(asked, figure_names(), "figure", "[output] figures")

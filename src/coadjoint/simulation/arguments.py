@@ -11,6 +11,7 @@ import numpy as np
 from jax import hessian, jacfwd
 from jax import numpy as jnp
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import MOST, array, positive, uneven, whole
 from coadjoint.checks import steps as whole_steps
@@ -52,16 +53,18 @@ def _can_be_read(read: Callable[[State], PyTree], state: State) -> bool:
     return True
 
 
+def require_places(state: State, places: object, name: str) -> None:
+    """Raise ArgumentError for the state of a system with another group or other spaces."""
+    if state.places != places:
+        raise ArgumentError(f"Argument `{name}` belongs to a system with another group or other spaces.")
+
+
 def require_kinds(system: Any, start: PyTree, method: Any) -> None:
     """Raise ArgumentError unless these are a system, a start of it and a method."""
-    if not isinstance(system, System):
-        raise ArgumentError(f"Argument `system` must be a co.System, but is {type(system).__name__}.")
-    if not isinstance(start, State):
-        raise ArgumentError(f"Argument `start` must come from system.state(…), but is {type(start).__name__}.")
-    if start.places != system.places:
-        raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
-    if not isinstance(method, Method):
-        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {shown(method)}.")
+    checks.instance(system, "system", System, "a co.System")
+    checks.instance(start, "start", State, "a state, system.state(…)")
+    require_places(start, system.places, "start")
+    checks.expect(isinstance(method, Method), method, "method", "a method such as co.Midpoint()")
 
 
 def step_size(dt: Scalar) -> Scalar:

@@ -40,10 +40,8 @@ class Event:
 
     def __post_init__(self) -> None:
         checks.function(self.function, "An event", OF_THE_STATE, LagrangianError)
-        if not isinstance(self.direction, str) or self.direction not in get_args(Direction):
-            raise ArgumentError(
-                f'Argument `direction` must be "rising", "falling" or "both", but is {shown(self.direction)}.'
-            )
+        fits = isinstance(self.direction, str) and self.direction in get_args(Direction)
+        checks.expect(fits, self.direction, "direction", '"rising", "falling" or "both"')
         if self.name != "":
             checks.text(self.name, "name")
 
@@ -69,11 +67,13 @@ def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
     """Events by their names; raises ArgumentError if `given` is not a dictionary of events."""
     if given is None:
         return {}
-    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
-        raise ArgumentError(
-            "Argument `events` must be a dictionary of names and functions of the state, as in "
-            f"events={{'section': lambda state: state.mu[2]}}, but is {shown(given)}."
-        )
+    fits = isinstance(given, Mapping) and all(isinstance(name, str) for name in given)
+    checks.expect(
+        fits,
+        given,
+        "events",
+        "a dictionary of names and functions of the state, as in events={'section': lambda state: state.mu[2]}",
+    )
     if "until" in given:
         raise ArgumentError("The name `until` in `events` is that of the argument which ends a run: take another.")
     found: dict[str, Event] = {}

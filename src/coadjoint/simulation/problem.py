@@ -10,8 +10,9 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -87,11 +88,8 @@ class SimulationProblem:
         """The argument `kelvin_noether`: one, several or None."""
         given = self.kelvin_noether
         chosen = given if isinstance(given, (list, tuple)) else [] if given is None else [given]
-        if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
-            raise ArgumentError(
-                f"Argument `kelvin_noether` must be co.mechanics.KelvinNoether(c0), or a list of several, but is "
-                f"{shown(given)}."
-            )
+        fits = all(isinstance(quantity, KelvinNoether) for quantity in chosen)
+        checks.expect(fits, given, "kelvin_noether", "co.mechanics.KelvinNoether(c0), or a list of several")
         return list(chosen)
 
     def _driven(self) -> tuple[System, State]:

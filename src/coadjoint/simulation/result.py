@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from coadjoint import disk
+from coadjoint import checks, disk
 from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
-from coadjoint.errors import ArgumentError, FileError, must_give, rephrased, shown
+from coadjoint.errors import ArgumentError, FileError, must_give, rephrased
 from coadjoint.extensions import Registry, import_string
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -151,8 +151,8 @@ def _require_equal(file: Path, whole: xarray.Dataset) -> None:
 
 
 def run_path(given: Any) -> Path:
-    if not isinstance(given, (str, os.PathLike)) or not str(given) or "\0" in str(given):
-        raise ArgumentError(f'Argument `path` must be the name of a file, such as "run.nc", but is {shown(given)}.')
+    fits = isinstance(given, (str, os.PathLike)) and str(given) and ("\x00" not in str(given))
+    checks.expect(fits, given, "path", 'the name of a file, such as "run.nc"')
     return Path(given)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import Origin, State
@@ -244,18 +245,12 @@ def _known(made: xarray.Dataset, variables: str | Sequence[str] | None) -> list[
     if variables is None:
         return with_members
     names = [variables] if isinstance(variables, str) else list(variables)
-    for name in names:
-        if name not in with_members:
-            raise ArgumentError(f"The ensemble has no variable `{name}`; it has: {', '.join(with_members)}.")
+    checks.all_known(names, with_members, "variable", "The ensemble")
     return names
 
 
 def _quantiles(given: Sequence[float]) -> list[float]:
-    found = [float(q) for q in given]
-    for q in found:
-        if not 0 <= q <= 1:
-            raise ArgumentError(f"Argument `quantiles` must hold numbers from 0 to 1, such as 0.95, but holds {q:g}.")
-    return found
+    return [checks.number(q, "Each of `quantiles`", 0.0, 1.0) for q in given]
 
 
 def _rows(values: np.ndarray, quantiles: list[float]) -> np.ndarray:

@@ -7,8 +7,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from coadjoint import checks
 from coadjoint.disk import require_file
-from coadjoint.errors import ArgumentError, FileError, printable, shown
+from coadjoint.errors import ArgumentError, FileError, printable
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.sealed import readable
 from coadjoint.simulation.certificate_forms import Certificate
@@ -99,8 +100,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     if system is not None:
         from coadjoint.mechanics.system import System
 
-        if not isinstance(system, System):
-            raise ArgumentError(f"Argument `system` must be a co.System, but is {shown(system)}.")
+        checks.expect(isinstance(system, System), system, "system", "a co.System")
 
     source = run_path(path)
     if os.path.isdir(source):

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import truth, whole
-from coadjoint.errors import ArgumentError, Interrupted, shown
+from coadjoint.errors import ArgumentError, Interrupted
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
@@ -132,8 +133,8 @@ def simulate(
         many = count_of(system, start) is not None
         require_full(many, method.variable, store is not None, until is not None or bool(events))
     kernels.require_backend(backend)
-    if store is not None and (not isinstance(store, (str, os.PathLike)) or "\0" in os.fsdecode(store)):
-        raise ArgumentError(f"Argument `store` must be the path of a folder, but is {shown(store)}.")
+    fits = store is None or (isinstance(store, (str, os.PathLike)) and "\x00" not in os.fsdecode(store))
+    checks.expect(fits, store, "store", "the path of a folder")
     start, told = continued(system, start, keep)
     if store is not None and (events or (until is not None and count_of(system, start) is not None)):
         raise ArgumentError(

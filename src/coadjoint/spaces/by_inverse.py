@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import GroupError, shown
+from coadjoint.errors import GroupError
 from coadjoint.groups import LieGroup, Opposite
 from coadjoint.groups.group import Element
 from coadjoint.spaces.representations import Trivial
@@ -25,8 +26,7 @@ class ByInverse(Space):
     space: Space
 
     def __post_init__(self):
-        if not isinstance(self.space, Space):
-            raise GroupError(f"ByInverse needs a space such as co.Defining(), but got {shown(self.space)}.")
+        checks.instance(self.space, "The space of ByInverse", Space, "a space such as co.Defining()", GroupError)
 
     @property
     def flat(self) -> bool:  # type: ignore[override]

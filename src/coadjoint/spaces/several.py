@@ -9,6 +9,7 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
@@ -29,10 +30,7 @@ class Several(Space):
     factors: tuple[Space, ...]
 
     def __init__(self, spaces: Mapping[str, Space]):
-        if not isinstance(spaces, Mapping):
-            raise ArgumentError(
-                f"Several takes a dictionary of spaces, as in dict(down=co.Defining()), but got {shown(spaces)}."
-            )
+        checks.instance(spaces, "spaces", Mapping, "a dictionary of spaces, as in dict(down=co.Defining())")
         if not spaces:
             raise ArgumentError("A dictionary of spaces must hold at least one space, but is empty.")
         for name, space in spaces.items():

@@ -7,6 +7,7 @@ curved spaces: it gives an orthonormal frame of each tangent space.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -14,8 +15,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.checks import float64, numeric, one_of_each
+from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, GroupError, must_give, shown
 from coadjoint.groups.group import Element, LieGroup, transpose
 from coadjoint.kernels.trace.evaluate import evaluate, traced
@@ -175,16 +177,18 @@ def checked_vector(value: Any, size: int, name: str) -> Array:
     """A finite float64 vector (size,); raises ArgumentError. Of a tracer, type and shape are checked."""
     if traced(value):
         value = float64(value, f"Argument `{name}`")
-    try:
+    shape = None
+    with suppress(Exception):  # of an object that cannot be converted
         shape = np.shape(value)
-    except Exception as error:
-        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.") from error
-    if shape != (size,):
-        if not numeric(value):
-            raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
-        remedy = one_of_each(shape, (size,), name)
-        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}{remedy}.")
-    return float64(value, f"Argument `{name}`")
+    if shape is None or (shape != (size,) and not numeric(value)):
+        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
+    return checks.array(value, name, (size,))
+
+
+def require_flat(space: Space, what: str, remedy: str) -> None:
+    """Raise ArgumentError unless a space of additional dynamics is flat; what: needs it, remedy: what to take."""
+    if not space.flat:
+        raise ArgumentError(f"{what} needs a flat space of additional dynamics, but got {space!r}: {remedy}.")
 
 
 class Embedded(Space):

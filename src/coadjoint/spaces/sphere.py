@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
@@ -29,8 +30,8 @@ class Sphere(Embedded, Representation):
     inside: Representation = field(default_factory=Defining)
 
     def __post_init__(self):
-        if not isinstance(self.inside, Representation) or not self.inside.flat:
-            raise ArgumentError(f"Sphere needs a representation such as co.Defining(), but got {shown(self.inside)}.")
+        fits = isinstance(self.inside, Representation) and self.inside.flat
+        checks.expect(fits, self.inside, "The space of Sphere", "a representation such as co.Defining()")
 
     def ambient(self, group: LieGroup) -> int:
         return self.inside.ambient(group)

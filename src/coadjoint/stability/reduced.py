@@ -19,6 +19,7 @@ from coadjoint.mechanics.rates import rates
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.portable import Portable
+from coadjoint.spaces.space import require_flat
 from coadjoint.stability.scales import Scales, natural_scales
 
 SAMPLES = 4
@@ -214,8 +215,7 @@ def _require_autonomous(system: System) -> None:
         raise ArgumentError(
             "Steady motions need the continuous equations: a system with a Lagrangian or a Hamiltonian."
         )
-    if not system.additional.flat:
-        raise ArgumentError("Steady motions are looked for on a flat space of additional dynamics only.")
+    require_flat(system.additional, "The search for a steady motion", "describe q by coordinates")
     if system.depends_on_time or system.inputs is not None:
         raise ArgumentError(
             "A steady motion needs a system that does not depend on time: give inputs as constants to system.state."

@@ -6,7 +6,8 @@ import socket
 import time
 from urllib.parse import SplitResult, urlsplit
 
-from coadjoint.errors import ArgumentError, FileError, warn
+from coadjoint import checks
+from coadjoint.errors import FileError, warn
 
 PROTOCOLS = ("tcp", "tls", "ws", "wss")
 """Those at whose ports a scheduler listens."""
@@ -25,8 +26,7 @@ def require_address(scheduler: str) -> None:
         fits = bool(found.netloc) and (found.scheme == INSIDE or (found.scheme in PROTOCOLS and bool(found.port)))
     except (ValueError, TypeError):
         fits = False
-    if not fits:
-        raise ArgumentError(f"The address of a scheduler must be like tcp://HOST:8786, but is {scheduler!r}.")
+    checks.expect(fits, scheduler, "The address of a scheduler", "like tcp://HOST:8786")
 
 
 def require_answer(scheduler: str, patience: float) -> None:

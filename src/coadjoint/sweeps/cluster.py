@@ -6,10 +6,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from typing import Any
 
-from coadjoint.errors import ArgumentError, CoadjointError, FileError, error_line
+from coadjoint.checks import library
+from coadjoint.errors import CoadjointError, FileError, error_line
 from coadjoint.log import logger
 from coadjoint.sweeps.local import LIVES, Done, load
 
@@ -34,10 +34,7 @@ class _Lost(Exception):
 
 def require() -> None:
     """Raise ArgumentError if dask.distributed is not installed."""
-    if find_spec("distributed") is None:
-        raise ArgumentError(
-            'A sweep with a scheduler needs dask.distributed: install it with pip install "coadjoint[cluster]".'
-        )
+    library("distributed", "A sweep with a scheduler needs", "coadjoint[cluster]", "dask.distributed")
 
 
 def run(

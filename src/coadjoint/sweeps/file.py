@@ -14,7 +14,7 @@ import numpy as np
 
 from coadjoint import checks, sections
 from coadjoint.arrays import PyTree
-from coadjoint.checks import number, unknown, whole
+from coadjoint.checks import number, whole
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.run_file import of_table, put
 from coadjoint.runs.toml_text import to_toml
@@ -257,8 +257,7 @@ def of_tables(table: Mapping[str, Any], base: Mapping[str, Any], path: Path, pla
     """The sweep in a table of sections over the run in another one; raises ArgumentError."""
     known = ("sweep", "vary", "results")
     for name, given in table.items():
-        if name not in known:
-            raise ArgumentError(unknown(f"section [{name}]", "A sweep file", name, known))
+        checks.known(name, known, "section", "A sweep file")
         checks.instance(given, f"[{name}]", Mapping, "a section of a sweep file")
     own = sections.read(SweepSection, "sweep", table.get("sweep", {}))
     results = sections.read(ResultsSection, "results", table.get("results", {}))

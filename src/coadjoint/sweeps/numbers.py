@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint import sections
+from coadjoint import checks, sections
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import number as finite
 from coadjoint.checks import positive, whole
@@ -142,8 +142,8 @@ def _values(given: object, name: str) -> np.ndarray:
         found = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
         found = np.zeros(0)
-    if found.ndim == 0 or not len(found) or not np.all(np.isfinite(found)) or isinstance(given, (bool, int, float)):
-        raise ArgumentError(f"{name} must be a list of finite numbers, not empty, but is {shown(given)}.")
+    fits = found.ndim != 0 and len(found) and np.all(np.isfinite(found)) and (not isinstance(given, (bool, int, float)))
+    checks.expect(fits, given, name, "a list of finite numbers, not empty")
     return found
 
 

@@ -68,6 +68,5 @@ def one_stage(system: System, method: Method) -> Step:
 def positive_step(dt: Scalar) -> Array:
     """h > 0, one number, s; raises ArgumentError."""
     h = float64(dt, "Argument `dt`")
-    if np.shape(h) != () or not h > 0:
-        raise ArgumentError(f"Argument `dt` must be a positive number, but is {dt!r}.")
+    checks.expect(np.shape(h) == () and h > 0, dt, "dt", "a positive number")
     return h

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -108,8 +109,7 @@ def equations_of(
             "co.Variational or co.methods.GroupVariational."
         )
     require_one(system)
-    if np.ndim(records.t) != 1:
-        raise ArgumentError(f"The records must have one leading axis, but have shape {np.shape(records.t)}.")
+    checks.shape(records.t, "The time of the records", "(n,)")
     if len(records.t) < 3:
         raise ArgumentError(f"The equations need at least 3 records, but there are {len(records.t)}.")
     noether = noether or KelvinNoether(np.ones(system.group.dim))

@@ -23,7 +23,7 @@ NAME = "bluerov2_heavy_von_benzon"
         ({"task": 3}, "must be a Task or one of"),
         ({"actions": "torques"}, '"actuators" or "set_points"'),
         ({"bounds": {"depth": (0, 1)}}, 'is for actions="set_points"'),
-        ({"actions": "set_points", "bounds": {"depht": (0, 1)}}, "names `depht`"),
+        ({"actions": "set_points", "bounds": {"depht": (0, 1)}}, "no set point `depht`"),
         ({"actions": "set_points", "bounds": {"depth": (1, 0)}}, "the lower one first"),
         ({"actions": "set_points", "bounds": 3}, "name → \\(lowest, highest\\)"),
         ({"observe": ("offset", "velocty")}, "did you mean `velocity`"),
@@ -84,9 +84,9 @@ def test_actions_and_resets_are_checked(env):
     before = env.stepper.state.q
     assert np.array_equal(env.stepper.state.q, before)
     for options, sentence in (
-        ({"strat": {}}, "but has 'strat'"),
+        ({"strat": {}}, "no key `strat`"),
         ({"start": 3}, "must be a dictionary"),
-        ({"start": {"place": (0, 0, 0)}}, "but has 'place'"),
+        ({"start": {"place": (0, 0, 0)}}, "no key `place`"),
         ({"start": {"position": (0, 0)}}, "three finite numbers"),
         ({"start": {"speed": 1, "velocity": (1, 0, 0)}}, "not both"),
     ):

@@ -145,7 +145,7 @@ def test_a_hull_with_fins_is_a_vehicle():
     ("arguments", "word"),
     [
         (([1.0, 0.0], 0.1), "rise"),
-        (([0.0], 0.1), "shape"),
+        (([0.0], 0.1), "two stations or more"),
         (([0.0, 1.0], [0.1, 0.1, 0.1]), "half_breadth"),
         (([0.0, 1.0], -0.1), "negative"),
         (([0.0, 1.0], 0.0), "no volume"),

@@ -185,7 +185,7 @@ def test_an_actuator_stands_somewhere_or_where_it_is_from_a_time_or_a_depth_on()
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"part": "ruder", "stuck": True, "time_s": 1}, "the vehicle has no actuator 'ruder': did you mean `rudder`"),
+        ({"part": "ruder", "stuck": True, "time_s": 1}, "the vehicle has no actuator `ruder`: did you mean `rudder`"),
         ({"part": "rudder", "time_s": 1}, "needs one of `stuck`, `out` and `dropped`, but has none"),
         ({"part": "rudder", "stuck": True, "out": True, "time_s": 1}, "but has stuck, out"),
         ({"part": "rudder", "stuck": True}, "needs one of `time_s` and `depth_m`"),

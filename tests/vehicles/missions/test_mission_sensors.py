@@ -80,7 +80,7 @@ def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder
         ("seed = 7", "seed = -7", r"\[sensors\] seed must be a whole number from 0, but is -7"),
         ("seed = 7", "seed = 1.5", r"\[sensors\] seed must be a whole number"),
         ("seed = 7", "sede = 7", r"Section \[sensors\] has no key `sede`: did you mean `seed`"),
-        ('"imu", ', '"inu", ', r"has no sensor 'inu': did you mean `imu`"),
+        ('"imu", ', '"inu", ', r"has no sensor `inu`: did you mean `imu`"),
         ('"imu", ', '"dvl", ', r"names has a sensor twice"),
         ('["imu", "dvl", "pressure"]', '"imu"', r"names must be a list of texts, but is 'imu'"),
         ("bottom_m = 18", 'bottom = "deep"', r"bottom must be a number, but is 'deep'"),

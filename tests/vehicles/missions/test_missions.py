@@ -224,7 +224,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"initial": {"actuators": {"rudder_deg": 3, "rudder": 3}}}, "give `rudder` twice"),
         ({"mission": {"time_s": 5, "depth_m": [3, 4], "heading": 0, "speed": 1}}, "each of 1 times"),
         ({"mission": {"file": 3}}, "must be a text"),
-        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": 3}}, "no end 3"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": 3}}, "no end `3`"),
         ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "acceptance_m": [1, 2]}}, "must be a number, but is"),
         ({"mission": {**LEVEL, "ends": "bottom", "bottom_m": 0.4}}, "a depth of 0.4 m, but \\[initial\\] is at 0.5 m"),
         ({"mission": {**LEVEL, "ends": "surface"}, "initial": {"position_m": [0, 0, -2]}}, "is 2 m above it"),

@@ -117,7 +117,7 @@ def test_one_thruster_is_out_from_an_event_on() -> None:
 @pytest.mark.parametrize(
     ("fault", "expected"),
     [
-        ({"part": "fin", "time": 1.0}, "not an actuator"),
+        ({"part": "fin", "time": 1.0}, "no actuator"),
         ({"part": "rudder"}, "either a time or `when`"),
         ({"part": "rudder", "time": 1.0, "value": 3.0}, "the range of the fin"),
         ({"part": "rudder", "time": 1.0, "which": (0,)}, "`which`"),

@@ -453,7 +453,7 @@ WRONG = {
     "forces must not fall": {"curve": {"table": [(-1, -2), (0, 0), (1, -1)]}},
     "commands must grow": {"curve": {"table": [(-1, -2), (0, 0), (0, 1)]}},
     "command without force": {"curve": {"table": [(1, 2), (2, 3)]}},
-    "rows .command, force.": {"curve": {"table": [1.0, 2.0]}},
+    "must have shape .n, 2.": {"curve": {"table": [1.0, 2.0]}},
     "must be one of linear": {"curve": {"cubic": 1.0}},
     "published T200": {"curve": "T500"},
     "slope .* must be positive": {"curve": {"linear": -1.0}},

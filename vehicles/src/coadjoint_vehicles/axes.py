@@ -16,7 +16,6 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
 
 Axes = Literal["NED/FRD", "ENU/FLU"]
@@ -89,11 +88,13 @@ def euler_zyx(angles: object, axes: Axes) -> Array:
 
 
 def _known(axes: PyTree, table: dict[str, object]) -> Any:
-    if not isinstance(axes, str) or axes not in table:
-        raise ArgumentError(
-            'Argument `axes` must be "NED/FRD" (north, east, down; forward, starboard, down) or "ENU/FLU" (east, '
-            f"north, up; forward, port, up), but is {axes!r}."
-        )
+    fits = isinstance(axes, str) and axes in table
+    checks.expect(
+        fits,
+        axes,
+        "axes",
+        '"NED/FRD" (north, east, down; forward, starboard, down) or "ENU/FLU" (east, north, up; forward, port, up)',
+    )
     return table[axes]
 
 

@@ -61,8 +61,8 @@ def checked(coefficients: Any, name: str = "coefficients") -> Coefficients:
         c: Any = np.asarray(coefficients, complex)
     except (TypeError, ValueError):
         c = np.zeros(0)
-    if c.ndim < 2 or c.shape[-2] != c.shape[-1] or not np.all(np.isfinite(c)):
-        raise ArgumentError(f"Argument `{name}` must be finite numbers c_lm, (…, L, L), but is {shown(coefficients)}.")
+    fits = c.ndim >= 2 and c.shape[-2] == c.shape[-1] and np.all(np.isfinite(c))
+    checks.expect(fits, coefficients, name, "finite numbers c_lm, (…, L, L)")
     if np.any(np.abs(c[..., 0].imag) > REAL * np.max(np.abs(c), initial=0.0)):
         raise ArgumentError(f"Argument `{name}` must be real for m = 0, because the function is.")
     if np.any(np.triu(c, 1) != 0):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import Quantity
 from coadjoint.models.quantities import vector
 
@@ -179,9 +179,7 @@ def _pitch(value: float, name: str) -> float:
 
 
 def _teeth(value: tuple[int, int], name: str) -> tuple[int, int]:
-    if not isinstance(value, (tuple, list)) or len(value) != 2 or not all(checks.is_whole(z) and z for z in value):
-        raise ArgumentError(
-            f"Argument `{name}` must be two whole numbers other than 0, such as (20, 30), but is {shown(value)}."
-        )
+    fits = isinstance(value, (tuple, list)) and len(value) == 2 and all(checks.is_whole(z) and z for z in value)
+    checks.expect(fits, value, name, "two whole numbers other than 0, such as (20, 30)")
     common = int(np.gcd(*value))
     return int(value[0]) // common, int(value[1]) // common

@@ -274,8 +274,8 @@ class Mechanism:
 
 def _named(given: Any, name: str, kind: type, words: str, *taken: str) -> dict[str, PyTree]:
     """A dictionary of bodies or joints; raises ArgumentError for anything else."""
-    if not isinstance(given, Mapping) or not all(isinstance(one, kind) for one in given.values()):
-        raise ArgumentError(f"Argument `{name}` must be a dictionary of names and {words}, but is {shown(given)}.")
+    fits = isinstance(given, Mapping) and all(isinstance(one, kind) for one in given.values())
+    checks.expect(fits, given, name, f"a dictionary of names and {words}")
     for key in given:
         if not isinstance(key, str) or not key.isidentifier() or key in taken:
             other = f", other than {', '.join(taken)}," if taken else ""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, prefixed
 from coadjoint.mechanics.members import Quantity
 from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint.models.descriptions.frames import Placement
@@ -77,10 +77,8 @@ def read(
     reading = _Reading(root, links_of(root), joints_of(root), checks.truth(floating, "floating"))
     bodies = reading.bodies()
     joints = reading.joints(motors)
-    try:
+    with prefixed(f"{source.name}: no mechanism can be made of it"):
         made = Mechanism(bodies=bodies, joints=joints, gravity=gravity, name=root.get("name") or source.stem)
-    except ArgumentError as error:
-        raise FileError(f"{source.name}: no mechanism can be made of it: {error}") from error
     return ReadMechanism(made, (*reading.report, *_left_out(root)))
 
 

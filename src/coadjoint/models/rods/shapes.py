@@ -120,11 +120,7 @@ def _start(
         right = "planar_start" if size == 3 else "start"
         raise ArgumentError(f"A {rod.name} starts by co.models.rods.{right}, not by that of the other rods.")
     kappa = float64(p.rest_curvature if curvature is None else curvature, "Argument `curvature`")
-    if np.shape(kappa) not in (((3,), (M, 3)) if turning == 3 else ((), (M,))):
-        raise ArgumentError(
-            f"Argument `curvature` must be that of a section, or of each of {M} elements, but has shape "
-            f"{np.shape(kappa)}."
-        )
+    checks.shape(kappa, "curvature", *(((3,), (M, 3)) if turning == 3 else ((), (M,))))
     strain = each_element(straight(size == 2), M)
     strain[:, :turning] = np.reshape(kappa, (-1, turning))
     _require_turns(strain[:, :turning], p.length, "curvature")

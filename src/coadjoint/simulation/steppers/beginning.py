@@ -25,6 +25,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.methods.rattle import kept
 from coadjoint.methods.step import in_records
+from coadjoint.simulation.arguments import require_places
 
 Shapes = dict[str, tuple[int, ...]]
 
@@ -71,8 +72,7 @@ class Beginning:
 
         Raises ArgumentError for a state of another system.
         """
-        if state.places != self.skeleton.places:
-            raise ArgumentError("Argument `state` belongs to a system with another group or other spaces.")
+        require_places(state, self.skeleton.places, "state")
         count, many = (1 if self.members is None else self.members), np.ndim(state.t) > 0
         if many and (self.members is None or len(state.t) != count):
             raise ArgumentError(f"Argument `state` must be of {count} members, but is of {len(state.t)}.")

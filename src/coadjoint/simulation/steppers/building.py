@@ -8,12 +8,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import float64, whole
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.identity import version
@@ -149,21 +149,16 @@ def commanded(inputs: Inputs | None, state: State, command: PyTree) -> State:
         raise ArgumentError("This stepper has no commands: leave out `command`.")
     if inputs.names is None:
         return state.replace(inputs=_value(command, inputs.sources[0].shape, "The command"))
-    if not isinstance(command, Mapping):
-        raise ArgumentError(f"Argument `command` must be name → value, but is {type(command).__name__}.")
+    checks.mapping(command, "command", "name → value")
     shapes = {n: s.shape for n, s in zip(inputs.names, inputs.sources, strict=True) if isinstance(s, Command)}
-    if unknown := [name for name in command if name not in shapes]:
-        raise ArgumentError(f"There is no command `{unknown[0]}`; there is: {', '.join(shapes)}.")
+    checks.all_known(command, shapes, "command", "This stepper")
     values = {name: _value(value, shapes[name], f"Command `{name}`") for name, value in command.items()}
     return state.replace(inputs=Named(**{**state.inputs.asdict(), **values}))
 
 
 def _value(value: Any, shape: tuple[int, ...], what: str) -> PyTree:
     array = float64(value, what)
-    if jnp.shape(array) != shape:
-        raise ArgumentError(
-            f"{what} must have {f'shape {shape}' if shape else 'one number'}, but has {jnp.shape(array)}."
-        )
+    checks.shape(array, what, shape)
     return array
 
 
@@ -208,10 +203,8 @@ def fixed_parameters(
 def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]) -> tuple[tuple[int, float], ...]:
     """Places and values of the parameters that are 0 or 1 for all members and are not named in `changing`."""
     free: set[int] = set()
-    if not isinstance(changing, (str, list, tuple, set, frozenset)):
-        raise ArgumentError(
-            f'Argument `changing` must be names of parameters, such as ("mass",), but is {shown(changing)}.'
-        )
+    fits = isinstance(changing, (str, list, tuple, set, frozenset))
+    checks.expect(fits, changing, "changing", 'names of parameters, such as ("mass",)')
     for name in (changing,) if isinstance(changing, str) else changing:
         if name not in fields.names:
             raise ArgumentError(fields.unknown(name, "parameter"))

@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
-from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.errors import LagrangianError
 from coadjoint.kernels.emit import online
 from coadjoint.kernels.emit.online import ALWAYS, SELDOM
 from coadjoint.kernels.emit.plan import plan
@@ -57,10 +58,8 @@ class Watch(NamedTuple):
 
 def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch, dict[str, tuple[int, ...]]]:
     """The observations of a system, with the shapes that they have; raises ArgumentError and LagrangianError."""
-    if observe is not None and not isinstance(observe, Mapping):
-        raise ArgumentError(
-            f"Argument `observe` must be a dictionary of names and functions of the state, but is {observe!r}."
-        )
+    fits = observe is None or isinstance(observe, Mapping)
+    checks.expect(fits, observe, "observe", "a dictionary of names and functions of the state")
     functions, observed = quantities_from(observe), []
     for name, function in functions:
         what = f"The observation `{name}`"

@@ -11,7 +11,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.simulation.steppers.file import save, to_bytes
 from coadjoint.simulation.steppers.stepping import Stepping
 
@@ -40,19 +41,13 @@ def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool
     stepper's. Needs the extra `[fmu]`. Raises FileError rather than replace a file, ArgumentError for a stepper of many
     members or by XLA, for a name that is not ASCII, and for a name of both a command and an observation.
     """
-    if not isinstance(stepper, Stepping):
-        raise ArgumentError(f"Argument `stepper` must be a co.Stepper, but is {shown(stepper)}.")
+    checks.expect(isinstance(stepper, Stepping), stepper, "stepper", "a co.Stepper")
     return save(path, overwrite, lambda target: _unit(stepper, target.stem))
 
 
 def _unit(stepper: Stepping, stem: str) -> bytes:
     """A stepper as the content of a unit called after `stem`."""
-    try:
-        from pythonfmu.builder import FmuBuilder
-    except ImportError as error:
-        raise ArgumentError(
-            'Functional mock-up units need PythonFMU, which is not installed: pip install "coadjoint[fmu]".'
-        ) from error
+    builder = checks.library("pythonfmu.builder", "Functional mock-up units need", "coadjoint[fmu]", "PythonFMU")
     from coadjoint.simulation.steppers.fmi_instance import FILE, variables
 
     if stepper.face.members is not None:
@@ -80,7 +75,7 @@ def _unit(stepper: Stepping, stem: str) -> bytes:
         (here / f"{module}.py").write_text(_SCRIPT.format(name=name), encoding="utf-8")
         options: Any = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True}
         try:
-            built = FmuBuilder.build_FMU(
+            built = builder.FmuBuilder.build_FMU(
                 here / f"{module}.py", dest=here / "unit.fmu", project_files=[here / FILE], **options
             )
         finally:  # PythonFMU imports the script

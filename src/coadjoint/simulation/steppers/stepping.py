@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.disk import reading
 from coadjoint.errors import ArgumentError, FileError, Interrupted, shown, warn
@@ -188,8 +189,8 @@ class Stepping(StepperBase):
         Raises ArgumentError for names that are not parameters, and for a saved stepper that would have to be recompiled
         or to keep velocities.
         """
-        if not isinstance(keep, str) or keep not in ("velocity", "momentum"):
-            raise ArgumentError(f'Argument `keep` must be "velocity" or "momentum", but is {shown(keep)}.')
+        fits = isinstance(keep, str) and keep in ("velocity", "momentum")
+        checks.expect(fits, keep, "keep", '"velocity" or "momentum"')
         if values is not None and not isinstance(values, Mapping):
             raise ArgumentError(f"Give parameters by their names, as in change(mass=30.0), but not {shown(values)}.")
         given = paths({**(values or {}), **named})

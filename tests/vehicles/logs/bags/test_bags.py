@@ -123,7 +123,7 @@ def declare(**row):
         ({"sensors": []}, "no key `sensors`, the nearest is `sensor`"),
         ({"sensor": "dvl"}, "must be tables, each under"),
         ({"sensor": [{}]}, "needs `topic`"),
-        (declare(topic="/dlv", columns={"u_m_s": "velocity.x"}), "has no topic /dlv; it has /dvl, /pressure"),
+        (declare(topic="/dlv", columns={"u_m_s": "velocity.x"}), "has no topic `/dlv`: did you mean `/dvl`"),
         (declare(), "what /dvl .marine_msgs/Dvl. measures is not known: declare its `columns`"),
         (declare(columns={"u_m_s": "velocity.q"}), "has no number `velocity.q`; near to it are velocity"),
         (declare(columns={"u_m_s": "beams"}), "has no number `beams`"),

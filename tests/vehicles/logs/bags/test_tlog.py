@@ -59,7 +59,7 @@ def test_telemetry_of_two_vehicles_is_not_mixed(telemetry, tmp_path):
     for system, values in ((1, VALUES), (2, 0.5 + VALUES)):
         log = read_log(both, topics=[f"ATTITUDE[{system}]"])
         assert np.array_equal(log.columns["roll"], values[:, 0])
-    with pytest.raises(FileError, match=r"has no topic ATTITUDE; it has ATTITUDE\[1\], ATTITUDE\[2\]"):
+    with pytest.raises(FileError, match=r"has no topic `ATTITUDE`: did you mean `ATTITUDE\[\d\]`"):
         read_log(both, topics=["ATTITUDE"])
 
 

@@ -159,7 +159,7 @@ def test_two_topics_that_measure_the_same_are_not_mixed(tmp_path):
     with pytest.raises(FileError, match="both /a and /b measure `u`: say which to take"):
         read_log(path)
     assert np.array_equal(read_log(path, topics=["/b"]).columns["u"], SECONDS * 0.1)
-    with pytest.raises(FileError, match="has no topic /c; it has /a, /b"):
+    with pytest.raises(FileError, match=r"has no topic `/c`: .* knows /a, /b"):
         read_log(path, topics=["/c"])
 
 

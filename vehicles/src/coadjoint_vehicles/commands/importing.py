@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
+from coadjoint import checks
 from coadjoint.cli import terminal
 from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
@@ -92,6 +93,5 @@ class Import:
 
 def _pair(given: str) -> tuple[str, str]:
     name, sign, value = given.partition("=")
-    if not (name and sign):
-        raise ArgumentError(f"Argument --set must be NAME=VALUE, but is {given!r}.")
+    checks.expect(name and sign, given, "Argument --set", "NAME=VALUE")
     return name, value

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import degrees, floor, isfinite, isinf, radians
+from math import degrees, floor, isfinite, isinf, nan, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.cli import terminal
 from coadjoint.cli.metavars import called
@@ -105,23 +107,20 @@ def speeds_from(text: str) -> list[float]:
             found = [float(part) for part in text.split(",")]
     except (ValueError, OverflowError):  # the latter of an endless range
         found = []
-    if not found or len(found) > MOST or not all(0 <= speed < 1e3 for speed in found):
-        raise ArgumentError(
-            f"--speed must be a speed in m/s, a list such as 0.5,1,2 or a range first:last:step of at most {MOST}, but "
-            f"is {text!r}."
-        )
+    fits = found and len(found) <= MOST and all(0 <= speed < 1000.0 for speed in found)
+    checks.expect(
+        fits, text, "--speed", f"a speed in m/s, a list such as 0.5,1,2 or a range first:last:step of at most {MOST}"
+    )
     return found
 
 
 def _setting(text: str | tuple[str, ...]) -> tuple[str, float]:
     text = text if isinstance(text, str) else text[0]
     name, _, value = text.partition("=")
-    try:
+    found = nan
+    with suppress(ValueError):
         found = float(value)
-    except ValueError:
-        raise ArgumentError(f"--hold must be NAME=VALUE with a number, as in propeller=15, but is {text!r}.") from None
-    if not isfinite(found):
-        raise ArgumentError(f"--hold must be NAME=VALUE with a finite number, but is {text!r}.")
+    checks.expect(isfinite(found), text, "--hold", "NAME=VALUE with a finite number, as in propeller=15")
     return name.strip(), found
 
 

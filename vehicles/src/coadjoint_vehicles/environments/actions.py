@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.model.craft import Craft
@@ -111,11 +112,7 @@ def set_point_actions(craft: Craft, bounds: Mapping[str, object]) -> Actions:
     """Set points of the craft's controller within bounds; raises ArgumentError for one without bounds."""
     assert craft.controller is not None
     units = craft.controller.inputs
-    if unknown := sorted(set(bounds) - set(units)):
-        raise ArgumentError(
-            f"Argument `bounds` names `{unknown[0]}`, but the set points of {type(craft.controller).__name__} are "
-            f"{', '.join(units)}."
-        )
+    checks.all_known(bounds, units, "set point", f"Argument `bounds`: {type(craft.controller).__name__}")
     return Actions(dict.fromkeys(units, ()), dict(units), *_bounds(units, bounds))
 
 

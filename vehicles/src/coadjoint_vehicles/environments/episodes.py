@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.extending import Prepared, legendre, replace_parameters, tabulate
 from coadjoint.groups import attitude
 from coadjoint.mechanics import State
@@ -114,8 +114,7 @@ class Episodes:
     def _checked(self, given: Any) -> dict[str, PyTree]:
         """Position, attitude, velocity through the water and ω of a start; raises ArgumentError."""
         checks.instance(given, "A start", Mapping, f"a dictionary of {', '.join(KEYS)}")
-        if unknown := [name for name in given if name not in KEYS]:
-            raise ArgumentError(f"A start may have {', '.join(KEYS)}, but has {shown(unknown[0])}.")
+        checks.all_known(given, KEYS, "key", "A start")
         if "speed" in given and "velocity" in given:
             raise ArgumentError("A start has one of `speed` and `velocity`, not both.")
         found = {name: _three(given.get(name, (0.0, 0.0, 0.0)), name) for name in KEYS if name != "speed"}
@@ -179,6 +178,6 @@ def _three(value: object, name: str) -> np.ndarray:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         found = np.asarray(None)
-    if found.shape != (3,) or not np.all(np.isfinite(found)):
-        raise ArgumentError(f"`{name}` of a start must be three finite numbers, but is {shown(value)}.")
+    fits = found.shape == (3,) and np.all(np.isfinite(found))
+    checks.expect(fits, value, f"`{name}` of a start", "three finite numbers")
     return found

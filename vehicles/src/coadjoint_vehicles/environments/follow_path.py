@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint_vehicles.environments.task import End, Function, Task, length, towards
 from coadjoint_vehicles.model.controller import Feedback
@@ -49,10 +50,8 @@ class FollowPath(Task):
             points = np.asarray(self.points, dtype=float)
         except (TypeError, ValueError):
             points = np.zeros(0)
-        if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2 or not np.all(np.isfinite(points)):
-            raise ArgumentError(
-                f"Argument `points` must be at least two points (north, east, depth), but is {shown(self.points)}."
-            )
+        fits = points.ndim == 2 and points.shape[1:] == (3,) and (len(points) >= 2) and np.all(np.isfinite(points))
+        checks.expect(fits, self.points, "points", "at least two points (north, east, depth)")
         if np.any(np.all(points[1:] == points[:-1], axis=1)):
             raise ArgumentError("Argument `points` must differ from one to the next, but two of them are the same.")
         object.__setattr__(self, "points", points)

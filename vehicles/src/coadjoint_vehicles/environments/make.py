@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import fields
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import checks
@@ -120,10 +119,7 @@ def vector_environment(
     checks.choice(autoreset, "autoreset", MODES)
     known = [field.name for field in fields(Wanted)]
     wanted.pop("render_mode", None)
-    if unknown := [name for name in wanted if name not in known]:
-        near = checks.nearest(unknown[0], known)
-        hint = f"did you mean `{near}`?" if near else f"there are {', '.join(known)}."
-        raise ArgumentError(f"There is no argument `{unknown[0]}` of a vector environment: {hint}")
+    checks.all_known(wanted, known, "argument", "A vector environment")
     count, threads = whole(num_envs, "num_envs"), whole(threads, "threads")
     simulated, episodes = _made(vehicle, task, Wanted(**wanted), count, randomise)
     simulated.stepper.threads = threads
@@ -152,7 +148,4 @@ def _task(given: object) -> Task:
 
 
 def _require_gymnasium() -> None:
-    if find_spec("gymnasium") is None:
-        raise ArgumentError(
-            'Environments need Gymnasium, which is not installed: pip install "coadjoint-vehicles[learn]".'
-        )
+    checks.library("gymnasium", "Environments need", "coadjoint-vehicles[learn]", "Gymnasium")

@@ -10,6 +10,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.environments.episodes import Episodes
@@ -48,8 +49,7 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         ArgumentError.
         """
         options = options or {}
-        if unknown := [name for name in options if name not in ("start", "reset_mask")]:
-            raise ArgumentError(f"Argument `options` may have `start` and `reset_mask`, but has {shown(unknown[0])}.")
+        checks.all_known(options, ("start", "reset_mask"), "key", "Argument `options`")
         members = self._meant(options.get("reset_mask"))
         seeds = self._seeds(seed)
         super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)

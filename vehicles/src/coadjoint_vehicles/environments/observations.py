@@ -10,8 +10,9 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, nearest, shown
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.extending import replace_parameters
 from coadjoint.mechanics import State, continuous
 from coadjoint.spaces import Named
@@ -127,8 +128,4 @@ def chosen(common: Common, known: Mapping[str, object], asked: object) -> dict[s
 
 
 def _known(known: Mapping[str, object], name: str) -> Any:
-    if name in known:
-        return known[name]
-    near = nearest(name, known)
-    hint = f"did you mean `{near}`? There are" if near else "there are"
-    raise ArgumentError(f"There is no observation `{name}`: {hint} {', '.join(known)}.")
+    return known[checks.known(name, known, "observation", "An environment")]

@@ -168,8 +168,8 @@ def _standing_as(kind: type[Simulated], given: tuple[PyTree, ...], stepper: Step
 def _periods(long: Any, short: Any, name: str, unit: str) -> int:
     """long/short, an integer; raises ArgumentError."""
     for value, what in ((short, unit), (long, name)):
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < np.inf:
-            raise ArgumentError(f"Argument `{what}` must be a positive number of seconds, but is {shown(value)}.")
+        fits = not isinstance(value, bool) and isinstance(value, (int, float, np.number)) and (0 < value < np.inf)
+        checks.expect(fits, value, what, "a positive number of seconds")
     count = checks.steps(long, short, close=1e-6)
     if count is None:
         raise ArgumentError(
@@ -194,8 +194,7 @@ def _actions(craft: Craft, task: Task, wanted: Wanted) -> Actions:
         return actuator_actions(craft)
     assert craft.controller is not None
     known = {name: ends for name, ends in task.bounds().items() if name in craft.controller.inputs}
-    if not isinstance(wanted.bounds or {}, Mapping):
-        raise ArgumentError(f"Argument `bounds` must be name → (lowest, highest), but is {shown(wanted.bounds)}.")
+    checks.expect(isinstance(wanted.bounds or {}, Mapping), wanted.bounds, "bounds", "name → (lowest, highest)")
     return set_point_actions(craft, {**known, **(wanted.bounds or {})})
 
 

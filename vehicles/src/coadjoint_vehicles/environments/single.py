@@ -5,8 +5,9 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.errors import ArgumentError, StepError
 from coadjoint_vehicles.environments.episodes import Episodes
 from coadjoint_vehicles.environments.picture import PoseAt, picture
 from coadjoint_vehicles.environments.simulated import Simulated, Simulating
@@ -47,8 +48,7 @@ class VehicleEnv(Simulating, gymnasium.Env):
         return self._seen(), {}
 
     def _begin(self, options: dict[str, object]) -> None:
-        if unknown := sorted(set(options) - {"start"}):
-            raise ArgumentError(f"Argument `options` may have `start`, but has {shown(unknown[0])}.")
+        checks.all_known(options, ("start",), "key", "Argument `options`")
         if "start" in options:
             self.episodes.begin_at(np.array([0]), options["start"])
         else:

@@ -8,7 +8,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths
 from coadjoint_vehicles.environments.nested import nested
 from coadjoint_vehicles.model.craft import Craft
@@ -85,11 +85,8 @@ def deviation(path: str, given: object, value: np.ndarray) -> np.ndarray:
         found = np.broadcast_to(found, value.shape)
     except (TypeError, ValueError):
         found = np.full(1, np.nan)
-    if isinstance(given, bool) or not np.all(np.isfinite(found)) or np.any(found < 0):
-        raise ArgumentError(
-            f'The uncertainty of `{path}` must be a number of at least 0, or a share such as "5 %", but is '
-            f"{shown(given)}."
-        )
+    fits = not isinstance(given, bool) and np.all(np.isfinite(found)) and (not np.any(found < 0))
+    checks.expect(fits, given, f"The uncertainty of `{path}`", 'a number of at least 0, or a share such as "5 %"')
     return found
 
 

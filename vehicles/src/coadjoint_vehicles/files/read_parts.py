@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError, nearest
+from coadjoint.errors import ArgumentError, nearest, prefixed
 from coadjoint.sections import keys
 from coadjoint.texts import Table
 from coadjoint_vehicles import axes as border
@@ -128,10 +128,8 @@ def _thrusters(section: Section, name: str, axes: border.Axes) -> Part:
 
 def _command_unit(section: Section, unit: str) -> tuple[float, u.Dimension]:
     """A command's unit in SI, and its dimension."""
-    try:
+    with prefixed(section.book.path, ArgumentError):
         size, powers = u.unit_of(unit, f"{section.title} command_unit")
-    except ArgumentError as error:
-        raise section.book.fail(str(error)) from error
     return size, u.Dimension(powers, unit, unit)
 
 

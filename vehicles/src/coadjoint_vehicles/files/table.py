@@ -8,7 +8,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, nearest
+from coadjoint.errors import ArgumentError, nearest, prefixed
 from coadjoint.sections import checked, keys
 from coadjoint.texts import Table
 from coadjoint.units import NUMBER, Dimension, in_si
@@ -125,10 +125,8 @@ class Section:
                 f'{name} has the unit "{unit}", but its numbers measure several things: turn them into N, m, kg, s and '
                 f"rad, and write unit = {wanted}."
             )
-        try:
+        with prefixed(self.book.path, ArgumentError):
             return in_si(value, unit, dimension, what), unit
-        except ArgumentError as error:
-            raise self.book.fail(str(error)) from error
 
     def number(self, name: str, dimension: Dimension) -> float:
         """One number in SI units."""
@@ -160,10 +158,8 @@ class Section:
         for name, declared in keys(kind).items():
             if name in self or values[name] is MISSING:
                 value, _ = self.quantity(name, declared.dimension)
-                try:
+                with prefixed(self.book.path, ArgumentError):
                     values[name] = checked(declared, value, f"{self.title} {name}")
-                except ArgumentError as error:
-                    raise self.book.fail(str(error)) from error
         return values
 
     def done(self) -> None:

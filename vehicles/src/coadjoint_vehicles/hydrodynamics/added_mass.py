@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, FileError, warn
 from coadjoint.models.quantities import matrix, vector
@@ -63,11 +64,14 @@ def body_axes(axes: PyTree) -> Array:
     """S of `added_mass_in_axes` from a program's axes to forward, starboard, down."""
     if isinstance(axes, str):
         known = {"z_up": Z_UP_TO_Z_DOWN, "z_down": np.eye(3)}
-        if axes not in known:
-            raise ArgumentError(
-                f'Argument `axes` must be "z_up" (forward, port, up), "z_down" (forward, starboard, down) or a '
-                f"rotation (3, 3) from the axes of the file to those of the body, but is {axes!r}."
-            )
+        fits = axes in known
+        checks.expect(
+            fits,
+            axes,
+            "axes",
+            '"z_up" (forward, port, up), "z_down" (forward, starboard, down) or a rotation (3, 3) from the axes of the '
+            "file to those of the body",
+        )
         return known[axes]
     return matrix(axes, "axes")
 

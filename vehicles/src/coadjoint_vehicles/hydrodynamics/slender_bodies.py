@@ -6,7 +6,6 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Scalar
-from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive
 from coadjoint_vehicles.hydrodynamics.ellipsoids import ellipsoid_added_mass
@@ -82,9 +81,8 @@ def _tips(span: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 
 def _stations(stations: object) -> np.ndarray:
-    x = float64(stations, "Argument `stations`")
-    if np.ndim(x) != 1 or len(x) < 2:
-        raise ArgumentError(f"Argument `stations` must have shape (n,) with n ≥ 2, but has shape {np.shape(x)}.")
+    x = checks.array(stations, "stations", "(n,)")
+    checks.expect(len(x) > 1, x, "stations", "two stations or more")
     if np.any(np.diff(x) < 0) or x[0] == x[-1]:
         raise ArgumentError(
             "Argument `stations` must rise from the stern to the bow, but falls: sort the sections by x."

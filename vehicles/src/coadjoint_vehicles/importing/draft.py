@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import prefixed
 from coadjoint.models.descriptions.elements import Element
 from coadjoint.texts import Table
 from coadjoint_vehicles.importing.report import LOOKS as SEEN
@@ -76,7 +76,7 @@ class Draft:
         """The vehicle of all imported values; raises FileError for values that a vehicle cannot have."""
         sources = {FILE: self.source, GIVEN: "chosen at the import, where the files say nothing"}
         used = {told.source for told in self.provenance.values()}
-        try:
+        with prefixed(f"{self.source}: no vehicle can be made of it"):
             return Vehicle(
                 name=self.name,
                 description=f"imported from {self.report.format}",
@@ -86,8 +86,6 @@ class Draft:
                 sources={key: text for key, text in sources.items() if key in used},
                 **self.body,
             )
-        except ArgumentError as error:
-            raise FileError(f"{self.source}: no vehicle can be made of it: {error}") from error
 
 
 def _plain(value: object) -> PyTree:

@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.disk import require_file, require_folder
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import FileError, prefixed
 from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint.models.quantities import not_negative
 from coadjoint_vehicles.files.file import vehicle_from_text
@@ -126,10 +126,8 @@ def _finished(draft: Draft, xacro: Xacro) -> Imported:
         draft.left(place, "included or called files", said)
     draft.source = f"{report.format}: {', '.join(report.files)}"
     text = vehicle_to_toml(draft.vehicle())
-    try:
+    with prefixed(f"{draft.source}: no vehicle can be made of it"):
         vehicle = vehicle_from_text(text, draft.name)
-    except ArgumentError as error:
-        raise FileError(f"{draft.source}: no vehicle can be made of it: {error}") from error
     missing = [f"Missing: {sentence}" for sentence in xacro.missing[:MISSING]] if not vehicle.commanded else []
     report.flies, report.doubts = flies(vehicle), [*doubts(vehicle), *missing, *vehicle.warnings]
     return Imported(vehicle, text, report)

@@ -40,8 +40,7 @@ def inputs_from_csv(
     an input of more than 100 000 rows.
     """
     checks.choice(between, "between", KINDS)
-    if not (isinstance(every, (int, float)) and every >= 0):
-        raise ArgumentError(f"Argument `every` must be a time in s, 0 or more, but is {every!r}.")
+    checks.expect(isinstance(every, (int, float)) and every >= 0, every, "every", "a time in s, 0 or more")
     table = read_csv(path, unsorted)
     whole = _gathered(table)
     chosen = {name: _column(table, whole, name) for name in names} if names is not None else _default(whole)

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from coadjoint.checks import all_known
 from coadjoint.clocks import Jumps, Unsorted, clock, require_choices
 from coadjoint.csv_tables import Sheet, csv_text, read_sheet
 from coadjoint.disk import atomic_file, write_text
-from coadjoint.errors import ArgumentError, FileError, warn
+from coadjoint.errors import ArgumentError, FileError, prefixed, warn
 from coadjoint.extending import Registry, import_string
 from coadjoint.identification import Log
 from coadjoint.texts import Table
@@ -131,8 +132,7 @@ def read_table(
     where = f"{file}, line {header_line}: column"
     known = [None if name in ignore else column(name, where) for name in headers]
     names = {made.name for made in known if made is not None}
-    if strange := [name for name in ignore if name not in headers and name not in names]:
-        raise FileError(f"{file} has no column `{strange[0]}` to ignore; it has {', '.join(headers)}.")
+    all_known([name for name in ignore if name not in names], headers, "column", str(file), FileError)
     found: dict[str, tuple[Column, np.ndarray]] = {}
     for place, made in enumerate(known):
         if made is None or made.name in ignore:
@@ -159,7 +159,7 @@ def read_table(
     gaps = np.diff(time)
     if len(gaps) and gaps.max() > IRREGULAR * np.median(gaps):
         notes.append(f"Samples are irregular: {gaps.min():g} to {gaps.max():g} s apart.")
-    try:
+    with prefixed(str(file)):
         return Log(
             time,
             columns,
@@ -171,8 +171,6 @@ def read_table(
             breaks=read.breaks,
             current=_current(found),
         )
-    except ArgumentError as error:
-        raise FileError(f"{file}: {error}") from error
 
 
 def write_log(log: Log, path: str | os.PathLike[str]) -> None:

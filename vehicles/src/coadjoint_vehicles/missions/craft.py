@@ -11,7 +11,6 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import Setup
 from coadjoint.mechanics.members import Each, count_members
@@ -119,8 +118,8 @@ def _controller(section: Mapping[str, Any], vehicle: PyTree) -> PyTree:
         if given:
             raise ArgumentError('Section [controller] with kind = "none" has no other keys.')
         return None
-    if kind and kind not in CONTROLLERS:
-        raise ArgumentError(unknown(f"kind {kind!r}", "Section [controller]", str(kind), [*CONTROLLERS, "none"]))
+    if kind:
+        checks.known(kind, [*CONTROLLERS, "none"], "kind", "Section [controller]")
     if not kind and vehicle.controller is None:
         raise ArgumentError(
             f"The vehicle {vehicle.name} has no controller: add a section [controller] with a kind of "
@@ -147,13 +146,13 @@ def _plain(name: str, value: PyTree, cls: type) -> PyTree:
         return value
     if isinstance(value, dict):
         unit, dimension = value.get("unit", "SI"), declared.dimension
-        if not {"value"} <= set(value) <= {"value", "unit", "source", "note"}:
-            raise ArgumentError(f"[controller] {name} must be {_formats(name, declared)}, but is {value!r:.60}.")
+        fits = {"value"} <= set(value) <= {"value", "unit", "source", "note"}
+        checks.expect(fits, value, f"[controller] {name}", _formats(name, declared))
         return (
             value["value"] if unit == "SI" or dimension is None else in_si_units(value["value"], unit, dimension, name)
         )
-    if isinstance(value, (str, bool)) or (declared.check is three and np.ndim(value) == 0):
-        raise ArgumentError(f"[controller] {name} must be {_formats(name, declared)}, but is {value!r:.60}.")
+    fits = not isinstance(value, (str, bool)) and (declared.check is not three or np.ndim(value) != 0)
+    checks.expect(fits, value, f"[controller] {name}", _formats(name, declared))
     return value
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.checks import is_whole, number, unknown
+from coadjoint import checks
+from coadjoint.checks import is_whole, known, number
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, read
 from coadjoint.units import LENGTH, TIME, split_name
@@ -45,8 +46,7 @@ class FaultSection:
     def __post_init__(self) -> None:
         for name_in_file in self.given:
             if split_name(name_in_file)[0] != "stuck":
-                known = ("part", *ACTIONS, "time", "depth")
-                raise ArgumentError(unknown(f"key `{name_in_file}`", f"Section [{self.title}]", name_in_file, known))
+                known(name_in_file, ("part", *ACTIONS, "time", "depth"), "key", f"Section [{self.title}]")
         actions = ["stuck"] * bool(self.given) + [name for name in ACTIONS[1:] if getattr(self, name) is not None]
         if len(actions) != 1 or len(self.given) > 1:
             found = ", ".join([*self.given, *actions[bool(self.given) :]]) or "none"
@@ -62,11 +62,8 @@ class FaultSection:
         """The fault of a vehicle; raises ArgumentError for one that it cannot have."""
         from coadjoint_vehicles.model.faults import Fault
 
-        known = [one.name for one in vehicle.commanded]
-        if self.part not in known:
-            raise ArgumentError(
-                unknown(f"actuator {self.part!r}", f"[{self.title}] part: the vehicle", self.part, known)
-            )
+        there = [one.name for one in vehicle.commanded]
+        known(self.part, there, "actuator", f"[{self.title}] part: the vehicle")
         value, which = self._stands(vehicle.part(self.part))
         if self.time is not None:
             return Fault(self.part, value, which, time=self.time, name=self.name)
@@ -87,10 +84,8 @@ class FaultSection:
         if self.out is True:
             return rest, None
         numbers = self.out if isinstance(self.out, list) else [self.out]
-        if not all(is_whole(one) and one >= 1 for one in numbers):
-            raise ArgumentError(
-                f"[{self.title}] out must be true, or the numbers of thrusters from 1, but is {self.out!r}."
-            )
+        fits = all(is_whole(one) and one >= 1 for one in numbers)
+        checks.expect(fits, self.out, f"[{self.title}] out", "true, or the numbers of thrusters from 1")
         return rest, tuple(one - 1 for one in numbers)
 
     def _stuck(self, part: Any) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree
-from coadjoint.checks import number, unknown
+from coadjoint.checks import all_known, number, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, keys
 from coadjoint.texts import Table
@@ -27,10 +28,9 @@ ENDS = ("surface", "bottom", "last way point")
 
 
 def _numbers(value: object, name: str) -> Array:
-    try:
+    found = np.asarray(np.nan)
+    with suppress(TypeError, ValueError):
         found = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name} must hold numbers, but is {value!r}.") from error
     if not np.all(np.isfinite(found)) or isinstance(value, (bool, str)):
         raise ArgumentError(f"{name} must hold numbers, but is {value!r}.")
     return found
@@ -38,9 +38,7 @@ def _numbers(value: object, name: str) -> Array:
 
 def _ends(value: Any, name: str) -> tuple[str, ...]:
     ends = value if isinstance(value, list) else [value] if value else []
-    for end in ends:
-        if end not in ENDS:
-            raise ArgumentError(unknown(f"end {end!r}", "Section [mission]", str(end), ENDS))
+    all_known(ends, ENDS, "end", "Section [mission]")
     return tuple(ends)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key
@@ -82,8 +83,7 @@ def _deviation(name: str, given: object, value: np.ndarray) -> np.ndarray:
         raise ArgumentError(
             f'[perturb] {name} must be a standard deviation, a number or a share such as "5 %", but is {given!r}.'
         ) from error
-    if not np.all(np.isfinite(found)):
-        raise ArgumentError(f"[perturb] {name} must be finite, but is {given!r}.")
+    checks.expect(np.all(np.isfinite(found)), given, f"[perturb] {name}", "finite")
     if not np.all(found >= 0):
         raise ArgumentError(f"[perturb] {name} must not be negative, but is {given!r}.")
     return found

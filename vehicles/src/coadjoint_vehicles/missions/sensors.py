@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coadjoint.checks import unknown, whole
+from coadjoint import checks
+from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.sections import key
 from coadjoint.texts import Table
@@ -56,8 +57,7 @@ class SensorsSection:
         if self.names is not None and not self.names:
             raise ArgumentError(f'[sensors] names must be a list such as ["{known[0]}"], but is [].')
         for name in self.names or ():
-            if name not in known:
-                raise ArgumentError(unknown(f"sensor {name!r}", f"The vehicle {vehicle.name}", name, known))
+            checks.known(name, known, "sensor", f"The vehicle {vehicle.name}")
         return tuple(self.names or known)
 
     def require(self, vehicle: Vehicle, bottom: float | Bottom | None) -> None:

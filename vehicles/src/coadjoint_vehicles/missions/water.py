@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.arrays import PyTree
-from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import each
 from coadjoint.sections import in_si, of_section
@@ -111,8 +111,7 @@ def _made(axes: str, located: Located, given: Any, title: str, kinds: dict[str, 
     """One current, density or profile of a table."""
     table = dict(given)
     kind = table.pop("kind", default)
-    if kind not in kinds:
-        raise ArgumentError(unknown(f"kind {kind!r}", f"Section [{title}]", str(kind), list(kinds)))
+    checks.known(kind, list(kinds), "kind", f"Section [{title}]")
     module, _, name = kinds[kind].partition(":")
     cls = getattr(import_module(f"{_ROOM}.{module}"), name)
     if "file" in table and hasattr(cls, "from_csv"):

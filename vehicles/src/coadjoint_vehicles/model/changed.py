@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
@@ -101,9 +102,7 @@ def _members(values: Mapping[Any, Any]) -> Iterator[tuple[str, Mapping[Any, Any]
 def _require_shape(name: str, value: Any, nominal: PyTree) -> None:
     """Raise ArgumentError for a number whose shape has changed."""
     given, wanted = (np.shape(v.values)[1:] if isinstance(v, Each) else np.shape(v) for v in (value, nominal))
-    if given != wanted:
-        expected = "one number" if wanted == () else f"of shape {wanted}"
-        raise ArgumentError(f"The parameter `{name}` must be {expected}, but has shape {given}.")
+    checks.shape(np.empty(given), f"The parameter `{name}`", wanted)
 
 
 def _same(value: Any, nominal: PyTree) -> bool:

@@ -60,7 +60,7 @@ class Craft(WithOverview):
         controller = None if controller is None else controller.fitted(vehicle)
         self.vehicle, self.controller, self.water = vehicle, controller, StillWater() if water is None else water
         commanded = {part.name: part for part in vehicle.commanded}
-        self.faults = require_faults(faults, commanded, f"they are {', '.join(commanded) or 'none'}")
+        self.faults = require_faults(faults, commanded)
         self.rule = Rule(vehicle, controller, self.water, self.faults)
         self.parameters = Parameters(**self._nominal)
         """All numbers: the body's own, `p.mass`, and those of each part, `p.rudder.area`, of `water`, `controller`."""

@@ -52,8 +52,8 @@ class Fault:
         if self.time is not None:
             object.__setattr__(self, "time", float(number(self.time, "time` of a fault of `" + self.part)))
         name = self.name or self.part
-        if not isinstance(name, str) or not name.isidentifier():
-            raise ArgumentError(f"The name of a fault must be a word such as 'rudder', but is {name!r}.")
+        fits = isinstance(name, str) and name.isidentifier()
+        checks.expect(fits, name, "The name of a fault", "a word such as 'rudder'")
         object.__setattr__(self, "name", name)
 
     def fits(self, part: Part) -> None:
@@ -69,8 +69,8 @@ class Fault:
                 raise ArgumentError(f"The fault `{self.name}` of the {part.title}` needs a value.")
             return
         value = np.asarray(self.value, dtype=float)
-        if value.shape not in ((), shape) or not np.all(np.isfinite(value)):
-            raise ArgumentError(f"`value` of the fault `{self.name}` must be a number, but is {self.value!r}.")
+        fits = value.shape in ((), shape) and np.all(np.isfinite(value))
+        checks.expect(fits, self.value, f"`value` of the fault `{self.name}`", "a number")
         ends = None if part.command is None else part.travel(named(part.parameters()))
         if ends is not None and (np.any(value < ends[0] - 1e-12) or np.any(value > ends[1] + 1e-12)):
             raise ArgumentError(
@@ -112,17 +112,13 @@ def remembered(there: dict[str, Array]) -> dict[str, Course]:
     return {name: jumped(value) for name, value in there.items()}
 
 
-def require_faults(faults: Any, parts: dict[str, Part], names: str) -> tuple[Fault, ...]:
+def require_faults(faults: Any, parts: dict[str, Part]) -> tuple[Fault, ...]:
     """The faults of a craft; raises ArgumentError for impossible ones."""
     found = (faults,) if isinstance(faults, Fault) else tuple(faults)
     seen: set[str] = set()
     for fault in found:
-        if not isinstance(fault, Fault):
-            raise ArgumentError(
-                f"Argument `faults` must hold faults such as Fault('rudder', time=30.0), not {fault!r}."
-            )
-        if fault.part not in parts:
-            raise ArgumentError(f"The fault `{fault.name}` names `{fault.part}`, which is not an actuator: {names}.")
+        checks.instance(fault, "Each of `faults`", Fault, "a fault such as Fault('rudder', time=30.0)")
+        checks.known(fault.part, parts, "actuator", f"The fault `{fault.name}`: the vehicle")
         if fault.name in seen:
             raise ArgumentError(f"Two faults are named `{fault.name}`: give each its own name.")
         seen.add(fault.name)

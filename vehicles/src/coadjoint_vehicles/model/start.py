@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, starting_values
@@ -62,8 +63,7 @@ def through_water(speed: PyTree, velocity: PyTree) -> PyTree:
     if speed is not None and velocity is not None:
         raise ArgumentError("Give one of `speed` and `velocity`, not both.")
     if isinstance(speed, Each):
-        if np.ndim(speed.values) != 1:
-            raise ArgumentError(f"Each `speed` must be one number, but co.each has shape {np.shape(speed.values)}.")
+        checks.shape(speed.values, "speed", "(members,)")
         return each(np.outer(speed.values, [1.0, 0.0, 0.0]))
     if speed is not None:
         return number(speed, "speed") * np.array([1.0, 0.0, 0.0])
@@ -88,6 +88,5 @@ def _vectors(value: Any, name: str) -> PyTree:
     """A vector (3,), or one for each member; raises ArgumentError."""
     if not isinstance(value, Each):
         return vector(value, name)
-    if np.shape(value.values)[1:] != (3,):
-        raise ArgumentError(f"Each `{name}` must have shape (3,), but co.each has shape {np.shape(value.values)}.")
+    checks.shape(value.values, name, "(members, 3)")
     return value

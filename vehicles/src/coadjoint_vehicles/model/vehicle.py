@@ -182,8 +182,7 @@ def _different(parts: PyTree) -> tuple[Part, ...]:
     found = tuple(parts)
     names = set()
     for part in found:
-        if not isinstance(part, Part):
-            raise ArgumentError(f"Argument `parts` must hold parts such as Fin or Damping, but holds {part!r}.")
+        checks.instance(part, "Each of `parts`", Part, "a part such as Fin or Damping")
         if part.name in RESERVED or hasattr(Named, part.name):
             raise ArgumentError(f"The name `{part.name}` is taken: call the part something else.")
         if part.name.startswith(("controller_", "water_")):

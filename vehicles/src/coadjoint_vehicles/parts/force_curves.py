@@ -13,6 +13,7 @@ from typing import Any, ClassVar, cast
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError
@@ -219,8 +220,7 @@ class Table(ForceCurve):
     @classmethod
     def of(cls, numbers: PyTree) -> Table:
         rows = np.asarray(numbers, dtype=float)
-        if rows.ndim != 2 or rows.shape[1] != 2:
-            raise ArgumentError(f"A table of forces must have rows (command, force), but has shape {rows.shape}.")
+        checks.shape(rows, "A table of forces, (command, force),", "(n, 2)")
         return cls(rows[:, 0], rows[:, 1])
 
     @property

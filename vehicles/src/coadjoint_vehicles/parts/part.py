@@ -10,8 +10,8 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import Course, Force
 from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.measured import check_fields
@@ -81,8 +81,8 @@ class Part(Numbers, ABC):
         return None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise ArgumentError(f"The name of a part must be a word such as 'rudder', but is {self.name!r}.")
+        fits = isinstance(self.name, str) and self.name.isidentifier()
+        checks.expect(fits, self.name, "The name of a part", "a word such as 'rudder'")
         check_fields(self, self.title)
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown, warn
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.extending import Origin, StreamedRun, tabulate, with_ledger
 from coadjoint.extending import kernel_backend as kernels
 from coadjoint.mechanics import State
@@ -87,8 +87,8 @@ def chosen_sensors(craft: Craft, asked: Sequence[Sensor | str] | None) -> tuple[
     """Sensors of a craft by name, or others; by default all. Raises ArgumentError."""
     if asked is None:
         return craft.vehicle.sensors
-    if isinstance(asked, (str, Sensor)) or not isinstance(asked, Sequence):
-        raise ArgumentError(f"Argument `sensors` must be a row of names or sensors, but is {shown(asked)}.")
+    fits = not isinstance(asked, (str, Sensor)) and isinstance(asked, Sequence)
+    checks.expect(fits, asked, "sensors", "a row of names or sensors")
     return different([craft.vehicle.sensor(one) if isinstance(one, str) else one for one in asked])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.units import ending
 from coadjoint_vehicles.sensors.sensor import Sensor
 
@@ -91,10 +91,7 @@ class Readings(Mapping[str, SensorReading]):
 
     def add_to(self, dataset: xarray.Dataset) -> None:
         """Add the variables of all sensors to a dataset, in place; raises ArgumentError unless it is a dataset."""
-        if not hasattr(dataset, "coords"):
-            raise ArgumentError(
-                f"Argument `dataset` must be that of a run, such as run.dataset, but is {shown(dataset)}."
-            )
+        checks.expect(hasattr(dataset, "coords"), dataset, "dataset", "that of a run, such as run.dataset")
         for name, read in self.taken.items():
             key, begin, sensor = PREFIX + name, 0, read.sensor
             dataset.coords[f"{key}_time"] = (f"{key}_time", read.time, {"units": "s", "long_name": "time of a reading"})

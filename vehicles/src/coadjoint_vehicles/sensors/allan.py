@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 
@@ -68,6 +69,5 @@ def _times(times: object) -> np.ndarray:
 
 def _rate(rate: Any) -> float:
     number = not isinstance(rate, bool) and np.ndim(rate) == 0 and np.asarray(rate).dtype.kind in "iuf"
-    if not (number and 0 < rate < np.inf):
-        raise ArgumentError(f"The rate of readings must be a positive number, 1/s, but is {shown(rate)}.")
+    checks.expect(number and 0 < rate < np.inf, rate, "The rate of readings", "a positive number, 1/s")
     return float(rate)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.estimation import Measurement
 from coadjoint.spaces import Named
 from coadjoint_vehicles.sensors.kinematics import Kinematics, at_node
@@ -37,8 +37,7 @@ def measurement(
     Raises ArgumentError unless it is a sensor, for a sensor without white noise, whose covariance would be 0, and if
     the motion and the parameters do not determine its reading.
     """
-    if not isinstance(sensor, Sensor):
-        raise ArgumentError(f"A filter's measurement is made of a sensor such as Dvl, but got {shown(sensor)}.")
+    checks.instance(sensor, "sensor", Sensor, "a sensor such as Dvl")
     if covariance is None and not all(sensor.deviation > 0):
         raise ArgumentError(
             f"The {sensor.title}` has no white noise in {sensor.names}: give it a `noise`, or `covariance` here."

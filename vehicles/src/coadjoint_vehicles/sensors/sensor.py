@@ -15,7 +15,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, traced
 from coadjoint.groups import SO2
 from coadjoint.models.quantities import angles, not_negative, number, positive, vector
@@ -94,8 +94,8 @@ class Sensor(Numbers, ABC):
     outliers: Measured = measured(u.NUMBER, share, default=0.0)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise ArgumentError(f"The name of a sensor must be a word such as 'imu', but is {shown(self.name)}.")
+        fits = isinstance(self.name, str) and self.name.isidentifier()
+        checks.expect(fits, self.name, "The name of a sensor", "a word such as 'imu'")
         check_fields(self, self.title)
         lowest, highest = (getattr(self, name, None) for name in ("lowest", "highest"))
         if lowest is not None and highest is not None and not lowest < highest:
@@ -219,8 +219,7 @@ def different(sensors: Sequence[PyTree]) -> tuple[Sensor, ...]:
     """Sensors with names of their own; raises ArgumentError."""
     names: set[str] = set()
     for one in sensors:
-        if not isinstance(one, Sensor):
-            raise ArgumentError(f"Argument `sensors` must hold sensors such as Imu or Depth, but holds {shown(one)}.")
+        checks.instance(one, "Each of `sensors`", Sensor, "a sensor such as Imu or Depth")
         if one.name in names:
             raise ArgumentError(f"Two sensors are named `{one.name}`: give each its own name.")
         names.add(one.name)

@@ -42,8 +42,7 @@ class Bottom:
         self.north, self.east = _axis(north, "north"), _axis(east, "east")
         found = np.asarray(depth, dtype=float)
         shape = (len(self.north), len(self.east))
-        if found.shape != shape:
-            raise ArgumentError(f"Argument `depth` must have shape {shape}, of north and east, but has {found.shape}.")
+        checks.shape(found, "depth", shape)
         if found.size > MOST:
             raise ArgumentError(f"A bottom may have {MOST:,} nodes, but has {found.size:,}: thin it out.")
         if not np.all(np.isfinite(found)):
@@ -124,8 +123,9 @@ class Bottom:
             zero = np.asarray(origin, float)
         except (TypeError, ValueError):
             zero = np.zeros(0)
-        if zero.shape != (2,) or not np.all(np.isfinite(zero)):
-            raise ArgumentError(f"Argument `origin` must be a northing and an easting in m, but is {origin!r:.60}.")
+        checks.expect(
+            zero.shape == (2,) and np.all(np.isfinite(zero)), origin, "origin", "a northing and an easting in m"
+        )
         from coadjoint_vehicles.water.geotiff import grid_of
 
         north, east, values = grid_of(Path(path), MOST)
@@ -150,8 +150,12 @@ class Bottom:
 def _axis(given: object, name: str) -> np.ndarray:
     found = np.asarray(given, dtype=float)
     steps = np.diff(found) if found.ndim == 1 else np.zeros(0)
-    if len(steps) < 1 or not np.all(np.isfinite(found)) or not np.all(steps > 0):
-        raise ArgumentError(f"Argument `{name}` must be two numbers or more that rise, but is {given!r:.60}.")
+    checks.expect(
+        len(steps) >= 1 and np.all(np.isfinite(found)) and np.all(steps > 0),
+        given,
+        name,
+        "two numbers or more that rise",
+    )
     if np.ptp(steps) > 1e-6 * np.max(steps):
         raise ArgumentError(
             f"Argument `{name}` must be evenly spaced, but its steps are {min(steps):g} to {max(steps):g} m."
@@ -184,10 +188,13 @@ def _sign(positive: object, name: str, path: str | os.PathLike[str]) -> float:
             f'The file {path} does not say whether z counts up: give it the attribute positive = "up" or "down".'
         )
     said = str(positive if positive is not None else ("up" if name == "elevation" else "down")).lower()
-    if said not in ("up", "down"):
-        raise FileError(
-            f'The file {path}: the attribute positive of {name} must be "up" or "down", but is {positive!r:.40}.'
-        )
+    checks.expect(
+        said in ("up", "down"),
+        positive,
+        f"The file {path}: the attribute positive of {name}",
+        '"up" or "down"',
+        FileError,
+    )
     return -1.0 if said == "up" else 1.0
 
 

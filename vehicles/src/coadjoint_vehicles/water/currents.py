@@ -76,10 +76,8 @@ class CurrentField(Water):
     uniform = False
 
     def __post_init__(self) -> None:
-        if not callable(self.function) or _arguments(self.function) not in (1, 2):
-            raise ArgumentError(
-                f"Argument `function` must be a function of (position) or (position, t), but is {self.function!r}."
-            )
+        fits = callable(self.function) and _arguments(self.function) in (1, 2)
+        checks.expect(fits, self.function, "function", "a function of (position) or (position, t)")
         here = evaluate(lambda q, t: self.current(q, t, None, None), np.zeros(3), np.float64(0.0))
         _require_finite(here, "The current")
 
@@ -109,8 +107,8 @@ class TidalCurrent(Water):
     steady = False
 
     def __post_init__(self) -> None:
-        if isinstance(self.constituents, (str, float, int)) or len(self.constituents) == 0:
-            raise ArgumentError(f"Argument `constituents` must be a list such as ['M2'], but is {self.constituents!r}.")
+        fits = not isinstance(self.constituents, (str, float, int)) and len(self.constituents) != 0
+        checks.expect(fits, self.constituents, "constituents", "a list such as ['M2']")
         periods = float64([self._period(one) for one in self.constituents], "Argument `constituents`")
         shape = (len(periods), 3)
         amplitudes = checks.array(self.amplitudes, "amplitudes", shape)
@@ -129,8 +127,7 @@ class TidalCurrent(Water):
                     f"The constituent {one!r} is not known: give its period in s, or one of {', '.join(TIDES)}."
                 )
             return TIDES[one]
-        if not traced(one) and not one > 0:
-            raise ArgumentError(f"The period of a constituent must be positive, in s, but is {one!r}.")
+        checks.expect(traced(one) or one > 0, one, "The period of a constituent", "positive, in s")
         return one
 
     def parameters(self) -> dict[str, PyTree]:

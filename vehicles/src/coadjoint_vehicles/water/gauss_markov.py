@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate
@@ -47,8 +48,8 @@ class GaussMarkovCurrent(Water):
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "correlation_time", positive(self.correlation_time, "correlation_time"))
         object.__setattr__(self, "mean", vector(self.mean, "mean"))
-        if not isinstance(self.seed, Each) and not isinstance(self.seed, (int, np.integer)):
-            raise ArgumentError(f"Argument `seed` must be a whole number, or co.each of them, but is {self.seed!r}.")
+        fits = isinstance(self.seed, (Each, int, np.integer))
+        checks.expect(fits, self.seed, "seed", "a whole number, or co.each of them")
         if isinstance(self.seed, Each) and len(set(np.ravel(self.seed.values))) < len(self.seed):
             raise ArgumentError("Argument `seed` must have another number for each member, but some are the same.")
         _ = self._begun

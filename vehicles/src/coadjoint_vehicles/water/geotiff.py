@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import lzma
 import zlib
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from coadjoint.checks import library
 from coadjoint.disk import require_file
 from coadjoint.errors import ArgumentError, FileError, error_line
 from coadjoint.extending import logger
@@ -34,12 +34,7 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     that are not GeoTIFF, of several bands, rotated, in degrees or in feet, and for more than `most` pixels, before
     reading these; ArgumentError where tifffile is not installed.
     """
-    try:
-        tifffile = import_module("tifffile")
-    except ImportError as error:
-        raise ArgumentError(
-            'A bottom of GeoTIFF needs tifffile, which is not installed: pip install "coadjoint-vehicles[maps]".'
-        ) from error
+    tifffile = library("tifffile", "A bottom of GeoTIFF needs", "coadjoint-vehicles[maps]")
     require_file(path)
     logger("tifffile")  # which logs names
     try:

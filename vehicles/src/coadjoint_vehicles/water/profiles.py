@@ -118,10 +118,7 @@ class Sheared(Water):
 
     def __init__(self, surface: object, profile: Profile):
         surface = surface if isinstance(surface, Water) else UniformWater(vector(surface, "surface"))
-        if not surface.uniform:
-            raise ArgumentError(
-                f"Argument `surface` must be a current that is the same everywhere, but is {surface!r}."
-            )
+        checks.expect(surface.uniform, surface, "surface", "a current that is the same everywhere")
         if surface.stratified:
             raise ArgumentError(
                 "Argument `surface` has a density, but a profile of currents has none: give both to a Sea."

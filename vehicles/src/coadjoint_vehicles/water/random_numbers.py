@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError
 
 M1, M2 = 4294967087, 4294944443
 FIRST, SECOND = (-810728, 1403580, 0), (-1370589, 0, 527612)
@@ -26,8 +26,8 @@ def stream(seed: int) -> np.ndarray:
     Raises ArgumentError unless the seed is an integer from 0 to 2⁵³. Source: L'Ecuyer, Simard, Chen and Kelton,
     Operations Research 50 (2002) 1073.
     """
-    if float(seed) != int(seed) or not 0 <= seed <= LARGEST_SEED:
-        raise ArgumentError(f"A seed must be a whole number from 0 to 2^53, but is {seed!r}.")
+    fits = float(seed) == int(seed) and 0 <= seed <= LARGEST_SEED
+    checks.expect(fits, seed, "A seed", "a whole number from 0 to 2^53")
     found: list[int] = []
     for row, m in ((FIRST, M1), (SECOND, M2)):
         state, left, power = [12345] * 3, int(seed), 0

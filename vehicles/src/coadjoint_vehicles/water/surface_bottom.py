@@ -7,6 +7,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate
@@ -38,8 +39,8 @@ def altitude(bottom: object) -> Event:
 
         evaluate(depth_at, np.float64(0.0), np.float64(0.0))  # raises where it cannot be traced
         return lambda state: depth_at(state.q[0], state.q[1]) - state.q[2]
-    if not isinstance(bottom, (int, float)) and not hasattr(bottom, "dtype"):
-        raise ArgumentError(f"Argument `bottom` must be a depth in m, or a function (north, east), but is {bottom!r}.")
+    fits = isinstance(bottom, (int, float)) or hasattr(bottom, "dtype")
+    checks.expect(fits, bottom, "bottom", "a depth in m, or a function (north, east)")
     depth = number(bottom, "bottom", at_least=0.0)
     return lambda state: depth - state.q[2]
 

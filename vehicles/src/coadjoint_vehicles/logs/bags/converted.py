@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import Scalar
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import FileError
 from coadjoint.groups import attitude
 from coadjoint.identification.channels import ATTITUDE, VELOCITY
 
@@ -85,8 +86,8 @@ def _radii(latitude: float) -> tuple[float, float]:
 
 def fixes(position: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Latitude and longitude, °, of north and east of an origin; raises ArgumentError for an invalid origin."""
-    if len(origin) != 2 or not (np.all(np.isfinite(origin)) and abs(origin[0]) <= MOST_NORTH):
-        raise ArgumentError(f"Argument `origin` must be a latitude within 89° and a longitude, but is {origin!r}.")
+    fits = len(origin) == 2 and (np.all(np.isfinite(origin)) and abs(origin[0]) <= MOST_NORTH)
+    checks.expect(fits, origin, "origin", "a latitude within 89° and a longitude")
     meridian, across = _radii(origin[0])
     east = (origin[1] + np.degrees(position[:, 1] / across) + 180) % 360 - 180
     return origin[0] + np.degrees(position[:, 0] / meridian), east

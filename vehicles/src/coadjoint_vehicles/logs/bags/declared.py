@@ -26,7 +26,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, prefixed
 from coadjoint.sections import key, read
 from coadjoint.texts import file_text, read_table
 from coadjoint.units import ANGLE, LENGTH, TIME
@@ -44,17 +44,19 @@ _number = partial(checks.number, least=-LARGEST, most=LARGEST)
 
 
 def _three(value: object, name: str) -> np.ndarray:
-    if not isinstance(value, list) or len(value) != 3:
-        raise ArgumentError(f"{name} must be three numbers, but is {value!r:.40}.")
-    return np.array([_number(one, f"Each number of {name}") for one in value])
+    return np.array([_number(one, f"Each number of {name}") for one in _listed(value, name, 3, "three numbers")])
+
+
+def _listed(value: object, name: str, count: int, words: str) -> list[object]:
+    found: list[object] = checks.instance(value, name, list, words)
+    checks.expect(len(found) == count, value, name, words)
+    return found
 
 
 def _columns(value: object, name: str) -> dict[str, Number]:
     """The number of each column, by the names of quantities."""
     found: dict[str, Number] = {}
-    if not isinstance(value, Mapping):
-        raise ArgumentError(f'{name} must be a table, as in {{ u_m_s = "velocity.x" }}, but is {value!r:.40}.')
-    for header, path in value.items():
+    for header, path in checks.mapping(value, name, 'a table, as in { u_m_s = "velocity.x" }').items():
         quantity, factor = header, 1.0
         if header not in OTHERS:
             made = column(header, f"{name}:")
@@ -69,10 +71,9 @@ def _columns(value: object, name: str) -> dict[str, Number]:
 
 
 def _origin(value: object, name: str) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise ArgumentError(f"{name} must be [latitude, longitude] in degrees, but is {value!r:.40}.")
-    latitude = checks.number(value[0], f"The latitude of {name}", -MOST_NORTH, MOST_NORTH)
-    return latitude, checks.number(value[1], f"The longitude of {name}", -360.0, 360.0)
+    north, east = _listed(value, name, 2, "[latitude, longitude] in degrees")
+    latitude = checks.number(north, f"The latitude of {name}", -MOST_NORTH, MOST_NORTH)
+    return latitude, checks.number(east, f"The longitude of {name}", -360.0, 360.0)
 
 
 def _paths(value: object, name: str) -> tuple[str, ...]:
@@ -179,10 +180,8 @@ def declared(given: str | os.PathLike[str] | Mapping[str, Any] | None, axes: Axe
     _require_keys(table, ("axes", "sensor", "command"), where)
     axes = axes or _axes(table.get("axes", usual), where)
     sensors = [(row.sensor(axes, where), bool(row.columns)) for row in _rows(SensorSection, "sensor", table, where)]
-    try:
+    with prefixed(where):  # of a unit
         commands = [row.command() for row in _rows(CommandSection, "command", table, where)]
-    except ArgumentError as error:  # of a unit
-        raise FileError(f"{where}: {error}") from error
     if not sensors and not commands:
         raise FileError(f"{where} declares nothing: give [[sensor]] tables, each with a topic.")
     return Declared(tuple(sensors), tuple(commands))
@@ -214,8 +213,6 @@ def _require_keys(row: Mapping[str, object], known: Sequence[str], where: str) -
 
 
 def _axes(value: Any, where: str) -> Axes:
-    try:
+    with prefixed(where):
         space_axes(value)
-    except ArgumentError as error:
-        raise FileError(f"{where}: {error}") from error
     return cast(Axes, value)

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.clocks import HOUR, Jumps
 from coadjoint.clocks import clock as counted
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import FileError, prefixed
 from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
 
@@ -89,7 +89,7 @@ def merged(
     told += [note for one in inputs.values() for note in _pauses(clock, one)]
     late = [one for one in actual.values() if one.times[0] > clock[0]]
     told += [f"{one.topic} begins after the first sample, and is left out." for one in late]
-    try:
+    with prefixed(str(file)):
         return Log(
             read.time,
             columns,
@@ -104,8 +104,6 @@ def merged(
             ),
             current=_current(clock, sensors),
         )
-    except ArgumentError as error:
-        raise FileError(f"{file}: {error}") from error
 
 
 CURRENT = "current_"

@@ -11,9 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from coadjoint import checks
+from coadjoint.checks import all_known
 from coadjoint.clocks import Choices, Jumps, Unsorted, require_choices
 from coadjoint.disk import reading
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import FileError, prefixed
 from coadjoint.identification import Log
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.units import unit_of
@@ -78,8 +80,7 @@ def read_bag(
     if axes is not None:
         space_axes(axes)
     native = _format(file).axes
-    if isinstance(topics, str):
-        raise ArgumentError(f"Argument `topics` must be a list of topics, such as [{topics!r}], but is {topics!r}.")
+    checks.expect(not isinstance(topics, str), topics, "topics", f"a list of topics, such as [{topics!r}]")
     wanted = declared(sensors, axes, native)
     chosen = set(topics) | wanted.topics if topics is not None else wanted.topics if sensors is not None else None
     bags = [_opened(part, chosen, partial) for part in _parts(file)]
@@ -87,8 +88,7 @@ def read_bag(
     for bag in bags:
         for name, (kind, count) in bag.topics().items():
             there[name] = kind, count + there.get(name, ("", 0))[1]
-    if missing := [name for name in chosen or () if name not in there]:
-        raise FileError(f"{file} has no topic {missing[0]}; it has {', '.join(sorted(there)) or 'none'}.")
+    all_known(chosen or (), there, "topic", str(file), FileError)
     own = bags[0].metadata.get(OWN, {})
     if told := own.get("axes"):
         if axes not in (None, told):
@@ -275,10 +275,8 @@ def _step(file: Path, own: Mapping[str, str]) -> float | None:
 def _unit(topic: Topic, own: Mapping[str, str], name: str) -> str:
     """The unit of a command, from the metadata; raises FileError for an unknown one."""
     unit = own.get(f"unit.{name}", "1") or "1"
-    try:
+    with prefixed(str(topic.where)):
         unit_of(unit, f"The unit of {topic.name}")
-    except ArgumentError as error:
-        raise FileError(f"{topic.where}: {error}") from error
     return unit
 
 
