@@ -47,7 +47,7 @@ MODULES = (
 
 if TYPE_CHECKING:
     # named otherwise where they are defined
-    __all__ = ["kernel_backend", "player_page", "read_run_file", "scene_of_runs", "shown_number", "simulate_setup"]
+    __all__ = ["kernel_backend", "read_run_file", "shown_number", "simulate_setup"]
 
     from coadjoint.extensions import Registry as Registry
     from coadjoint.extensions import import_string as import_string
@@ -71,8 +71,6 @@ if TYPE_CHECKING:
     from coadjoint.methods.increments import FullStep as FullStep
     from coadjoint.models.entry import MOVING as MOVING
     from coadjoint.plotting.decimation import thin as thin
-    from coadjoint.plotting.player import page as player_page
-    from coadjoint.plotting.scene_of_runs import scene as scene_of_runs
     from coadjoint.portable import require_portable as require_portable
     from coadjoint.report.companion_files import keep_beside as keep_beside
     from coadjoint.report.folder import kept_inputs as kept_inputs
