@@ -36,7 +36,7 @@ def test_commands_that_are_not_named_keep_their_values():
         (None, {"fin": 0.5}, "This stepper has no commands"),
         (inputs, 0.5, "`command` must be name → value, but is 0.5"),
         (inputs, {"rudder": 0.5}, "no command `rudder`: it knows fin, thrust"),
-        (inputs, {"thrust": 0.5}, r"Command `thrust` must have shape \(2,\), but has \(\)"),
+        (inputs, {"thrust": 0.5}, r"Command `thrust` must have shape \(2,\), but has shape \(\)"),
         (inputs, {"fin": [0.5]}, r"Command `fin` must be one number, but has shape \(1,\)"),
         (inputs_from(Command((2,))), [3.0], r"The command must have shape \(2,\)"),
     ):

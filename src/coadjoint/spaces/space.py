@@ -182,7 +182,7 @@ def checked_vector(value: Any, size: int, name: str) -> Array:
         shape = np.shape(value)
     if shape is None or (shape != (size,) and not numeric(value)):
         raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
-    return checks.array(value, name, (size,))
+    return checks.array(value, f"Argument `{name}`", (size,))
 
 
 def require_flat(space: Space, what: str, remedy: str) -> None:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
-from coadjoint import checks
 from coadjoint.cli import terminal
 from coadjoint.cli.metavars import called
 from coadjoint.errors import ArgumentError
@@ -92,6 +91,8 @@ class Import:
 
 
 def _pair(given: str) -> tuple[str, str]:
+    from coadjoint import checks
+
     name, sign, value = given.partition("=")
     checks.expect(name and sign, given, "Argument --set", "NAME=VALUE")
     return name, value

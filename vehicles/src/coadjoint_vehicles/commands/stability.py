@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
-from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.cli import terminal
 from coadjoint.cli.metavars import called
@@ -98,6 +97,8 @@ class Stability:
 
 def speeds_from(text: str) -> list[float]:
     """Speeds from `1.5`, `0.5,1,2` or `first:last:step`; raises ArgumentError."""
+    from coadjoint import checks
+
     try:
         if ":" in text:
             first, last, step = (float(part) for part in text.split(":"))
@@ -115,6 +116,8 @@ def speeds_from(text: str) -> list[float]:
 
 
 def _setting(text: str | tuple[str, ...]) -> tuple[str, float]:
+    from coadjoint import checks
+
     text = text if isinstance(text, str) else text[0]
     name, _, value = text.partition("=")
     found = nan
