@@ -17,7 +17,7 @@ from coadjoint.extensions import import_string
 from coadjoint.log import PHASES, phase
 from files import TOP_OF_CATALOGUE, write
 
-QUICK = {"Keys", "Models", "Vehicles", "Serve"}
+QUICK = {"Completion", "Keys", "Models", "Vehicles", "Serve"}
 """Commands that answer at the first line, or have one of their own."""
 
 

@@ -69,10 +69,7 @@ class Measurement:
     loss: Loss | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
-        if not callable(self.function):
-            raise ArgumentError(
-                f"co.estimation.Measurement takes a function of the motion, but got {shown(self.function)}."
-            )
+        checks.function(self.function, "The function of co.estimation.Measurement", "a function of the motion")
         if (self.covariance is None) == (self.deviation is None):
             raise ArgumentError("Give co.estimation.Measurement either a `covariance` or a `deviation` of its noise.")
         if self.deviation is not None and not (np.ndim(self.deviation) < 2 and positive(numbers(self.deviation))):
