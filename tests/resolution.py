@@ -273,7 +273,7 @@ RESOLVED = [
     Case("light top, h|ω| = 2, exponential", top(2.0, method=co.Midpoint(co.Exponential()))),
     Case("body, 0.2 rad a step", body([0.8, 1.6, 0.8])),
     Case("body, 0.2 rad a step, order 6", body([0.8, 1.6, 0.8], method=co.methods.KahanLi6(co.Midpoint()))),
-    Case("body, 0.2 rad a step, variable step", body([0.8, 1.6, 0.8], method=co.VariableStep())),
+    Case("body, 0.2 rad a step, variable step", body([0.8, 1.6, 0.8], method=co.methods.VariableStep())),
     Case("body that does not turn", body([0.0, 0.0, 0.0])),
     Case("body, inertia 1e-3, about its long axis", body([0.0, 0.0, 1.0], inertia=(1.0, 1.0, 1e-3))),
     Case("signal at 2 rad/s", driven(2.0)),

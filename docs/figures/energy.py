@@ -14,8 +14,8 @@ from coadjoint.plotting import style
 METHODS = {
     "Midpoint": (co.Midpoint(), "energy"),
     "EnergyMomentum": (co.EnergyMomentum(), "energy"),
-    "VariableStep, discrete energy": (co.VariableStep(), "discrete_energy"),
-    "VariableStep, Legendre energy": (co.VariableStep(), "energy"),
+    "VariableStep, discrete energy": (co.methods.VariableStep(), "discrete_energy"),
+    "VariableStep, Legendre energy": (co.methods.VariableStep(), "energy"),
 }
 
 

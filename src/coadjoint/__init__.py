@@ -69,7 +69,6 @@ if TYPE_CHECKING:
     from coadjoint.methods import Simpson as Simpson
     from coadjoint.methods import Suzuki4 as Suzuki4
     from coadjoint.methods import Trapezoidal as Trapezoidal
-    from coadjoint.methods import VariableStep as VariableStep
     from coadjoint.methods import Variational as Variational
     from coadjoint.simulation.events import Event as Event
     from coadjoint.simulation.outputs import Output as Output
@@ -96,7 +95,7 @@ MOVED = {
     "holonomy horizontal_lift jumped mechanical_connection poisson_bracket quadratic_drag rayleigh "
     "sampled sampling trace_casimirs",
     "methods": "AdjointVariational Composition GroupVariational KahanLi6 KahanLi8 LeftRight Method "
-    "SofroniouSpaletta6 SofroniouSpaletta8 SofroniouSpaletta10 Symmetrised Yoshida4",
+    "SofroniouSpaletta6 SofroniouSpaletta8 SofroniouSpaletta10 Symmetrised VariableStep Yoshida4",
     "simulation": "save_fmu",
     "spaces": "Adjoint Dual GroupItself Points RelativePoses Several Space Submanifold",
     "sweeps": "SweepResults load_sweep",

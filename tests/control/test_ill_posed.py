@@ -47,7 +47,7 @@ WRONG = {
     "a parameter that is none": ({"parameters": {"weight": (0.0, 1.0)}}, "no parameter `weight`"),
     "a parameter without bounds": ({"parameters": {"mass": 1.0}}, "lower, upper"),
     "a parameter between nothing": ({"parameters": {"mass": (2.0, 1.0)}}, "Nothing lies between"),
-    "steps that choose themselves": ({"method": co.VariableStep()}, "fixed step"),
+    "steps that choose themselves": ({"method": co.methods.VariableStep()}, "fixed step"),
     "a method that is a text": ({"method": "midpoint"}, "must be a method"),
     "an input that nothing takes": ({"inputs": {"pull": Input((1,))}, "cost": None}, "push"),
 }

@@ -135,4 +135,4 @@ def test_an_exported_step_is_saved_and_names_what_it_depends_on(tmp_path):
 def test_a_method_that_chooses_its_steps_is_refused():
     system, start = vehicle()
     with pytest.raises(co.errors.ArgumentError, match="with fixed steps"):
-        step_graph(Begun(system, co.VariableStep(), 0.1, start))
+        step_graph(Begun(system, co.methods.VariableStep(), 0.1, start))

@@ -13,6 +13,7 @@ import coadjoint as co
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.methods import VariableStep
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue
 from coadjoint.simulation.driver import Driver
@@ -39,7 +40,7 @@ def held(name: str, method: co.methods.Method, steps: int = 100_000):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", MODELS)
 def test_discrete_energy_is_constant_over_100000_steps(name):
-    run = held(name, co.VariableStep())
+    run = held(name, VariableStep())
     print(run)
     told = run.summary()
     assert run.relative_change("discrete_energy") <= MODELS[name][1]
@@ -55,7 +56,7 @@ SOME = [pytest.param(name, marks=() if name == "heavy_top" else pytest.mark.long
 
 @pytest.mark.parametrize("name", SOME)
 def test_momenta_are_kept_as_with_fixed_steps(name):
-    run, fixed = held(name, co.VariableStep()), held(name, co.Simpson())
+    run, fixed = held(name, VariableStep()), held(name, co.Simpson())
     changes = [one.relative_change("kelvin_noether") for one in (run, fixed)]
     print(f"{name}: {changes}")
     assert changes[0] <= max(3 * changes[1], 2e-13)
@@ -96,7 +97,7 @@ def test_h_goes_with_the_cube_root_of_the_excess(name):
     """E − ℋ = 3h²K, and h³K is constant along the orbit up to O(h²), where K itself varies by its own size."""
     model = catalogue[name]
     body = model.make()
-    seen = co.simulate(body, model.start(body), dt=MODELS[name][0], steps=2_000, method=co.VariableStep()).monitors
+    seen = co.simulate(body, model.start(body), dt=MODELS[name][0], steps=2_000, method=VariableStep()).monitors
     E, H, h = (seen[key] for key in ("discrete_energy", "energy", "step_size"))
     K = (E[:-1] - 0.5 * (H[1:] + H[:-1])) / (3 * h[:-1] ** 2)
 
@@ -109,7 +110,7 @@ def test_h_goes_with_the_cube_root_of_the_excess(name):
 
 @pytest.mark.long
 def test_where_no_step_holds_the_energy_fixed_ones_are_counted_and_told():
-    run = held("kirchhoff_ellipsoid", co.VariableStep(co.Midpoint()), 5_000)
+    run = held("kirchhoff_ellipsoid", VariableStep(co.Midpoint()), 5_000)
     fixed = run.summary()["steps_fixed"]
     print(run)
     assert 0 < fixed < 5_000
@@ -120,7 +121,7 @@ def test_where_no_step_holds_the_energy_fixed_ones_are_counted_and_told():
 def test_energy_is_held_over_the_steps_that_are_not_fixed():
     model = catalogue["kirchhoff_ellipsoid"]
     body = model.make()
-    method = co.VariableStep(co.Midpoint(), within=(0.5, 2.0))
+    method = VariableStep(co.Midpoint(), within=(0.5, 2.0))
     run = co.simulate(body, model.start(body), dt=0.02, steps=3_000, method=method)
     energy, memory = run.monitors["discrete_energy"], run.records.memory
     found = np.diff(memory.fixed, prepend=0.0) == 0
@@ -139,7 +140,7 @@ def test_at_and_near_a_relative_equilibrium_all_steps_are_fixed(off):
     body = co.System(
         co.SO3(), lambda xi, p: 0.5 * xi @ p.J @ xi, parameters={"J": turn @ np.diag([1.0, 2, 3]) @ turn.T}
     )
-    method = co.VariableStep(co.Simpson(co.Exponential()))
+    method = VariableStep(co.Simpson(co.Exponential()))
     run = co.simulate(body, body.state(xi=turn[:, 2] + off * turn[:, 0]), dt=0.05, steps=500, method=method)
     assert run.summary()["steps_fixed"] == 499
     assert "499 of 500 steps (99.80%) fixed" in str(run) and "relative equilibrium" in run.warnings[0]
@@ -150,7 +151,7 @@ def test_at_and_near_a_relative_equilibrium_all_steps_are_fixed(off):
 def test_symplectic_in_extended_phase_space():
     """ω + δ₁E δ₂t − δ₂E δ₁t is kept by (g, n, μ, π, t) ↦ the next node on the surface E_k = E, and ω alone is not."""
     system, start = timeless("SO3")
-    method, random = co.VariableStep(co.Midpoint()), generator("extended")
+    method, random = VariableStep(co.Midpoint()), generator("extended")
     program, constants, h = (
         StepProgram(replace_parameters(system, None), method),
         Constants(system.parameters, None),
@@ -211,7 +212,7 @@ def carried(system, program, constants, state, h, d1: PhaseVariation, d2: PhaseV
 def test_native_and_reference_steps_are_the_same():
     model, h = catalogue["simo_wong_top"], 0.02
     system = model.make()
-    method = co.VariableStep()
+    method = VariableStep()
     program, constants = StepProgram(replace_parameters(system, None), method), Constants(system.parameters, None)
     state = method.begin(system, model.start(system), h)
     chunk = native.run(program, constants, state, h, 20, 1, monitors=False)
@@ -231,15 +232,21 @@ def test_native_and_reference_steps_are_the_same():
 def test_times_are_those_of_the_nodes_in_memory_and_in_a_store(tmp_path):
     model = catalogue["simo_wong_top"]
     top = model.make()
-    one = co.simulate(top, model.start(top), dt=0.02, steps=300, method=co.VariableStep(), save_every=7)
+    one = co.simulate(top, model.start(top), dt=0.02, steps=300, method=VariableStep(), save_every=7)
     other = co.simulate(
-        top, model.start(top), dt=0.02, steps=300, method=co.VariableStep(), save_every=7, store=tmp_path / "run"
+        top,
+        model.start(top),
+        dt=0.02,
+        steps=300,
+        method=VariableStep(),
+        save_every=7,
+        store=tmp_path / "run",
     )
     time = one.dataset.time.values
     np.testing.assert_array_equal(time, one.records.t)
     np.testing.assert_array_equal(time, other.dataset.time.values)
     assert np.max(np.abs(time - 0.02 * one.steps_saved)) > 1e-6
-    every = co.simulate(top, model.start(top), dt=0.02, steps=300, method=co.VariableStep()).dataset
+    every = co.simulate(top, model.start(top), dt=0.02, steps=300, method=VariableStep()).dataset
     np.testing.assert_allclose(np.diff(every.time), every.step_size[:-1], rtol=1e-11)
     assert one.dataset.attrs["time_final"] == time[-1] == one.final.t
 
@@ -249,35 +256,35 @@ def test_what_does_not_fit_is_refused():
         co.LeftRectangle(),
         co.methods.LeftRight(),
         co.EnergyMomentum(),
-        co.VariableStep(),
+        VariableStep(),
         co.Suzuki4(co.Midpoint()),
         co.Galerkin(),
     ):
         with pytest.raises(co.errors.ArgumentError, match="needs a symmetric rule of one stage"):
-            co.VariableStep(base)
+            VariableStep(base)
     for within in ((0.0, 2.0), (1.0, 2.0), (0.5, np.inf), 3.0):
         with pytest.raises(co.errors.ArgumentError, match="0 < low < 1 < high"):
-            co.VariableStep(within=within)  # pyright: ignore[reportArgumentType]
+            VariableStep(within=within)  # pyright: ignore[reportArgumentType]
     forced, start = random_system("SO3", forced=True)
     with pytest.raises(co.errors.ArgumentError, match="forces, explicit time, inputs and internal states change"):
-        co.simulate(forced, start, dt=0.1, steps=1, method=co.VariableStep())
+        co.simulate(forced, start, dt=0.1, steps=1, method=VariableStep())
     sphere, start = timeless("SO3 on a sphere")
     with pytest.raises(co.errors.ArgumentError, match="needs a flat space"):
-        co.simulate(sphere, start, dt=0.1, steps=1, method=co.VariableStep())
+        co.simulate(sphere, start, dt=0.1, steps=1, method=VariableStep())
     model = catalogue["heavy_top"]
     with pytest.raises(co.errors.ArgumentError, match="by parts of a step"):
         top = model.make()
-        co.simulate(top, model.start(top), dt=1e-4, steps=1, method=co.VariableStep(), until=lambda s: s.t - 1.0)
+        co.simulate(top, model.start(top), dt=1e-4, steps=1, method=VariableStep(), until=lambda s: s.t - 1.0)
     tops = model.make().replace(mass=co.each([15.0, 16.0]))
     with pytest.raises(co.errors.ArgumentError, match="share their times"):
-        co.simulate(tops, model.start(model.make()), dt=1e-4, steps=1, method=co.VariableStep())
+        co.simulate(tops, model.start(model.make()), dt=1e-4, steps=1, method=VariableStep())
 
 
 @pytest.mark.long
 def test_an_interrupted_run_goes_on_with_its_energy_and_its_last_step(tmp_path, monkeypatch):
     model = catalogue["simo_wong_top"]
     top = model.make()
-    given = {"dt": 0.02, "steps": 3_000, "method": co.VariableStep(), "save_every": 7}
+    given = {"dt": 0.02, "steps": 3_000, "method": VariableStep(), "save_every": 7}
     whole, stretch, done = co.simulate(top, model.start(top), **given), Driver._stretch, []
 
     def interrupted(driver, position, speed):
@@ -301,7 +308,7 @@ def turned(inertia, backend="auto"):
     """The momentum after steps at a relative equilibrium, where h is fixed: μ₃ = J₃₃."""
     body = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ p.inertia @ xi, parameters=co.Parameters(inertia=inertia))
     start = body.state(xi=[0.0, 0.0, 1.0])
-    return co.trajectory(body, start, dt=0.1, steps=3, method=co.VariableStep(), backend=backend).final.mu[2]
+    return co.trajectory(body, start, dt=0.1, steps=3, method=VariableStep(), backend=backend).final.mu[2]
 
 
 def test_native_code_says_that_steps_that_may_fail_have_no_derivative():

@@ -178,7 +178,7 @@ def test_files_that_cannot_be_read_are_told(tmp_path):
         (["system.factory=top.py:raises", "initial="], r"raised an error: KeyError: 'mass' \(line \d+\)\."),
         (["system.factory=top.py:number", "initial="], "must return a co.System"),
         (["parameters.wieght=3"], "did you mean `weight`?"),
-        (["initial.a0=[0,1]"], r"`a0` must have shape \(3,\), but has shape \(2,\)"),
+        (["initial.a0=[0,1]"], r"`initial.a0` must have shape \(3,\), but has shape \(2,\)"),
         (["initial.euler_zyx=", "initial.rotation=[[1,0,0],[0,1,0],[0,0,2]]"], "must lie in SO3"),
         (["initial.euler_zyx=", "initial.g=[[1,0,0],[0,1,0],[0,0,-1]]"], "must lie in SO3"),
         (["initial.g=[[1,0,0],[0,1,0],[0,0,1]]"], "gives both `g` and `euler_zyx`"),

@@ -250,7 +250,7 @@ def test_a_trajectory_that_parts_from_the_true_one_tells_until_when_it_holds():
 def test_a_whole_trajectory_is_judged_only_where_two_runs_share_their_nodes():
     system, start, arguments = top(0.3)()
     with pytest.raises(co.errors.ArgumentError, match="does not go with a method with steps of its own"):
-        co.simulate(system, start, accuracy="full", **{**arguments, "method": co.VariableStep()})
+        co.simulate(system, start, accuracy="full", **{**arguments, "method": co.methods.VariableStep()})
     with pytest.raises(co.errors.ArgumentError, match="leave out `until`"):
         co.simulate(system, start, accuracy="full", until=lambda state: state.t - 1.0, **arguments)
     with pytest.raises(co.errors.ArgumentError, match="`accuracy` must be"):

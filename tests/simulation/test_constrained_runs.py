@@ -207,7 +207,7 @@ def test_a_hamiltonian_has_the_steps_of_its_lagrangian(method, plain):
     "method",
     [
         co.Galerkin(),
-        co.VariableStep(co.Midpoint()),
+        co.methods.VariableStep(co.Midpoint()),
         co.EnergyMomentum(),
         co.IsospectralMidpoint(),
         co.LeftRectangle(start="velocity"),

@@ -177,7 +177,7 @@ def test_every_member_of_an_ensemble_has_its_own_events(fleet):
         ({"events": {"section": lambda s: s.mu}}, co.errors.LagrangianError, "`section` must return one number"),
         ({"events": {"s": first_momentum}, "store": "folder"}, co.errors.ArgumentError, "leave out `store`"),
         (
-            {"until": first_momentum, "method": co.VariableStep(co.Midpoint())},
+            {"until": first_momentum, "method": co.methods.VariableStep(co.Midpoint())},
             co.errors.ArgumentError,
             "parts of a step",
         ),

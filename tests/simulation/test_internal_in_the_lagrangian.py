@@ -215,7 +215,7 @@ def test_an_internal_state_without_a_rule_stays_as_it_starts():
         ),
         (
             lambda: co.simulate(
-                turntable(), skater(turntable()), dt=H, steps=2, method=co.VariableStep(co.Simpson(co.Cayley()))
+                turntable(), skater(turntable()), dt=H, steps=2, method=co.methods.VariableStep(co.Simpson(co.Cayley()))
             ),
             "internal states change",
         ),

@@ -51,7 +51,7 @@ MADE = [
     ({"threads": 0}, "whole number from 1"),
     ({"backend": "gpu"}, "Argument `backend`"),
     ({"until": 3.0}, "must be a function of the state"),
-    ({"method": co.VariableStep()}, "takes steps of dt"),
+    ({"method": co.methods.VariableStep()}, "takes steps of dt"),
     ({"method": "rk4"}, "must be a method"),
     ({"changing": "weight"}, "There is no parameter `weight`"),
     ({"changing": 3}, "Argument `changing` must be names of parameters"),

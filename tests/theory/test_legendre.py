@@ -43,7 +43,7 @@ def with_discrete_lagrangian(world: str) -> tuple[co.System, co.State]:
 
 @lru_cache
 def without_time(world: str) -> tuple[co.System, co.State]:
-    """The random system of a world with an ℓ that does not take t, as co.VariableStep asks for."""
+    """The random system of a world with an ℓ that does not take t, as co.methods.VariableStep asks for."""
     system, start = random_system(world)
 
     def lagrangian(*arguments):
@@ -68,7 +68,7 @@ METHODS = {
     "pair": ("SE2", co.methods.LeftRight()),
     "symmetrised": ("SO3 on a sphere", co.methods.Symmetrised(co.RightRectangle())),
     "suzuki": ("R3", co.Suzuki4(co.Midpoint())),
-    "variable": ("SO3", co.VariableStep()),
+    "variable": ("SO3", co.methods.VariableStep()),
 }
 UNFORCED = ("suzuki", "variable")
 """Substeps backwards, and a held energy, refuse dissipation."""

@@ -47,7 +47,7 @@ def test_the_midpoint_rule_turns_an_oscillator_by_the_angle_of_cayleys_map(backe
         co.EnergyMomentum(),
         co.Galerkin(degree=2),
         co.Suzuki4(co.Midpoint()),
-        co.VariableStep(co.Simpson()),
+        co.methods.VariableStep(co.Simpson()),
     ],
     ids=lambda method: method.title,
 )
@@ -63,7 +63,7 @@ def test_every_method_moves_an_oscillator_within_its_order(method):
 def test_variable_steps_are_the_same_by_xla():
     start, options = OSCILLATOR.state(q=[1.0], qdot=[0.3]), {"dt": H, "steps": 4, "monitors": False, "accuracy": False}
     runs = [
-        co.simulate(OSCILLATOR, start, method=co.VariableStep(co.Simpson()), backend=b, **options)
+        co.simulate(OSCILLATOR, start, method=co.methods.VariableStep(co.Simpson()), backend=b, **options)
         for b in ("native", "xla")
     ]
     np.testing.assert_allclose(runs[1].final.n, runs[0].final.n, atol=1e-9)
