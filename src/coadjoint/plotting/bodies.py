@@ -90,7 +90,7 @@ def linkage(mechanism: Mechanism) -> list[Solid]:
                 held[name].append(np.asarray(getattr(numbers, end), dtype=float).tolist())
         if joint.kind == "rolling" and joint.second in held:
             axis = 0.0 if joint.axis is None else mechanism.reference(joint.second)[0].T @ joint.axis
-            wheels[joint.second] = ellipsoid(float(joint.radius) * (1 - 0.95 * np.abs(np.broadcast_to(axis, 3))))
+            wheels[joint.second] = ellipsoid(float(joint.radius or 0.0) * (1 - 0.95 * np.abs(np.broadcast_to(axis, 3))))
     radius = 0.03 * max((float(np.linalg.norm(at)) for points in held.values() for at in points), default=1.0) or 0.03
     return [Solid([*_bars(held[name], radius), *([wheels[name]] if name in wheels else [])]) for name in held]
 
