@@ -68,18 +68,24 @@ def page(found: dict[str, dict[str, list[KeyRow]]]) -> str:
     lines = [
         "# Keys of files",
         "",
-        "Every key that a section declares, with its SI unit, its default and its meaning.",
+        "After this page you know every key that a section declares, with its SI unit, its default and its meaning.",
         "`coadjoint keys` prints them, and `coadjoint keys --markdown` writes this page. A key may end in another unit",
         "of the same dimension, as `duration_min`, and is in SI units without one. Further pages explain",
         "[run files](commands.md#run-files), [sweeps](sweeps.md), [missions](missions.md) and [vehicles](vehicles.md).",
+        "",
+        "```sh",
+        "coadjoint keys run",
+        "```",
     ]
+    written: dict[tuple[KeyRow, ...], str] = {}
     for file, sections in found.items():
         lines += ["", f"## {file[:1].upper()}{file[1:]}"]
         for name, listed in sections.items():
-            lines += ["", f"### `[{name}]` of {file}", "", *_table(listed)]
+            same = written.setdefault(tuple(listed), title := f"`[{name}]` of {file}")
+            lines += ["", f"### {title}", "", *(_points(listed) if same is title else [f"As {same}."])]
     return "\n".join(lines) + "\n"
 
 
-def _table(listed: Iterable[KeyRow]) -> list[str]:
-    cells = [(f"`{row.key}`", *(cell.replace("|", "\\|") for cell in row[1:])) for row in listed]
-    return ["|" + "|".join(f" {cell} " if cell else " " for cell in row) + "|" for row in (HEADS, ["---"] * 4, *cells)]
+def _points(listed: Iterable[KeyRow]) -> list[str]:
+    """A line for each key, as in "- `dt`, s, needed: the length of a step"."""
+    return [f"- {', '.join(filter(None, (f'`{row.key}`', row.unit, row.default)))}: {row.meaning}" for row in listed]
