@@ -79,12 +79,12 @@ def cross(v):
 def test_a_pinned_body_and_the_top_in_minimal_coordinates_have_the_same_filter():
     """200 members of one truth: the same estimates and deviations to the error of the steps, and a NEES of 6."""
     members, h, steps, random = 200, 0.004, 200, np.random.default_rng(1)
-    measurements = {"gyro": Measurement(lambda m: m.xi, 0.05**2), "down": Measurement(lambda m: m.a, 0.02**2)}
+    measurements = {"gyro": Measurement(lambda m: m.xi, 0.02**2), "down": Measurement(lambda m: m.a, 0.008**2)}
     system, free = pinned(), top()
-    upright, noise = free.state(xi=RATES, a0=[0, 0, 1]), {"torque": 0.2}
+    upright, noise = free.state(xi=RATES, a0=[0, 0, 1]), {"torque": 0.08}
     given, least = ModelProcess(system, start(system), noise=noise), ModelProcess(free, upright, noise=noise)
     reference = Filter(
-        least, upright, measurements=measurements, deviations={"g": 0.05, "xi": 0.1}, members=members, accuracy=False
+        least, upright, measurements=measurements, deviations={"g": 0.02, "xi": 0.04}, members=members, accuracy=False
     )
     # (η, δμ) of the top are (η, −n × η, J W δμ, −m n × W δμ) of the body, W the inverse of the top's inertia.
     n, W = -PIN, np.linalg.inv(INERTIA + MASS * (PIN @ PIN * np.eye(3) - np.outer(PIN, PIN)))

@@ -55,6 +55,18 @@ class ConstrainedErrors(InvariantErrors):
 
         return RowFunction(moved, np.zeros(0), np.concatenate([self._first, np.zeros(self.width)]))
 
+    @cached_property
+    def carrying(self) -> RowFunction:
+        """As of `Process`, with states on the constraints to round-off: T leads into their tangent space at x⁺."""
+        if not self.constrained:
+            return super().carrying
+        size = len(self._first)
+
+        def carried(e: Array, y: Array) -> Array:
+            return self.differ(y[size:], self._onto(super(ConstrainedErrors, self).retract(y[:size], e), NEWTON))
+
+        return RowFunction(carried, np.zeros(self.width), np.concatenate([self._first, self._first]))
+
     def _onto(self, row: Array, iterations: int) -> Array:
         """The row of the state on the constraints near that of a row."""
         state, theta = self._unpacked(row)

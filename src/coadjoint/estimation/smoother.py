@@ -42,7 +42,8 @@ def smoothed(found: Filtered) -> Filtered:
         before = Phi @ P[k] @ Phi.transpose(0, 2, 1) + Q
         G = _gain(P[k], Phi, before)
         e = process.errors(after, rows[k + 1])
-        change = process.admitted(after, P[k + 1]) - before
+        back = np.linalg.pinv(process.carrying(e, np.concatenate([after, rows[k + 1]], axis=1))[1], rcond=1e-9)
+        change = process.admitted(after, back @ P[k + 1] @ back.transpose(0, 2, 1)) - before
         P[k] = P[k] + G @ change @ G.transpose(0, 2, 1)
         e, here = (G @ e[:, :, None])[:, :, 0], rows[k].copy()
         rows[k] = process.moved(here, e)
