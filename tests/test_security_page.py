@@ -40,6 +40,7 @@ KNOWN = {
     "cli/start.py": {"exec"},  # of an empty text
     "cli/viewing.py": {"webbrowser"},
     "kernels/run/compiled.py": {"pickle"},  # of the sealed cache of this user
+    "plotting/film.py": {"subprocess"},  # ffmpeg of this machine, with a list of arguments
     "runs/factory.py": {"spec_from_file_location"},
     "sealed.py": {"subprocess"},  # a child that reads netCDF
     "simulation/lock.py": {"socket"},  # the name of this machine
@@ -89,7 +90,7 @@ def test_the_page_names_each_command_and_each_function_that_opens_files():
     text = PAGE.read_text(encoding="utf-8")
     page = text[text.index("## What each command") : text.index("## What is data")]
     commands = [word for kind in get_args(every_command()) for word in (get_args(kind)[1].name,)]
-    assert len(commands) == 17 and all(f"`{name}`" in page for name in commands)
+    assert len(commands) == 20 and all(f"`{name}`" in page for name in commands)
     for room in FILES:
         for name in getattr(room, "__all__", vars(room)):
             found = getattr(room, name)

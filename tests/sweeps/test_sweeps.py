@@ -136,7 +136,7 @@ def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path):
         variables=["xi"], progress=False,
     )  # fmt: skip
     assert found.failures == {"refused": 1}
-    assert found.summary["refusals"]["0"].startswith("Argument `mass`")
+    assert found.summary["refusals"]["0"].startswith("`parameters.mass` must be positive")
     assert np.isnan(found.dataset.final_xi.values).all(axis=1).tolist() == [True, False, False, False]
 
 

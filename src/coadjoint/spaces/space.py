@@ -182,6 +182,9 @@ def checked_vector(value: Any, size: int, name: str) -> Array:
         shape = np.shape(value)
     if shape is None or (shape != (size,) and not numeric(value)):
         raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
+    remedy = checks.one_of_each(shape, (size,), name)
+    if remedy:
+        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}{remedy}.")
     return checks.array(value, f"Argument `{name}`", (size,))
 
 

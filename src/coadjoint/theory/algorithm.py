@@ -44,6 +44,9 @@ class Algorithm(DenseStage):
         """The next pair, from the increment F and the point s (ambient,)."""
         must_give(self, "following")
 
+    def linked(self, state: PyTree) -> None:
+        """Its equations are those of one increment: no code loops over links."""
+
     def run(self, pair: object, h: Scalar, steps: int) -> PyTree:
         """The pairs 0 … steps, every leaf with a leading axis; raises StepError at a step that fails."""
         pair = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), pair)

@@ -17,6 +17,9 @@ from coadjoint.kernels.expressions.expression import Expr, Loop, reachable
 from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.untraceable import Untraceable
 
+Value = Any
+"""A value of LLVM, or a vector with a value for each lane; llvmlite declares no types."""
+
 DOUBLE = ir.DoubleType()
 INT64 = ir.IntType(64)
 BIT = ir.IntType(1)

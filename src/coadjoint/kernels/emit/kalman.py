@@ -5,12 +5,11 @@ It knows rows of numbers, errors and functions of them by their addresses, and n
 
 from __future__ import annotations
 
-from typing import Any
-
 from llvmlite import ir
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.dense import VOID, DenseAlgebra, dense
+from coadjoint.kernels.emit.emitter import Value
 from coadjoint.kernels.emit.loops import DOUBLE, INT64, INTEGERS, NUMBERS, Loops
 
 NAME = "filter"
@@ -73,24 +72,24 @@ class _Memory:
     def __init__(self, f: Loops, memory: PyTree):
         self._f, self._memory = f, memory
 
-    def integer(self, name: str) -> Any:
+    def integer(self, name: str) -> Value:
         return self._f.at(self._memory, FIELDS.index(name))
 
-    def numbers(self, name: str) -> Any:
+    def numbers(self, name: str) -> Value:
         return self._f.b.inttoptr(self.integer(name), NUMBERS)
 
-    def integers(self, name: str) -> Any:
+    def integers(self, name: str) -> Value:
         return self._f.b.inttoptr(self.integer(name), INTEGERS)
 
-    def call(self, name: str, kind: Any, arguments: list[Any]) -> None:
+    def call(self, name: str, kind: Value, arguments: list[Value]) -> None:
         self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
-def _when(f: Loops, order: Any, number: int) -> Any:
+def _when(f: Loops, order: Value, number: int) -> Value:
     return f.b.if_then(f.b.icmp_signed("==", order, INT64(number)))
 
 
-def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[Any]) -> None:
+def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Value, rest: list[Value]) -> None:
     n, P, there = m.integer("errors"), m.numbers("P"), f.place(output, rest[1])
     f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.integer("size")])
     with f.b.if_else(f.b.icmp_signed("!=", rest[2], INT64(0))) as (full, diagonal):
@@ -100,7 +99,7 @@ def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[A
             f.put(there, i, f.at(P, f.times(i, f.add(n, 1))))
 
 
-def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
+def _predict(module: ir.Module, algebra: DenseAlgebra) -> Value:
     """predict(memory, h): 0, or a code of the failure."""
     f = Loops(module, "predict", INT64, INTEGERS, DOUBLE)
     memory, h = f.args
@@ -127,7 +126,7 @@ def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
     return f.function
 
 
-def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Value) -> None:
     """One step of the model's own kernel, with the drifting parameters in their places."""
     row, after, state = m.numbers("row"), m.numbers("after"), m.integer("state")
     f.b.call(algebra.copy, [after, row, m.integer("size")])
@@ -141,7 +140,7 @@ def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     m.call("step", _KERNEL, [parameters, length, after, INT64(1), INT64(1), scratch, scratch, scratch, status])
 
 
-def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any, part: Any) -> None:
+def _linearise(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Value, part: Value) -> None:
     """The slopes of a part of the step, a substep of a composition, and Φ of all parts up to this one."""
     u, size, state, parts = (m.integer(name) for name in ("unknowns", "size", "state", "parts"))
     x, y = m.numbers("x"), m.numbers("y")
@@ -177,7 +176,7 @@ def _eliminate(f: Loops, m: _Memory, algebra: DenseAlgebra) -> None:
     f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
 
 
-def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Any, last: Any) -> None:
+def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Value, last: Value) -> None:
     """The product of the Φ of all parts; of the last, Φ of the errors at both ends."""
     n, errors = m.integer("between"), m.integer("errors")
     Phi, chain, product, square = m.numbers("Phi"), m.numbers("chain"), m.numbers("W"), f.times(n, n)
@@ -192,7 +191,7 @@ def _chain(f: Loops, m: _Memory, algebra: DenseAlgebra, first: Any, last: Any) -
         f.b.call(algebra.copy, [f.place(Phi, f.times(i, errors)), f.place(chain, f.times(i, n)), errors])
 
 
-def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Value) -> None:
     """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
     u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
     between = m.integer("between")
@@ -213,7 +212,7 @@ def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
     _symmetric(f, P, n)
 
 
-def _sandwich(f: Loops, m: _Memory, algebra: DenseAlgebra, T: Any) -> None:
+def _sandwich(f: Loops, m: _Memory, algebra: DenseAlgebra, T: Value) -> None:
     """P ← T P Tᵀ, not symmetric to round-off."""
     n, one = m.integer("errors"), DOUBLE(1.0)
     turned, W, P = (m.numbers(name) for name in ("turned", "W", "P"))
@@ -225,12 +224,12 @@ def _sandwich(f: Loops, m: _Memory, algebra: DenseAlgebra, T: Any) -> None:
     f.b.call(algebra.product, [P, T, turned, n, n, n, n, n, n, one])
 
 
-def _clear(f: Loops, array: Any, count: Any) -> None:
+def _clear(f: Loops, array: Value, count: Value) -> None:
     with f.over(count) as i:
         f.put(array, i, DOUBLE(0.0))
 
 
-def _symmetric(f: Loops, P: Any, n: Any) -> None:
+def _symmetric(f: Loops, P: Value, n: Value) -> None:
     with f.over(n) as i, f.over(i) as j:
         one, other = f.place(P, f.add(f.times(i, n), j)), f.place(P, f.add(f.times(j, n), i))
         mean = f.b.fmul(DOUBLE(0.5), f.b.fadd(f.b.load(one), f.b.load(other)))
@@ -238,7 +237,7 @@ def _symmetric(f: Loops, P: Any, n: Any) -> None:
         f.b.store(mean, other)
 
 
-def _not_finite(f: Loops, m: _Memory) -> Any:
+def _not_finite(f: Loops, m: _Memory) -> Value:
     """Whether the trace of P is not finite, or a step of the model failed."""
     n, P, total = m.integer("errors"), m.numbers("P"), f.variable(DOUBLE, DOUBLE(0.0))
     with f.over(n) as i:
@@ -248,7 +247,7 @@ def _not_finite(f: Loops, m: _Memory) -> Any:
     return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.integers("status"), 1), INT64(0)))
 
 
-def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
+def _correct(module: ir.Module, algebra: DenseAlgebra) -> Value:
     """correct(memory, measurement, values, output): 0, or a code of the failure; output: NIS, and 1 where it was
     used."""
     f = Loops(module, "correct", INT64, INTEGERS, INT64, NUMBERS, NUMBERS)
@@ -291,7 +290,7 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     return f.function
 
 
-def _action(f: Loops, m: _Memory, measurement: Any, nis: Any) -> Any:
+def _action(f: Loops, m: _Memory, measurement: Value, nis: Value) -> Value:
     """0 for a value within the gate, −1 for one beyond it, which is left out, or what is to be done with that."""
     counts, place = m.integers("rejected"), f.variable(INT64, INT64(0))
     beyond = f.b.fcmp_ordered(">", nis, f.at(m.numbers("gates"), measurement))
@@ -308,7 +307,7 @@ def _action(f: Loops, m: _Memory, measurement: Any, nis: Any) -> Any:
     return f.b.load(place)
 
 
-def _innovation(f: Loops, m: _Memory, measurement: Any, values: Any) -> Any:
+def _innovation(f: Loops, m: _Memory, measurement: Value, values: Value) -> Value:
     """ν and H of a measurement; returns 0, or NaN where a number is not finite."""
     n, width = m.integer("errors"), m.integer("size")
     size, count = (f.at(m.integers(name), measurement) for name in ("sizes", "counts"))
@@ -331,7 +330,7 @@ def _innovation(f: Loops, m: _Memory, measurement: Any, values: Any) -> Any:
     return f.b.load(total)
 
 
-def _spread(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any) -> None:
+def _spread(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Value) -> None:
     """HP and A = HPHᵀ."""
     n, H, HP, A, turned = m.integer("errors"), *(m.numbers(k) for k in ("H", "HP", "A", "turned"))
     one = DOUBLE(1.0)
@@ -342,7 +341,7 @@ def _spread(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any) -> None:
     f.b.call(algebra.product, [A, HP, turned, size, n, size, size, n, size, one])
 
 
-def _whitened(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any, weight: Any) -> None:
+def _whitened(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Value, R: Value, weight: Value) -> None:
     """The root of S = A + R/w, and e = root⁻¹ν."""
     S, A, e = m.numbers("S"), m.numbers("A"), m.numbers("e")
     with f.over(f.times(size, size)) as i:
@@ -352,7 +351,7 @@ def _whitened(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any, we
     f.b.call(algebra.cholesky_solve, [S, e, size, INT64(1), INT64(0)])
 
 
-def _weight(f: Loops, m: _Memory, algebra: DenseAlgebra, measurement: Any, size: Any, R: Any) -> Any:
+def _weight(f: Loops, m: _Memory, algebra: DenseAlgebra, measurement: Value, size: Value, R: Value) -> Value:
     """w of the loss, 1 without one, with S = A + R/w: `estimation.engines.robust`."""
     place, one = f.times(measurement, 3), DOUBLE(1.0)
     a, b, kind = (f.at(m.numbers("losses"), f.add(place, i)) for i in range(3))
@@ -378,7 +377,7 @@ def _weight(f: Loops, m: _Memory, algebra: DenseAlgebra, measurement: Any, size:
     return f.b.load(weight)
 
 
-def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any, weight: Any) -> None:
+def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Value, R: Value, weight: Value) -> None:
     """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
     n, P, HP, S, K, KR, turned = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)

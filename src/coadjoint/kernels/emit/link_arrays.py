@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Any
 
 import numpy as np
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.lanes import LaneEmitter
 from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
 from coadjoint.kernels.emit.link_symbols import LinkPlaces
@@ -19,8 +18,8 @@ LINE = 8
 """Numbers of a line of the cache."""
 
 Roots = Callable[[LinkCode], list[Expr]]
-Write = Callable[[Emitter, list[Any], Any], None]
-Lanes = dict[Emitter, Any]
+Write = Callable[[Emitter, list[Value], Value], None]
+Lanes = dict[Emitter, Value]
 """A local variable for each emitter: of one link, and of several in SIMD lanes."""
 
 
@@ -48,7 +47,7 @@ class LinkArrays:
     their order. width: of the SIMD lanes.
     """
 
-    def __init__(self, plan: LinkPlan, module: ir.Module, b: ir.IRBuilder, memory: Any, width: int) -> None:
+    def __init__(self, plan: LinkPlan, module: ir.Module, b: ir.IRBuilder, memory: Value, width: int) -> None:
         self.plan, self.module, self.b, self.memory, self.stride = plan, module, b, memory, stride(plan)
         self.one = Emitter(module, b, 1)
         alone = width == 1 or plan.count - 2 * plan.reach < width
@@ -59,16 +58,16 @@ class LinkArrays:
 
     # Numbers of links.
 
-    def at(self, array: str, slot: int, link: Any) -> Any:
+    def at(self, array: str, slot: int, link: Value) -> Value:
         """A pointer to number `slot` of a link in an array."""
         start = self.b.add(self.place[array], INT64(slot * self.stride))
         return self.b.gep(self.memory, [self.b.add(start, link)])
 
-    def load(self, emit: Emitter, array: str, slot: int, link: Any) -> Any:
+    def load(self, emit: Emitter, array: str, slot: int, link: Value) -> Value:
         """Number `slot` of a link, and of those after it in the other lanes."""
         return self.b.load(self.b.bitcast(self.at(array, slot, link), emit.number.as_pointer()), align=8)
 
-    def store(self, emit: Emitter, value: Any, array: str, slot: int, link: Any) -> None:
+    def store(self, emit: Emitter, value: Value, array: str, slot: int, link: Value) -> None:
         """Set them."""
         place = self.b.bitcast(self.at(array, slot, link), emit.number.as_pointer())
         self.b.store(value, place, align=8)
@@ -80,13 +79,13 @@ class LinkArrays:
         places = [self.b.bitcast(self.at(array, 0, INT64(0)), kind) for array in (to, source)]
         self.b.call(copy, [*places, INT64(sizes(self.plan)[to] * self.stride * 8), ir.IntType(1)(0)])
 
-    def in_row(self, row: Any, places: LinkPlaces, link: Any) -> list[Any]:
+    def in_row(self, row: Value, places: LinkPlaces, link: Value) -> list[Value]:
         """Pointers to the numbers of a link in a row, which are at a constant distance from link to link."""
         first, distance = places.links[0], places.links[1] - places.links[0]
         pairs = zip(first.tolist(), distance.tolist(), strict=True)
         return [self.b.gep(row, [self.b.add(INT64(a), self.b.mul(link, INT64(d)))]) for a, d in pairs]
 
-    def transposed(self, row: Any, places: LinkPlaces, array: str, reading: bool) -> None:
+    def transposed(self, row: Value, places: LinkPlaces, array: str, reading: bool) -> None:
         """The numbers of all links from a row into an array, or back."""
         if not places.links.size:
             return
@@ -95,12 +94,12 @@ class LinkArrays:
                 here = self.at(array, slot, i)
                 self.b.store(self.b.load(there if reading else here), here if reading else there)
 
-    def bind_all(self, node: Expr, value: Any) -> None:
+    def bind_all(self, node: Expr, value: Value) -> None:
         """The same number for all links."""
         for emit in self.emitters:
             emit.bind(node, self._spread(emit, value))
 
-    def _spread(self, emit: Emitter, value: Any) -> Any:
+    def _spread(self, emit: Emitter, value: Value) -> Value:
         if emit.width == 1:
             return value
         nothing, first = ir.Constant(emit.number, ir.Undefined), ir.IntType(32)(0)
@@ -118,7 +117,7 @@ class LinkArrays:
             yield
 
     @contextmanager
-    def over(self, begin: Any, end: Any, step: int = 1) -> Iterator[Any]:
+    def over(self, begin: Value, end: Value, step: int = 1) -> Iterator[Value]:
         """for i in range(begin, end, step), at least once."""
         b = self.b
         before, body, after = b.block, b.append_basic_block("links"), b.append_basic_block("on")
@@ -148,7 +147,7 @@ class LinkArrays:
         for link, code in enumerate(codes[reach + 1 :], end):
             self._link(self.one, code, roots, write, INT64(link))
 
-    def _link(self, emit: Emitter, code: LinkCode, roots: Roots, write: Write, link: Any) -> None:
+    def _link(self, emit: Emitter, code: LinkCode, roots: Roots, write: Write, link: Value) -> None:
         found = roots(code)
         with emit.scope():
             for node in reachable(found):
@@ -161,7 +160,7 @@ class LinkArrays:
     def fill(self, array: str, roots: Roots, watched: Lanes | None = None) -> None:
         """Store expressions of every link in an array; `watched` collects their sum."""
 
-        def write(emit: Emitter, values: list[Any], link: Any) -> None:
+        def write(emit: Emitter, values: list[Value], link: Value) -> None:
             for slot, value in enumerate(values):
                 self.store(emit, value, array, slot, link)
             if watched is not None:
@@ -176,7 +175,13 @@ class LinkArrays:
         self._carried(plan.here, "w", plan.ahead, plan.backward, "d", (INT64(self.plan.count - 1), INT64(-1), -1))
 
     def _carried(
-        self, rows: list[Expr], source: str, before: list[Expr], roots: list[Expr], to: str, links: tuple[Any, Any, int]
+        self,
+        rows: list[Expr],
+        source: str,
+        before: list[Expr],
+        roots: list[Expr],
+        to: str,
+        links: tuple[Value, Value, int],
     ) -> None:
         """A loop whose results, of which the last are those of `before`, go on to the next link, from zero."""
         b, one = self.b, self.one
@@ -201,14 +206,14 @@ class LinkArrays:
         for emit, place in places.items():
             self.b.store(emit.constant(value), place)
 
-    def add(self, emit: Emitter, places: Lanes, values: Iterable[Any]) -> None:
+    def add(self, emit: Emitter, places: Lanes, values: Iterable[Value]) -> None:
         """Add values, which only shows whether they are finite."""
         total = self.b.load(places[emit])
         for value in values:
             total = self.b.fadd(total, value)
         self.b.store(total, places[emit])
 
-    def widen(self, emit: Emitter, places: Lanes, values: Iterable[Any]) -> None:
+    def widen(self, emit: Emitter, places: Lanes, values: Iterable[Value]) -> None:
         """The larger of what is there and |value|; NaN is passed over."""
         most = self.b.load(places[emit])
         for value in values:
@@ -216,21 +221,21 @@ class LinkArrays:
             most = self.b.select(self.b.fcmp_ordered(">", size, most), size, most)
         self.b.store(most, places[emit])
 
-    def largest(self, places: Lanes) -> Any:
+    def largest(self, places: Lanes) -> Value:
         """The largest number of all lanes."""
         first, *others = self._numbers(places)
         for value in others:
             first = self.b.select(self.b.fcmp_ordered(">", value, first), value, first)
         return first
 
-    def finite(self, places: Lanes) -> Any:
+    def finite(self, places: Lanes) -> Value:
         """Whether the sum of all lanes is finite."""
         total, *others = self._numbers(places)
         for value in others:
             total = self.b.fadd(total, value)
         return self.b.fcmp_ordered("<", self.one.intrinsic("fabs", total), DOUBLE(float("inf")))
 
-    def _numbers(self, places: Lanes) -> list[Any]:
+    def _numbers(self, places: Lanes) -> list[Value]:
         found = []
         for emit, place in places.items():
             value, lanes = self.b.load(place), range(emit.width)

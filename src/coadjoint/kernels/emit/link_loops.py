@@ -9,11 +9,9 @@ elimination from the first link to the last and back, and a loop for the increme
 
 from __future__ import annotations
 
-from typing import Any
-
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import BIT, DOUBLE, INT64, Emitter
+from coadjoint.kernels.emit.emitter import BIT, DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.link_arrays import LinkArrays, sizes, stride
 from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
 from coadjoint.kernels.emit.stepping import NAME, POINTER
@@ -85,10 +83,10 @@ class _LinkFunction:
             b.store(b.load(variable), self._place(status, k))
         b.ret_void()
 
-    def _place(self, row: Any, k: Any) -> Any:
+    def _place(self, row: Value, k: Value) -> Value:
         return self.b.gep(row, [INT64(int(k))])
 
-    def _constants(self, p: Any) -> None:
+    def _constants(self, p: Value) -> None:
         """Bind h and the parameters."""
         plan = self.plan
         self.arrays.bind_all(plan.h, self.h)
@@ -107,7 +105,7 @@ class _LinkFunction:
         arrays.set(self.sums, 0.0)
         arrays.set(self.chart, 0.0)
 
-        def judge(emit: Emitter, values: list[Any], link: Any) -> None:
+        def judge(emit: Emitter, values: list[Value], link: Value) -> None:
             *z, chart = values
             arrays.add(emit, self.sums, z)
             arrays.widen(emit, self.chart, [chart])
@@ -127,7 +125,7 @@ class _LinkFunction:
         slots = {a.slot: node for node, a in self.plan.address.items() if a.array == "z" and a.link == code.link}
         return [slots[k] for k in range(len(slots))]
 
-    def _newton(self) -> tuple[Any, Any]:
+    def _newton(self) -> tuple[Value, Value]:
         """Newton's iteration, which stops by `program.TOLERANCE`: whether it settled, and the iterations.
 
         The equations are linear in the multipliers, whose matrix S has a condition of N²: they have settled where they
@@ -144,7 +142,7 @@ class _LinkFunction:
             self._increment()
         sizes, scales = ({g: self.arrays.largest(x) for g, x in part.items()} for part in (self.sizes, self.scales))
 
-        def small(size: Any, scale: Any) -> Any:
+        def small(size: Value, scale: Value) -> Value:
             return b.fcmp_ordered("<=", size, b.fadd(b.fmul(DOUBLE(TOLERANCE), scale), floor))
 
         now, bodies = BIT(1), sorted(set(self.plan.blocks[: self.plan.base]))
@@ -163,7 +161,7 @@ class _LinkFunction:
         b.position_at_end(end)
         return b.load(settled), b.load(count)
 
-    def _most(self, values: list[Any]) -> Any:
+    def _most(self, values: list[Value]) -> Value:
         first, *others = values
         for value in others:
             first = self.b.select(self.b.fcmp_ordered(">", value, first), value, first)
@@ -173,7 +171,7 @@ class _LinkFunction:
         """One increment of all unknowns, and the sizes of both by kinds."""
         arrays, width = self.arrays, len(self.plan.codes[self.plan.reach].solved)
 
-        def contributions(emit: Emitter, values: list[Any], link: Any) -> None:
+        def contributions(emit: Emitter, values: list[Value], link: Value) -> None:
             for slot, value in enumerate(values):
                 arrays.store(emit, value, *(("x", slot) if slot < width else ("q", slot - width)), link)
 
@@ -183,7 +181,7 @@ class _LinkFunction:
         for places in (*self.sizes.values(), *self.scales.values()):
             arrays.set(places, 0.0)
 
-        def moved(emit: Emitter, values: list[Any], link: Any) -> None:
+        def moved(emit: Emitter, values: list[Value], link: Value) -> None:
             half = len(values) // 2
             for slot, (z, delta, kind) in enumerate(zip(values[:half], values[half:], self.plan.blocks, strict=True)):
                 new = self.b.fadd(z, delta)
@@ -194,7 +192,7 @@ class _LinkFunction:
         arrays.links(lambda code: [*self._unknowns(code), *code.increment], moved)
         arrays.copied("y", "z")
 
-    def _ended(self, settled: Any, solved: Any, count: Any, after: list[Any]) -> None:
+    def _ended(self, settled: Value, solved: Value, count: Value, after: list[Value]) -> None:
         """Keep a sound step, with its record if it is due; else note why it failed."""
         b, arrays = self.b, self.arrays
         inside = b.fcmp_ordered("<", arrays.largest(self.chart), DOUBLE(1.0))
@@ -222,7 +220,7 @@ class _LinkFunction:
             size = plan.state.links.size + len(plan.state.shared)
             row = b.gep(self.record_out, [b.mul(b.load(self.row), INT64(size))])
 
-            def write(emit: Emitter, values: list[Any], link: Any) -> None:
+            def write(emit: Emitter, values: list[Value], link: Value) -> None:
                 for value, place in zip(values, arrays.in_row(row, plan.state, link), strict=True):
                     b.store(value, place)
 

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
-from coadjoint.kernels.emit.emitter import Emitter, outer
+from coadjoint.kernels.emit.emitter import Emitter, Value, outer
 from coadjoint.kernels.emit.plan import StagePlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.expression import Expr
@@ -20,9 +19,9 @@ from coadjoint.kernels.program import CONTRACTION, FLOOR, MAX_ITERATIONS, REMAIN
 class Outcome:
     """The outcome of a stage: the success of each lane, Newton's iterations and the code of a failure."""
 
-    sound: Any
-    iterations: Any
-    code: Any
+    sound: Value
+    iterations: Value
+    code: Value
 
 
 class _Iterates:
@@ -34,7 +33,7 @@ class _Iterates:
     chord's, which it takes no longer once `chords` is false.
     """
 
-    def __init__(self, emit: Emitter, start: list[Any], blocks: Iterable[int], idle: Any) -> None:
+    def __init__(self, emit: Emitter, start: list[Value], blocks: Iterable[int], idle: Value) -> None:
         self.emit = emit
         self.found = [emit.variable(emit.number, value) for value in start]
         self.at = self.found if emit.width == 1 else [emit.variable(emit.number, value) for value in start]
@@ -44,24 +43,24 @@ class _Iterates:
         self.renew, self.chords = (emit.variable(emit.truth, emit.bit(True)) for _ in range(2))
         self.count = emit.variable(emit.counter, emit.counts(0))
 
-    def active(self, renewing: bool) -> Any:
+    def active(self, renewing: bool) -> Value:
         """The lanes that take Newton's increment, or the chord's."""
         b = self.emit.builder
         renew = b.load(self.renew)
         return b.and_(self.open(), renew if renewing else b.not_(renew))
 
-    def open(self) -> Any:
+    def open(self) -> Value:
         """The lanes that are not over."""
         b = self.emit.builder
         return b.not_(b.load(self.over))
 
-    def put(self, place: Any, value: Any, lanes: Any) -> None:
+    def put(self, place: Value, value: Value, lanes: Value) -> None:
         """Store a value in some lanes, or in all (None)."""
         b = self.emit.builder
         b.store(value if lanes is None else b.select(lanes, value, b.load(place)), place)
 
     @contextmanager
-    def where(self, mask: Any) -> Iterator[Any]:
+    def where(self, mask: Value) -> Iterator[Value]:
         """The lanes of what is done inside: one lane branches, several are selected from."""
         if self.emit.width > 1:
             yield mask
@@ -73,7 +72,7 @@ class _Iterates:
 class StageLoop:
     """Emits Newton for one stage and checks its outcome."""
 
-    def __init__(self, emit: Emitter, stage: StagePlan, idle: Any) -> None:
+    def __init__(self, emit: Emitter, stage: StagePlan, idle: Value) -> None:
         # Newton does not wait for idle lanes: those of members that failed before.
         self.emit, self.stage, self.b, self.idle = emit, stage, emit.builder, idle
 
@@ -94,7 +93,7 @@ class StageLoop:
                 emit.bind(self.stage.solution[i], self.z[i])
         return self._judge(list(self.z.values()), settled, iterations)
 
-    def _loop(self, newton: Increment, chord: Increment) -> tuple[Any, Any]:
+    def _loop(self, newton: Increment, chord: Increment) -> tuple[Value, Value]:
         """The loop over the unknowns that are not settled: whether they have settled, and the iterations."""
         b, emit, scheme = self.b, self.emit, self.stage.scheme
         symbols = [self.stage.unknowns[i] for i in scheme.looped]
@@ -128,7 +127,7 @@ class StageLoop:
         self.z.update(zip(scheme.looped, [b.load(place) for place in lanes.found], strict=True))
         return b.load(lanes.settled), b.load(lanes.count)
 
-    def _newton(self, lanes: _Iterates, delta: list[Any], active: Any) -> None:
+    def _newton(self, lanes: _Iterates, delta: list[Value], active: Value) -> None:
         """Take Newton's increment in the active lanes; it settles the unknowns by `program.TOLERANCE`."""
         b, emit = self.b, self.emit
         new = [b.fadd(b.load(at), d) for at, d in zip(lanes.at, delta, strict=True)]
@@ -142,7 +141,7 @@ class StageLoop:
         self._take(lanes, new, sizes, together, settled, active)
         lanes.put(lanes.renew, b.not_(b.load(lanes.chords)), active)
 
-    def _chord(self, lanes: _Iterates, delta: list[Any]) -> None:
+    def _chord(self, lanes: _Iterates, delta: list[Value]) -> None:
         """Take the chord's increment where it has shrunk, and renew the matrix where it did so slowly.
 
         Elsewhere drop it, and continue with Newton's alone. It settles the unknowns by `program.REMAINDER`.
@@ -171,7 +170,7 @@ class StageLoop:
             lanes.put(lanes.chords, emit.bit(False), there)
 
     def _take(
-        self, lanes: _Iterates, new: list[Any], sizes: dict[int, Any], together: Any, settled: Any, there: Any
+        self, lanes: _Iterates, new: list[Value], sizes: dict[int, Value], together: Value, settled: Value, there: Value
     ) -> None:
         """The new iterate of some lanes, or of all (None)."""
         b = self.b
@@ -181,19 +180,19 @@ class StageLoop:
         lanes.put(lanes.settled, settled, there)
         lanes.put(lanes.over, b.or_(b.load(lanes.over), settled), there)
 
-    def _count(self, lanes: _Iterates, active: Any) -> None:
+    def _count(self, lanes: _Iterates, active: Value) -> None:
         """One iteration more in the active lanes; one that has no iterations left is over."""
         b, emit = self.b, self.emit
         count = b.add(b.load(lanes.count), emit.counts(1))
         lanes.put(lanes.count, count, active)
         lanes.put(lanes.over, b.icmp_signed(">=", count, emit.counts(MAX_ITERATIONS)), active)
 
-    def _small(self, size: Any, scale: Any) -> Any:
+    def _small(self, size: Value, scale: Value) -> Value:
         """Whether an increment of this size settles unknowns of this scale (`program.TOLERANCE`)."""
         b, emit = self.b, self.emit
         return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
 
-    def _measured(self, delta: list[Any], new: list[Any]) -> tuple[dict[int, Any], dict[int, Any], Any]:
+    def _measured(self, delta: list[Value], new: list[Value]) -> tuple[dict[int, Value], dict[int, Value], Value]:
         """The sizes of an increment of the looped unknowns and of all unknowns, by blocks, and whether it is small."""
         looped = self.stage.scheme.looped
         of = dict(zip(looped, delta, strict=True))
@@ -203,11 +202,11 @@ class StageLoop:
         scales = {g: self._size([z[i] for i in members]) for g, members in enumerate(self.stage.blocks)}
         return sizes, scales, self._small(self._largest(list(sizes.values())), self._largest(list(scales.values())))
 
-    def _size(self, values: list[Any]) -> Any:
+    def _size(self, values: list[Value]) -> Value:
         """|values|∞; a NaN may get lost here and is found when the stage is checked."""
         return self._largest([self.emit.intrinsic("fabs", v) for v in values])
 
-    def _largest(self, sizes: list[Any]) -> Any:
+    def _largest(self, sizes: list[Value]) -> Value:
         b = self.b
         while len(sizes) > 1:
             pairs = zip(sizes[::2], sizes[1::2], strict=False)
@@ -215,7 +214,7 @@ class StageLoop:
             sizes = [b.select(b.fcmp_ordered(">", x, y), x, y) for x, y in pairs] + odd
         return sizes[0]
 
-    def _judge(self, z: list[Any], settled: Any, iterations: Any) -> Outcome:
+    def _judge(self, z: list[Value], settled: Value, iterations: Value) -> Outcome:
         """Whether Newton settled on finite unknowns inside the chart, and the next state is finite."""
         b, emit = self.b, self.emit
         if self.stage.sound is not None:
@@ -229,7 +228,7 @@ class StageLoop:
         code = b.select(finite(emit, z), code, counts(Code.NOT_FINITE))
         return Outcome(sound, iterations, code)
 
-    def _tolerated(self, symbol: Expr, z: list[Any], settled: Any, iterations: Any) -> Outcome:
+    def _tolerated(self, symbol: Expr, z: list[Value], settled: Value, iterations: Value) -> Outcome:
         """A stage that may fail reports whether it did, and the step continues."""
         b, emit = self.b, self.emit
         (chart,) = emit.values([self.stage.chart])
@@ -248,7 +247,7 @@ def _roots(increment: Increment) -> list[Expr]:
     return roots
 
 
-def finite(emit: Emitter, values: Iterable[Any]) -> Any:
+def finite(emit: Emitter, values: Iterable[Value]) -> Value:
     """Whether the sum is finite, not so if a term is infinite or NaN, or where terms near 1e308 overflow."""
     b = emit.builder
     sums = list({id(v): v for v in values}.values())

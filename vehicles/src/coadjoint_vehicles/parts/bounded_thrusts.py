@@ -72,7 +72,7 @@ def bounded(A: np.ndarray, f0: Array, low: np.ndarray, high: np.ndarray) -> Arra
 def _solved(A: np.ndarray, free: Array, epsilon: float, right: Array) -> Array:
     """x with (ε 1 + A D Aᵀ) x = right."""
     gram = epsilon * np.eye(len(A)) + (A * free) @ A.T
-    L = jax.lax.linalg.cholesky(gram, symmetrize_input=False)
+    L = jax.lax.linalg.cholesky(jnp.asarray(gram), symmetrize_input=False)
     below = jax.lax.linalg.triangular_solve(L, right[:, None], left_side=True, lower=True)
     return jax.lax.linalg.triangular_solve(L, below, left_side=True, lower=True, transpose_a=True)[:, 0]
 
