@@ -31,7 +31,7 @@ SITE = 120
 """Processor time that the site may take, s; it takes some 20 on a fast processor."""
 EXTRAS = ("tests/docs/test_site.py", "tests/benchmarks")
 """Tests that need more than the extra `test`, and are skipped without it."""
-OTHER_LIBRARIES = "tests/docs/test_docs.py::test_the_page_on_other_libraries_runs_where_they_are_installed"
+OTHER_LIBRARIES = "tests/docs/test_docs.py::test_recipes_with_other_libraries_run_where_they_are_installed"
 
 
 def selection() -> list[str]:
