@@ -20,8 +20,8 @@ __all__ = [
 ]
 """What users catch."""
 
-_ENDLESS = re.compile(r"[^\s/\\]{300,}")
-"""A word that cannot be a file or a name; a sentence shows its beginning."""
+_ENDLESS = re.compile(r"[^\s/\\]{300,}|[^\S\n]{300,}")
+"""A word that cannot be a file or a name, or as many blanks; a sentence shows its beginning."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and newline, marks of direction, separators of lines, and halves of surrogate pairs."""

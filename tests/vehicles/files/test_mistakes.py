@@ -197,6 +197,13 @@ def test_a_mistake_is_refused_in_one_sentence(mistake: str) -> None:
     assert "mine.toml" in said and "\n" not in said and said.endswith((".", "?")), said
 
 
+@pytest.mark.parametrize("text", ["x" * 5000, "CLA" + " " * 5000])
+def test_a_long_text_is_cut_in_the_sentence_that_shows_it(text: str) -> None:
+    with pytest.raises(ArgumentError, match="has the source") as caught:
+        vehicle_from_text(REMUS.replace('"PVS"', f'"{text}"', 1), "mine.toml")
+    assert len(str(caught.value)) < 600
+
+
 @pytest.mark.parametrize("mistake", TOLD)
 def test_what_is_doubtful_is_told(mistake: str) -> None:
     text, old, new, sentence = TOLD[mistake]

@@ -8,7 +8,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, nearest, prefixed
+from coadjoint.errors import ArgumentError, nearest, prefixed, shown
 from coadjoint.sections import checked, keys
 from coadjoint.texts import Table
 from coadjoint.units import NUMBER, Dimension, in_si
@@ -48,7 +48,7 @@ class Section:
 
     def __init__(self, book: Notebook, title: str, key: str, given: object):
         if not isinstance(given, dict):
-            raise book.fail(f"{title} must be a section with keys, but is {_shown(given)}.")
+            raise book.fail(f"{title} must be a section with keys, but is {shown(given)}.")
         self.book, self.title, self.key, self.given = book, title, key, given
         self.asked: set[str] = set()
 
@@ -68,18 +68,18 @@ class Section:
             return default
         value = self.given[name]
         if not isinstance(value, str):
-            raise self.fail(f'{name} must be a text in quotes, but is {_shown(value)}: write {name} = "…".')
+            raise self.fail(f'{name} must be a text in quotes, but is {shown(value)}: write {name} = "…".')
         if choices and value not in choices:
             near = nearest(value, choices)
             hint = f" Did you mean {near!r}?" if near else ""
-            raise self.fail(f"{name} must be one of {', '.join(map(repr, choices))}, but is {value!r}.{hint}")
+            raise self.fail(f"{name} must be one of {', '.join(map(repr, choices))}, but is {shown(value)}.{hint}")
         return value
 
     def flag(self, name: str, default: bool = False) -> bool:
         self.asked.add(name)
         value = self.given.get(name, default)
         if not isinstance(value, bool):
-            raise self.fail(f"{name} must be true or false, but is {_shown(value)}.")
+            raise self.fail(f"{name} must be true or false, but is {shown(value)}.")
         return value
 
     def inner(self, name: str) -> Section:
@@ -114,8 +114,8 @@ class Section:
             unit = "1"
         if not isinstance(unit, str) or not unit:
             si = f'unit = "{dimension.si}"' if dimension else 'unit = "SI"'
-            shown = "has no unit" if unit is None else f"has the unit {_shown(unit)}"
-            raise self.fail(f"{name} {shown}: add {si}, or the unit that its numbers are in.")
+            has = "has no unit" if unit is None else f"has the unit {shown(unit)}"
+            raise self.fail(f"{name} {has}: add {si}, or the unit that its numbers are in.")
         self._remember(name, given, value, unit, self._uncertainty(name, given, unit, dimension, special))
         if unit in special or (dimension is None and unit == "SI"):
             return value, unit
@@ -132,7 +132,7 @@ class Section:
         """One number in SI units."""
         value, _ = self.quantity(name, dimension)
         if isinstance(value, (list, dict)):
-            raise self.fail(f"{name} must be one number, but is {_shown(self.given[name]['value'])}.")
+            raise self.fail(f"{name} must be one number, but is {shown(self.given[name]['value'])}.")
         return float(value)
 
     def positive(self, name: str, dimension: Dimension) -> float:
@@ -146,7 +146,7 @@ class Section:
         """`size` numbers in SI units."""
         value, _ = self.quantity(name, dimension)
         if not isinstance(value, list) or len(value) != size or any(isinstance(inner, list) for inner in value):
-            raise self.fail(f"{name} must be {size} numbers in brackets, but is {_shown(self.given[name]['value'])}.")
+            raise self.fail(f"{name} must be {size} numbers in brackets, but is {shown(self.given[name]['value'])}.")
         return value
 
     def quantities(self, kind: type) -> Table:
@@ -182,8 +182,8 @@ class Section:
         if not isinstance(given, dict):
             si = dimension.si if dimension else "SI"
             raise self.book.fail(
-                f"{what} must say its unit and where it is from, but is {_shown(given)} alone: write {name} = "
-                f'{{ value = {_shown(given)}, unit = "{si}", source = "…" }}.'
+                f"{what} must say its unit and where it is from, but is {shown(given)} alone: write {name} = "
+                f'{{ value = {shown(given)}, unit = "{si}", source = "…" }}.'
             )
         for key in given:
             if key not in QUANTITY_KEYS:
@@ -199,12 +199,12 @@ class Section:
         if isinstance(value, list):
             found = [self._numbers(inner, what) for inner in value]
             if not value or len({_shape(inner) for inner in found}) != 1:
-                raise self.book.fail(f"{what} must hold numbers in rows of one length, but is {_shown(value)}.")
+                raise self.book.fail(f"{what} must hold numbers in rows of one length, but is {shown(value)}.")
             return found
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise self.book.fail(f"{what} must be a number, but is {_shown(value)}.")
+            raise self.book.fail(f"{what} must be a number, but is {shown(value)}.")
         if isinstance(value, int) and abs(value) > LARGEST:
-            raise self.book.fail(f"{what} = {_shown(value)} is larger than anything at sea.")
+            raise self.book.fail(f"{what} = {shown(value)} is larger than anything at sea.")
         if not math.isfinite(value):
             raise self.book.fail(f"{what} must be finite, but is {value}.")
         if abs(value) > LARGEST:
@@ -222,17 +222,15 @@ class Section:
         if isinstance(found, str):
             share = SHARE.fullmatch(found.strip())
             if share is None:
-                raise self.fail(f'{what}a share such as "5 %", or numbers in {unit}, but is {_shown(found)}.')
+                raise self.fail(f'{what}a share such as "5 %", or numbers in {unit}, but is {shown(found)}.')
             return found
         numbers = self._numbers(found, f"{self.title} {name}: its uncertainty")
         if _shape(numbers) not in ((), _shape(given["value"])):
-            raise self.fail(f"{what}one number, or as many as its value, but is {_shown(found)}.")
+            raise self.fail(f"{what}one number, or as many as its value, but is {shown(found)}.")
         if any(number < 0 for number in _flat(numbers)):
-            raise self.fail(f"{what}at least 0, but is {_shown(found)}.")
+            raise self.fail(f"{what}at least 0, but is {shown(found)}.")
         if unit in special:
-            raise self.fail(
-                f'{what}a share such as "5 %", because its numbers are in "{unit}", but is {_shown(found)}.'
-            )
+            raise self.fail(f'{what}a share such as "5 %", because its numbers are in "{unit}", but is {shown(found)}.')
         return numbers if dimension is None else in_si(numbers, unit, dimension, f"{self.title} {name}")
 
     def _remember(
@@ -242,12 +240,12 @@ class Section:
         for key in ("source", "note"):
             texts[key] = given.get(key, "")
             if not isinstance(texts[key], str):
-                raise self.fail(f"{name}: its {key} must be a text in quotes, but is {_shown(texts[key])}.")
+                raise self.fail(f"{name}: its {key} must be a text in quotes, but is {shown(texts[key])}.")
         source = texts["source"]
         if source and source not in self.book.sources:
             near = nearest(source, self.book.sources)
             hint = f"did you mean {near!r}?" if near else f'add {source} = "citation, where it is found" there.'
-            raise self.fail(f"{name} has the source {source!r}, which [sources] does not have: {hint}")
+            raise self.fail(f"{name} has the source {shown(source)}, which [sources] does not have: {hint}")
         self.book.used.add(source)
         if not source:
             self.book.without_source.append(f"{self.key}.{name}")
@@ -267,8 +265,3 @@ def _flat(value: Any) -> list[float]:
 def _shape(value: object) -> tuple[int, ...]:
     """The shape of rectangular lists."""
     return (len(value), *_shape(value[0])) if isinstance(value, list) else ()
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "…"
