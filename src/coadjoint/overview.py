@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.errors import printable
+from coadjoint.errors import must_give, printable
 
 MOST = 9
 """The most numbers of an array that a table shows, and the most names in one line."""
@@ -23,7 +23,7 @@ class NumberRow(NamedTuple):
 
 
 class Overview(NamedTuple):
-    """What an object is, facts under their names, and its numbers under a heading."""
+    """The title of an object, facts under their names, and its numbers under a heading."""
 
     title: str
     facts: Mapping[str, object]
@@ -35,7 +35,7 @@ class WithOverview:
     """An object that prints as one line, and shows as a table in notebooks, by its `_overview`."""
 
     def _overview(self) -> Overview:
-        raise NotImplementedError
+        must_give(self, "_overview")
 
     def __repr__(self) -> str:
         title, facts, numbers, heading = self._overview()

@@ -28,7 +28,7 @@ PROGRAMS = {"ffmpeg": "animations as MP4", "nvidia-smi": "NVIDIA GPUs"}
 
 @dataclass(frozen=True)
 class Doctor:
-    """Report the versions, what is installed, the cache and the GPU, and what to do about them."""
+    """Report versions, installed packages, the cache and the GPU, with remedies."""
 
     BEGINS: ClassVar[str] = "Looking at the installation; JAX takes a second."
 

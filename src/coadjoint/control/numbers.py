@@ -35,7 +35,7 @@ def spread(value: object, shape: tuple[int, ...], name: str, what: str = "an inp
 
 
 def known_parameter(system: System, name: object) -> None:
-    """Raise ArgumentError for what is not the name of a parameter of the system."""
+    """Raise ArgumentError unless a name is that of a parameter of the system."""
     names = [] if system.parameters is None else [*system.parameters.asdict()]
     checks.known(name, names, "parameter", "The system")
 

@@ -104,7 +104,7 @@ class Measurement:
 
     @property
     def recovery(self) -> tuple[int, int]:
-        """After how many values in a row beyond the gate what is done, 0 for nothing."""
+        """How many values in a row beyond the gate bring an action, and which one; 0 for none."""
         count, word = (0, "") if self.after_rejections is None else self.after_rejections
         return count, RECOVERIES.get(word, 0)
 

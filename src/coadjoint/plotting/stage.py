@@ -74,7 +74,7 @@ def _in_space(figure: Any, run: Entry, place: str, turned: bool) -> list[_Trace]
 
 
 class _Trace:
-    """A curve, pale as a whole, bright up to now, with a dot, and a spoke from the origin if it turns."""
+    """A pale curve, bright up to now, with a dot, and a spoke from the origin if it turns."""
 
     def __init__(self, figure: Any, axes: Any, time: np.ndarray, points: np.ndarray, colour: str, spoke: bool = False):
         self.axes, self.time, self.points, self.spoke = axes, time, points, spoke

@@ -47,8 +47,8 @@ FORMS = ("certificate", "card")
 class Certificate:
     """The certificate of a run: `print(run.certificate)` has five lines, `print(run.certificate.long())` all of them.
 
-    The five lines are the system with its method, the steps, the accuracy, what is conserved, and the time; warnings
-    follow them. Notebooks show both forms, with the meaning of each line where the pointer rests on it.
+    The five lines are the system with its method, the steps, the accuracy, the conserved quantities, and the time;
+    warnings follow them. Notebooks show both forms, with the meaning of each line where the pointer rests on it.
     """
 
     short: str

@@ -32,7 +32,7 @@ def certificate_of(run: Result) -> Certificate:
 
 
 def _short(run: Result) -> Lines:
-    """System and method, steps, accuracy, what is conserved, and time; a line for each warning."""
+    """System and method, steps, accuracy, conserved quantities, and time; a line for each warning."""
     yield "system", f"{_system(run)}; {run.method.title}, {order(run.method, run.system)}"
     yield "steps", "; ".join(_steps(run))
     if run.accuracy is not None:

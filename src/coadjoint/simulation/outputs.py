@@ -1,4 +1,4 @@
-"""Outputs of a run that a user orders: what is taken, at which cadence, and where it goes."""
+"""Outputs of a run that a user orders: which data, at which cadence, and to which place."""
 
 from __future__ import annotations
 

@@ -291,7 +291,7 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Value:
 
 
 def _action(f: Loops, m: _Memory, measurement: Value, nis: Value) -> Value:
-    """0 for a value within the gate, −1 for one beyond it, which is left out, or what is to be done with that."""
+    """0 for a value within the gate, −1 for one beyond it, which is left out, or the action that it asks for."""
     counts, place = m.integers("rejected"), f.variable(INT64, INT64(0))
     beyond = f.b.fcmp_ordered(">", nis, f.at(m.numbers("gates"), measurement))
     with f.b.if_else(beyond) as (rejected, accepted):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from coadjoint.kernels.expressions.block_elimination import guarded_solve
 from coadjoint.kernels.expressions.elimination import Matrix
-from coadjoint.kernels.expressions.expression import TRUTH, Expr, Graph
+from coadjoint.kernels.expressions.expression import TRUTH, Expr, Graph, reachable
 from coadjoint.kernels.untraceable import Untraceable
 
 Partial = Callable[[Graph, Expr], Sequence[Expr]]
@@ -173,18 +173,6 @@ def _lacks(node: Expr, lacking: set[Expr]) -> bool:
     return node.op not in TRUTH and node.op not in _FLAT and any(a in lacking for a in given)
 
 
-def _reachable(roots: Iterable[Expr]) -> list[Expr]:
-    """Every node that the derivatives of the roots use, arguments before their users."""
-    seen: dict[int, Expr] = {}
-    stack = list(roots)
-    while stack:
-        node = stack.pop()
-        if node.number not in seen:
-            seen[node.number] = node
-            stack.extend(_inputs(node))
-    return [seen[number] for number in sorted(seen)]
-
-
 def _partials(graph: Graph, node: Expr) -> Sequence[Expr]:
     if node.op == "sloped":
         return graph.zero, graph.one
@@ -209,7 +197,7 @@ def _pushed(graph: Graph, roots: Sequence[Expr], tangents: dict[Expr, dict[int, 
     """The sparse tangents of the roots from those of the symbols, to which all others on the way are added."""
     solved: dict[Expr, dict[int, list[Expr]]] = {}
     lacking: set[Expr] = set()  # nodes that depend on the symbols through loops, which have no derivatives
-    for node in _reachable(roots):
+    for node in reachable(roots, _inputs):
         if node in tangents:
             continue
         inner = [tangents.get(a) for a in node.args]
@@ -254,7 +242,7 @@ def _select_tangent(graph: Graph, node: Expr, yes: dict[int, Expr], no: dict[int
 def backward(graph: Graph, roots: Mapping[Expr, Expr], by: Sequence[Expr]) -> list[Expr]:
     """Σ cotangent·∂root/∂symbol for every symbol of `by`; `roots` maps each root to its cotangent."""
     wanted = set(by)
-    order = _reachable(roots)
+    order = reachable(roots, _inputs)
     active = set(wanted)
     for node in order:
         if any(a in active for a in _inputs(node)):

@@ -9,7 +9,7 @@ overflows elsewhere must not bring it to life. Signs of zeros are not kept.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -354,15 +354,15 @@ class Graph:
         return self.neg(self._sin(a.args[0])) if a.op == "neg" else self._node("sin", (a,))
 
 
-def reachable(roots: Iterable[Expr]) -> list[Expr]:
-    """Every node that the roots use, arguments before their users."""
+def reachable(roots: Iterable[Expr], inputs: Callable[[Expr], Iterable[Expr]] = lambda node: node.args) -> list[Expr]:
+    """Every node that the roots use, arguments before their users; inputs: those that a node uses, its arguments."""
     seen: dict[int, Expr] = {}
     stack = list(roots)
     while stack:
         node = stack.pop()
         if node.number not in seen:
             seen[node.number] = node
-            stack.extend(node.args)
+            stack.extend(inputs(node))
     return [seen[number] for number in sorted(seen)]
 
 
