@@ -220,6 +220,13 @@ def available(dataset: Any, films: bool = False) -> list[str]:
     return [*own, *added, *(FILMS if films else ())]
 
 
+def common(datasets: Sequence[Any]) -> list[str]:
+    """The names of the figures, films aside, that can be drawn of these datasets together."""
+    held = [available(dataset) for dataset in datasets]
+    found = [name for name in figure_names(films=False) if all(name in names for names in held)]
+    return [name for name in found if len(datasets) == 1 or name not in ADDED or not ADDED[name].single]
+
+
 def save_figures(
     datasets: Sequence[object],
     folder: Path,
@@ -232,8 +239,7 @@ def save_figures(
     A film, such as `animation`, counts as a figure, as .html, .mp4 or else .gif. Returns the file names; raises
     ArgumentError for an unknown name, and as the figures do.
     """
-    common = [name for name in figure_names() if all(name in available(dataset) for dataset in datasets)]
-    chosen = common if wanted is None else list(wanted)
+    chosen = common(datasets) if wanted is None else list(wanted)
     checks.all_known(chosen, figure_names(), "figure", "A run")
     plots = Plots(datasets[0])
     files = [f"{name}.{_ending(name, ending)}" for name in chosen]

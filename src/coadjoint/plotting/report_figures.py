@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from coadjoint import checks
-from coadjoint.plotting.plots import Plots, available, figure_names
+from coadjoint.plotting.plots import Plots, common, figure_names
 from coadjoint.plotting.registries import ADDED, points_down
 
 OWN = {
@@ -37,11 +37,10 @@ def chosen(datasets: Sequence[Any]) -> list[str]:
     Where forces act the energy budget takes the place of the energy.
     """
     ranks = {name: added.rank for name, added in ADDED.items()} | {name: 10 + k for k, name in enumerate(OWN)}
-    held = [available(dataset) for dataset in datasets]
-    common = [name for name in figure_names(films=False) if all(name in names for names in held)]
-    left_out = {"energy"} if "budget" in common else set()
-    left_out |= set(_FINE) if any(name in ADDED for name in common) else set()
-    return sorted((name for name in common if name not in left_out), key=ranks.__getitem__)
+    shared = common(datasets)
+    left_out = {"energy"} if "budget" in shared else set()
+    left_out |= set(_FINE) if any(name in ADDED for name in shared) else set()
+    return sorted((name for name in shared if name not in left_out), key=ranks.__getitem__)
 
 
 def svgs(

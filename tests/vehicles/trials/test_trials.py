@@ -19,6 +19,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate, named
 from coadjoint.mechanics import Force
 from coadjoint.models.quantities import positive
+from coadjoint.plotting.plots import common
 from coadjoint.spaces import Named
 from coadjoint_vehicles import Command, Craft, Part, Vehicle
 from coadjoint_vehicles.controllers import Trial
@@ -128,7 +129,9 @@ def test_a_dataset_of_a_trial_is_read_with_the_shares_of_its_fins():
     dims = {name: ("time", *(f"{name}_{i}" for i in range(np.ndim(x) - 1))) for name, x in held.items()}
     made = xarray.Dataset({k: (dims[k], x) for k, x in held.items()}, coords={"time": time})
     told = {"manoeuvre": "turning_circle", "fins": ["fin_1", "fin_2"], "shares": [-0.5, -0.5], "length": 2.0}
-    found = analyse(made.assign_attrs({TRIAL: json.dumps(told)}))
+    recorded = made.assign_attrs({TRIAL: json.dumps(told)})
+    assert "trial" in common([recorded]) and "trial" not in common([recorded, recorded])
+    found = analyse(recorded)
     assert found.track.begin == 10.0 and found.track.side == -1.0
     assert found.track.rudder is not None and found.track.rudder[-1] == pytest.approx(-0.2)
     assert found["steady_radius"] == pytest.approx(10.0, rel=1e-3)

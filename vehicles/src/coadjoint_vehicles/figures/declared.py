@@ -46,6 +46,7 @@ FIGURES = {
         "coadjoint_vehicles.trials.track:of_trial",
         "A standard manoeuvre: track, course over time and its figures of merit.",
         rank=1,
+        single=True,
     ),
 }
 """By the names that `run.plot` has them under."""
