@@ -55,6 +55,8 @@ SCRIPTS = {
     "examples/falling_rod.py": ["falling_rod"],
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],
+    "examples/satellite.py": ["satellite"],
+    "examples/quadrotor.py": ["quadrotor"],
     "examples/four_bar.py": ["four_bar"],
     "examples/bricard.py": ["bricard"],
     "examples/falling_chain.py": ["falling_chain"],

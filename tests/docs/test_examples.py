@@ -372,3 +372,44 @@ def test_a_double_spherical_pendulum_keeps_its_vertical_momentum_and_its_cone(ru
     assert np.ptp(found["height"], axis=0).max() < 1e-7
     assert found["run"].relative_change("energy") < 1e-5
     assert Path("double_spherical_pendulum.png").stat().st_size > 10_000
+
+
+def double_pendulum(t, y):
+    """Two slender rods of 1 kg and 1 m, by their angles to the vertical."""
+    first, second, apart = y[0], y[1], y[0] - y[1]
+    mass = [[4 / 3, 0.5 * np.cos(apart)], [0.5 * np.cos(apart), 1 / 3]]
+    loads = [
+        -0.5 * np.sin(apart) * y[3] ** 2 - 1.5 * 9.81 * np.sin(first),
+        0.5 * np.sin(apart) * y[2] ** 2 - 0.5 * 9.81 * np.sin(second),
+    ]
+    return [*y[2:], *np.linalg.solve(mass, loads)]
+
+
+@pytest.mark.long
+def test_a_double_pendulum_moves_as_its_equations_in_angles_say_and_parts_from_its_neighbour(run_example):
+    found = run_example("double_pendulum", 4)
+    known = solve_ivp(double_pendulum, (0, 1), [2.0, 2.5, 0, 0], rtol=1e-10, atol=1e-10).y[:, -1]
+    shoulder, elbow = (found[name][0, 100] for name in ("shoulder", "elbow"))
+    assert found["time"][100] == pytest.approx(1.0)
+    assert np.allclose([shoulder, shoulder + elbow], known[:2], atol=2e-4)
+    assert found["apart"][-1] > 20 * found["APART"]
+    assert np.max(found["run"].extrema["constraint_gap"]) < 1e-12
+    assert Path("double_pendulum.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_reaction_wheels_turn_a_satellite_while_its_total_momentum_stays_zero(run_example):
+    found = run_example("satellite", 120)
+    assert found["total"] < 1e-14 < 0.1 < np.abs(found["body"]).max()
+    assert found["error"] < 0.05  # degrees
+    assert np.abs(found["run"].dataset.inputs_torque.values).max() <= 0.05
+    assert Path("satellite.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_a_quadrotor_comes_to_its_path_and_stays_there(run_example):
+    found = run_example("quadrotor", 6)
+    assert found["distance"].max() < 0.4 and found["distance"][found["time"] > 3].max() < 0.02
+    hover = found["p"].mass * 9.81
+    assert found["run"].dataset.inputs_thrusts.values[-1].sum() == pytest.approx(hover, rel=0.01)
+    assert Path("quadrotor.png").stat().st_size > 10_000
