@@ -28,11 +28,15 @@ def allocation(motion: UnderWay) -> Allocation:
     """The least-squares fin angles that turn about one axis and about no other, at the speed of `motion`.
 
     A command whose push ahead at this speed exceeds its turning effect is propulsion; turns do not use it.
-    Raises ArgumentError without propulsion, or where no fin pitches or yaws.
+    Raises ArgumentError without propulsion, or where no fin pitches or yaws, but for a vehicle that its fins turn in
+    yaw alone and that holds the speed by itself, as a ship with constant revolutions does.
     """
     screws = propulsion(motion)
     torques = np.where(screws, 0.0, motion.effects[3:])
     largest = np.abs(torques).max(axis=1) if len(screws) else np.zeros(3)
+    if largest[2] > 0 and not screws.any() and not largest[:2].any() and holds_speed(motion):
+        none, yaw = np.zeros(len(screws)), np.linalg.pinv(torques)[:, 2]
+        return Allocation(np.column_stack([none, none, yaw / np.abs(yaw).max(), none]), motion.names)
     if not screws.any() or min(largest[1:]) <= LEAST_AUTHORITY * max(largest):
         raise ArgumentError(
             "This controller needs parts that push ahead and fins that pitch and turn the vehicle, each with a "
@@ -58,6 +62,11 @@ def _shares(torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def propulsion(motion: UnderWay) -> np.ndarray:
     """Which commands push ahead rather than turn."""
     return np.abs(motion.effects[0]) > np.linalg.norm(motion.effects[3:], axis=0)
+
+
+def holds_speed(motion: UnderWay) -> bool:
+    """Whether a vehicle goes on at this speed without commands: its surge is below 1 % of that at twice the speed."""
+    return abs(motion.level.surge(motion.speed)) < 0.01 * abs(motion.level.surge(2 * motion.speed))
 
 
 def commands_of(mixed: Allocation, values: Array, vehicle: Any) -> dict[str, object]:

@@ -32,6 +32,9 @@ class Cruise(Controller):
     Positive δ_pitch turns the nose up, δ_heading the nose and δ_roll the mast to starboard, whatever the fins' signs.
     The gains are made for going at `speed`: at another u, rates count by speed/u, as fins push with its square.
 
+    Of a vehicle that its fins turn in yaw alone and that holds `speed` without commands, as a ship in the plane, the
+    heading is controlled, and depth and speed are not.
+
     Set points: `depth` (m; or `altitude` over a flat `bottom`, or `pitch` (rad), by `vertical`), `heading` (rad),
     `speed` (m/s through the water).
     Fields, the keys of [controller] with kind = "cruise", all optional. speed: of the design, m/s. depth_gains: k_p,

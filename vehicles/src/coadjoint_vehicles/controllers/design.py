@@ -70,11 +70,11 @@ def _gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
             else getattr(controller, f"{axis}_gains")
         )
         given[f"{axis}_reach"] = reach(motion, mixed, axis, gains, fin)
-    thrust = motion.limits[screws].min()
+    thrust = motion.limits[screws].min() if screws.any() else 1.0
     given |= {
         "depth_gains": diving(motion, mixed, pitch, late),
         "speed_gains": surging(motion, mixed, controller.period + controller.delay),
-        "feed_forward": np.abs(motion.trim[screws]).max() / motion.speed,
+        "feed_forward": np.abs(motion.trim[screws]).max(initial=0.0) / motion.speed,
         "fin_limit": fin,
         "thrust_limit": thrust,
     }
@@ -179,6 +179,8 @@ def reach(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, fin
 
 def damped(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, late: float) -> np.ndarray:
     """The gains with the least k_d that damps the modes of (slip, rate, angle, δ) well, or as well as can be."""
+    if not mixed.matrix[:, PLANES[axis][0]].any():
+        return gains
     found = []
     for more in np.linspace(0.0, 3.0, 61):
         tried = gains + np.array([0.0, 0.0, more * gains[0]])
@@ -202,6 +204,8 @@ def placed(turn: Turn, wanted: float, fin: float) -> np.ndarray:
 
 def diving(motion: UnderWay, mixed: Allocation, pitch: np.ndarray, late: float) -> np.ndarray:
     """(k_p, k_i, k_d) of depth: the fastest that leave every mode about as well damped as those of pitch alone."""
+    if not mixed.matrix[:, 1].any():
+        return np.zeros(3)
     U = motion.speed
     alone = damping_ratio(depth_loop(motion, mixed, np.zeros(3), pitch, late)[:4, :4])
     gains = np.zeros(3)
@@ -236,6 +240,8 @@ def depth_loop(motion: UnderWay, mixed: Allocation, depth: np.ndarray, pitch: np
 def surging(motion: UnderWay, mixed: Allocation, late: float) -> np.ndarray:
     """(k_p, k_i, 0) of speed for two poles, as fast as the propulsion's lag and the sampling allow, at most in 2 s."""
     m, screws = motion.mass[0, 0], mixed.matrix[:, 3] != 0
+    if not screws.any():
+        return np.zeros(3)
     a, b = motion.damping[0, 0] / m, (motion.effects[0] @ mixed.matrix[:, 3]) / m
     frequency = min(0.5, 0.35 / (motion.lags[screws].max() + late))
     return np.array([max((2 * DAMPING_RATIO * frequency + a) / b, 0.0), frequency**2 / b / 4, 0.0])

@@ -59,8 +59,12 @@ class Trial(Cruise):
     def fitted(self, vehicle: PyTree) -> Trial:
         """The controller for a vehicle, with the rudder order and the times that were left out."""
         made = super().fitted(vehicle)
-        assert isinstance(made, Trial)
+        assert isinstance(made, Trial) and made.allocation is not None
         limit = made.fin_limit
+        if self.manoeuvre == "stop" and not made.allocation.matrix[:, 3].any():
+            raise ArgumentError(
+                f"The manoeuvre 'stop' needs propulsion that takes commands, and {vehicle.name} has none."
+            )
         order = made.rudder
         if order is None:
             order = min(np.radians(10.0), float(limit)) if self.manoeuvre == "zigzag" else limit

@@ -16,12 +16,13 @@ from coadjoint_vehicles.parts.derivatives import Derivatives
 from coadjoint_vehicles.parts.fin import Fin
 from coadjoint_vehicles.parts.hull import Hull
 from coadjoint_vehicles.parts.lifting_body import LiftingBody
+from coadjoint_vehicles.parts.mmg import Mmg
 from coadjoint_vehicles.parts.part import Part
 from coadjoint_vehicles.parts.propeller import Propeller
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
 MODES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-BRAKES = (Damping, Hull, Derivatives, LiftingBody)
+BRAKES = (Damping, Hull, Derivatives, LiftingBody, Mmg)
 FASTEST = 120.0
 """Revolutions a second that no marine propeller has."""
 SLOWEST = 30.0

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from coadjoint_vehicles.parts.fin import Fin as Fin
     from coadjoint_vehicles.parts.hull import Hull as Hull
     from coadjoint_vehicles.parts.lifting_body import LiftingBody as LiftingBody
+    from coadjoint_vehicles.parts.mmg import Mmg as Mmg
     from coadjoint_vehicles.parts.moving_mass import MovingMass as MovingMass
     from coadjoint_vehicles.parts.part import Command as Command
     from coadjoint_vehicles.parts.part import Flow as Flow
