@@ -160,7 +160,7 @@ def files() -> dict[str, Any]:
             "sensors": SensorsSection,
         },
         "vehicle": {**dict.fromkeys(SECTIONS), "body": Vehicle},
-        **{room: dict(sorted(kinds(room).items())) for room in ("parts", "sensors", "controllers")},
+        **{kind: dict(sorted(kinds(kind).items())) for kind in ("parts", "sensors", "controllers")},
     }
     return {
         file: {name: "a table" if kind is None else keys(kind) for name, kind in sections.items()}

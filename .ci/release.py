@@ -50,10 +50,12 @@ def dated() -> tuple[str, str]:
 
 
 def stated(checks: Checks) -> bool:
-    """Whether all places state one version, the changes are dated, and nothing is left to commit."""
+    """Whether all places state one version, the changes are dated, its files stored, and nothing is left to commit."""
     found, (first, expected) = versions(), dated()
     mistakes = [f"{place} is {version}" for place, version in found.items() if version != found["./pyproject.toml"]]
     mistakes += [] if first == expected else [f"CHANGELOG.md begins with `{first}`, but must with `{expected}`"]
+    stored = f"tests/stored/{found['./pyproject.toml']}.tar.gz"
+    mistakes += [] if (ROOT / stored).exists() else [f"{stored} is missing: python .ci/stored.py writes it"]
     mistakes += [f"not committed: {line}" for line in _git("status", "--porcelain").splitlines()]
     for sentence in mistakes:
         checks.note(sentence)

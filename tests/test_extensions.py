@@ -1,4 +1,4 @@
-"""What packages above add to a room: found without naming them, refused where a name is taken."""
+"""What packages above add to a table: found without naming them, refused where a name is taken."""
 
 from __future__ import annotations
 

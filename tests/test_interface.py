@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -97,3 +98,8 @@ def test_a_class_is_its_members_and_a_default_is_text_without_addresses(monkeypa
         "size": "field",
     }
     assert interface.shown(object()) == "<object>" and interface.shown(interface.text) == "text"
+
+
+def test_the_exit_statuses_are_those_that_the_command_describes() -> None:
+    described = str(import_module("coadjoint.cli.main").main.__doc__)
+    assert {*re.findall(r"\b(\d+):", described)} == {*interface.STATUSES}

@@ -91,9 +91,9 @@ def test_the_page_names_each_command_and_each_function_that_opens_files():
     page = text[text.index("## What each command") : text.index("## What is data")]
     commands = [word for kind in get_args(every_command()) for word in (get_args(kind)[1].name,)]
     assert len(commands) == 20 and all(f"`{name}`" in page for name in commands)
-    for room in FILES:
-        for name in getattr(room, "__all__", vars(room)):
-            found = getattr(room, name)
+    for package in FILES:
+        for name in getattr(package, "__all__", vars(package)):
+            found = getattr(package, name)
             named = {name: found}
             if inspect.isclass(found):
                 named = {f"{name}.{key}": getattr(found, key) for key in vars(found) if key.startswith("from_")}

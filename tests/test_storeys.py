@@ -1,4 +1,4 @@
-"""The library as a house: a room imports only from those below it, and nothing below the vehicles knows one."""
+"""A package imports only from those below it, and nothing below the vehicles knows one."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ STOREYS = (
     *("vehicles", "__main__"),
 )
 """From the ground up."""
-ROOMS_OF_VEHICLES = (
+PACKAGES_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "sensors", "model", "trim", "controllers", "files", "remus"),
     *("importing", "logs", "trials", "figures", "readings"),
     *("serving", "missions", "environments", "commands", "extension"),
 )
 """From the ground up, too."""
-ROOMS_OF_KERNELS = (
+PACKAGES_OF_KERNELS = (
     *(
         "untraceable",
         "collector",
@@ -101,8 +101,8 @@ def read():
     names()
 
 
-def room(module: str) -> str:
-    """The room of a module on its storey: `groups`; of vehicles and kernels `vehicles.parts`."""
+def package_of(module: str) -> str:
+    """The package of a module in its layer: `groups`; of vehicles and kernels `vehicles.parts`."""
     parts = module.split(".")[1:]
     return ".".join(parts[:2]) if parts[0] in ("kernels", "vehicles") else parts[0]
 
@@ -112,7 +112,7 @@ def upwards(order: tuple[str, ...], prefix: str = "") -> list[str]:
     level = {f"{prefix}{name}": place for place, name in enumerate(order)}
 
     def of(module: str) -> str:
-        return room(module) if prefix else room(module).partition(".")[0]
+        return package_of(module) if prefix else package_of(module).partition(".")[0]
 
     pairs = [(a, b) for a, found in names().items() for b in found if of(a).startswith(prefix) and of(a) != of(b)]
     pairs = [(a, b) for a, b in pairs if of(b).startswith(prefix)]
@@ -125,23 +125,25 @@ def test_nothing_below_the_vehicles_names_them():
     assert not {a: others for a, others in found.items() if others}
 
 
-def test_a_room_imports_only_from_those_below_it():
+def test_a_package_imports_only_from_those_below_it():
     assert upwards(STOREYS) == []
 
 
-def test_a_room_of_the_vehicles_imports_only_from_those_below_it():
-    assert upwards(ROOMS_OF_VEHICLES, "vehicles.") == []
+def test_a_package_of_the_vehicles_imports_only_from_those_below_it():
+    assert upwards(PACKAGES_OF_VEHICLES, "vehicles.") == []
 
 
-def test_a_room_of_the_kernels_imports_only_from_those_below_it():
-    assert upwards(ROOMS_OF_KERNELS, "kernels.") == []
+def test_a_package_of_the_kernels_imports_only_from_those_below_it():
+    assert upwards(PACKAGES_OF_KERNELS, "kernels.") == []
 
 
-def test_no_rooms_and_no_files_name_one_another():
-    rooms: dict[str, set[str]] = {}
+def test_no_packages_and_no_files_name_one_another():
+    packages: dict[str, set[str]] = {}
     for module, others in names().items():
-        rooms.setdefault(room(module), set()).update({room(name) for name in others} - {room(module)})
-    assert circles(rooms) == []
+        packages.setdefault(package_of(module), set()).update(
+            {package_of(name) for name in others} - {package_of(module)}
+        )
+    assert circles(packages) == []
     assert not circles(names()), "Files name one another: put what both need into a third, or pass it as an argument."
 
 

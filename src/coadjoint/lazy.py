@@ -35,11 +35,11 @@ def lazy(
     """
     places = homes(package)
     names = sorted(places)
-    rooms = {name: room for room, words in (moved or {}).items() for name in words.split()}
+    now = {name: home for home, words in (moved or {}).items() for name in words.split()}
 
     def load(name: str) -> Any:
-        if name in rooms:
-            there = f"{package}.{rooms[name]}"
+        if name in now:
+            there = f"{package}.{now[name]}"
             announce(f"{package}.{name}", f"{there}.{name}", "0.3", 2)
             return getattr(import_module(there), name)
         if name not in places:
@@ -47,7 +47,7 @@ def lazy(
                 return found
             if name.startswith("_"):  # as tools ask for, which look at all objects of a module
                 raise AttributeError(f"{package} has no `{name}`.")
-            raise AttributeError(_absent(package, name, [*names, *rooms]))
+            raise AttributeError(_absent(package, name, [*names, *now]))
         module, there = places[name]
         if module == package:
             return import_module(f"{package}.{there}")

@@ -74,3 +74,14 @@ def test_a_release_replaces_the_archives_of_an_earlier_one(tmp_path: Path, monke
     release._written(SimpleNamespace(note=noted.append), built, release.sums(built))
     assert sorted(path.name for path in target.iterdir()) == ["SHA256SUMS", "coadjoint-2.whl"]
     assert (target / "SHA256SUMS").read_text().split() == [release.sums(built)["coadjoint-2.whl"], "coadjoint-2.whl"]
+
+
+def test_a_version_without_files_in_tests_stored_is_no_release(monkeypatch: pytest.MonkeyPatch) -> None:
+    noted: list[str] = []
+    checks = SimpleNamespace(note=noted.append, run=lambda part, command: command == "true")
+    monkeypatch.setattr(release, "dated", lambda: ("9.9.9, today", "9.9.9, today"))
+    monkeypatch.setattr(release, "_git", lambda *words: "")
+    for version, kept in (("9.9.9", False), (release.versions()["CITATION.cff"], True)):
+        monkeypatch.setattr(release, "versions", lambda version=version: {"./pyproject.toml": version})
+        assert release.stated(checks) == kept
+    assert noted == ["tests/stored/9.9.9.tar.gz is missing: python .ci/stored.py writes it"]

@@ -40,7 +40,7 @@ def test_the_oldest_dependencies_are_the_lower_bounds():
     assert set(pins) >= {"{}=={}".format(*BOUNDS.fullmatch(line).groups()) for line in PROJECT["dependencies"]}
 
 
-def rooms(folder: Path) -> set[str]:
+def folders(folder: Path) -> set[str]:
     """The folders with Python files of their own, below a folder."""
     files = [path.relative_to(folder) for path in folder.rglob("*.py")]
     own = [path for path in files if path.name not in ("__init__.py", "conftest.py") and len(path.parts) > 1]
@@ -49,8 +49,8 @@ def rooms(folder: Path) -> set[str]:
 
 def test_the_selection_for_other_versions_touches_every_package_of_the_library_and_of_the_tests():
     chosen = {str(Path(line.partition("::")[0]).parent.relative_to("tests")) for line in SELECTION}
-    tests = {room for room in rooms(ROOT / "tests") if any((ROOT / "tests" / room).glob("test_*.py"))}
-    library = {room for room in rooms(ROOT / "src/coadjoint") if room in tests}
+    tests = {one for one in folders(ROOT / "tests") if any((ROOT / "tests" / one).glob("test_*.py"))}
+    library = {one for one in folders(ROOT / "src/coadjoint") if one in tests}
     left_out = {"benchmarks", "ci", "docs", "mutation"}
     assert sorted(library - chosen) == []
     assert sorted(tests - chosen - left_out) == []

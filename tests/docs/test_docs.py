@@ -145,16 +145,16 @@ def test_every_file_that_contributing_names_exists() -> None:
     assert not missing, f"CONTRIBUTING.md names {missing}."
 
 
-def test_every_room_is_in_the_index_and_imports_only_from_those_above_it() -> None:
+def test_every_package_is_in_the_index_and_imports_only_from_those_above_it() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    rooms = re.findall(r"^\| `(\w+)/` \|", index, re.MULTILINE)
+    packages = re.findall(r"^\| `(\w+)/` \|", index, re.MULTILINE)
     source = ROOT / "src" / "coadjoint"
-    assert sorted(rooms) == sorted(folder.parent.name for folder in source.glob("*/__init__.py"))
+    assert sorted(packages) == sorted(folder.parent.name for folder in source.glob("*/__init__.py"))
     upward = []
-    for file in (file for room in rooms for file in (source / room).rglob("*.py")):
-        room = rooms.index(file.relative_to(source).parts[0])
+    for file in (file for package in packages for file in (source / package).rglob("*.py")):
+        place = packages.index(file.relative_to(source).parts[0])
         for other in re.findall(r"^(?:from|import) coadjoint\.(\w+)", file.read_text(encoding="utf-8"), re.MULTILINE):
-            if other in rooms and rooms.index(other) > room:
+            if other in packages and packages.index(other) > place:
                 upward.append(f"{file.relative_to(source)} imports {other}")
     assert not upward
 

@@ -10,7 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 RULES = tomllib.loads((Path(__file__).parent / "prose.toml").read_text(encoding="utf-8"))
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), ROOT / "vehicles/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES += sorted((ROOT / ".github").rglob("*.md"))
 BLOCK = re.compile(r"^```[\s\S]*?^```$|^ {4}.*$|^\|.*$", re.MULTILINE)
 
 

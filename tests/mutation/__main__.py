@@ -44,7 +44,7 @@ def arguments(given: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python tests/mutation", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seed", type=int, default=7, help="of the sample (7)")
     parser.add_argument("--count", type=int, default=120, help="number of errors (120)")
-    parser.add_argument("--rooms", nargs="*", default=(), help="folders of the package, `.` for the files beside them")
+    parser.add_argument("--folders", nargs="*", default=(), help="folders of the package, `.` for files next to them")
     parser.add_argument("--seconds", type=float, default=120.0, help="processor time of tests for an error, s (120)")
     parser.add_argument("--least", type=float, default=0.0, help="share that must be caught, else the status is 1 (0)")
     parser.add_argument("--survivors", action="store_true", help="judge again only what the last run did not kill")
@@ -122,7 +122,7 @@ def main(given: Sequence[str]) -> int:
     package = next(
         path for path in (folder / chosen.package for folder in judged.sources(chosen.root)) if path.is_dir()
     )
-    sample = draw(package, chosen.seed, chosen.count, chosen.rooms)
+    sample = draw(package, chosen.seed, chosen.count, chosen.folders)
     if chosen.list:
         for mutant in sample:
             print(row(mutant))

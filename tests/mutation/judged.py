@@ -115,9 +115,9 @@ def _tests(copy: Copy, arguments: Sequence[str], plugin: Callable[[], object], s
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.path[:0] = [*copy.path(), str(copy.root)]  # the last as `python -m pytest` has it
     os.environ["PYTHONPATH"] = os.pathsep.join([*copy.path(), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
-    with tempfile.TemporaryDirectory(prefix="coadjoint-mutant-") as room:
-        tempfile.tempdir = os.environ["TMPDIR"] = room
-        options = ["-p", "no:cacheprovider", "--basetemp", os.path.join(room, "tests")]
+    with tempfile.TemporaryDirectory(prefix="coadjoint-mutant-") as folder:
+        tempfile.tempdir = os.environ["TMPDIR"] = folder
+        options = ["-p", "no:cacheprovider", "--basetemp", os.path.join(folder, "tests")]
         return int(pytest.main([*options, *arguments], plugins=[plugin()]))
 
 

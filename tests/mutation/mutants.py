@@ -261,26 +261,26 @@ def shares(sizes: Mapping[str, int], count: int, least: int) -> dict[str, int]:
     return found
 
 
-def draw(package: Path, seed: int, count: int, rooms: Sequence[str] = (), least: int = 2) -> list[Mutant]:
+def draw(package: Path, seed: int, count: int, folders: Sequence[str] = (), least: int = 2) -> list[Mutant]:
     """A sample over the folders of a package, by their size; the same for the same seed and source.
 
     In each folder the kind of error is drawn first, so that kinds with few places come as often as others, and no line
-    is drawn twice. rooms: names of folders, all by default; files beside the folders are together `.`.
+    is drawn twice. folders: names of folders, all by default; files beside the folders are together `.`.
     """
     files = defaultdict(list)
     for path in sorted(package.rglob("*.py")):
         name = path.relative_to(package).as_posix()
         files[name.split("/")[0] if "/" in name else "."].append(name)
-    chosen = {room: files[room] for room in sorted(rooms or files)}
+    chosen = {folder: files[folder] for folder in sorted(folders or files)}
     texts = {name: (package / name).read_text(encoding="utf-8") for names in chosen.values() for name in names}
-    sizes = {room: sum(len(texts[name]) for name in names) for room, names in chosen.items()}
+    sizes = {folder: sum(len(texts[name]) for name in names) for folder, names in chosen.items()}
     found = []
-    for room, number in shares(sizes, count, least).items():
+    for folder, number in shares(sizes, count, least).items():
         kinds = defaultdict(list)
-        for name in chosen[room]:
+        for name in chosen[folder]:
             for mutant in mutants(name, texts[name]):
                 kinds[mutant.operator].append(mutant)
-        found += _drawn(random.Random(f"{seed} {room}"), kinds, number, texts)
+        found += _drawn(random.Random(f"{seed} {folder}"), kinds, number, texts)
     return found
 
 
