@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from simulated import around, drawn, measured
 
 import coadjoint as co
 from coadjoint.estimation import Filter, Measurement, ModelProcess, smoothed
+from coadjoint.estimation.process import Process
 from pinned import INERTIA, MASS, PIN, RATES, pinned, start, top
 
 H = 0.02
@@ -50,6 +52,16 @@ def test_errors_are_projected_onto_the_velocities_that_a_blade_admits():
     moved = process.moved(row, np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]]))
     mu = process._layout.unpack(moved[0, : process._layout.size]).mu
     assert mu[2] == pytest.approx(0.3 / 0.59 * mu[0], abs=1e-15)
+
+
+def test_covariances_are_projected_from_both_sides():
+    random = np.random.default_rng(4)
+    S, P = random.normal(size=(2, 3, 3)), random.normal(size=(2, 3, 3))
+    process = SimpleNamespace(projector=lambda e, rows: (None, S), width=3)
+    found = Process.admitted(process, np.zeros((2, 5)), P)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found, [s @ q @ s.T for s, q in zip(S, P, strict=True)], rtol=1e-14)
+    free = SimpleNamespace(projector=None)
+    assert Process.admitted(free, np.zeros((2, 5)), P) is P  # type: ignore[arg-type]
 
 
 @pytest.mark.long

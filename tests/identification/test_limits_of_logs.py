@@ -11,6 +11,8 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify
+from coadjoint.identification.diagnostics import gaps, missed
+from coadjoint.identification.sampling import samples
 
 T = np.arange(5.0)
 NAN, INF = np.nan, np.inf
@@ -115,3 +117,28 @@ def test_numbers_are_numbers_and_no_truth_values(value):
     system, start = top()
     with pytest.raises(ArgumentError, match="Argument `level` must be a number between 0 and 1, but is"):
         identify(system, log(), start=start, parameters=["inertia"], level=value)
+
+
+def test_an_angle_that_is_off_by_more_than_a_radian_is_missed_however_noisy_it_is():
+    noisy = np.random.default_rng(5).normal(scale=0.6, size=200)
+    turning = Log(0.1 * np.arange(200), {"yaw": noisy}, units={"yaw": "rad"})
+    assert missed(turning, ("yaw",), np.array([0.9]), np.array([True])) == []
+    (sentence,) = missed(turning, ("yaw",), np.array([1.2]), np.array([True]))
+    assert "misses yaw (68.8°)" in sentence
+    assert missed(turning, ("yaw",), np.array([1.2]), np.array([False])) == [], "a deviation that was given"
+
+
+def test_missing_rows_are_counted_with_the_longest_time_that_they_take():
+    time = np.delete(0.1 * np.arange(100), [20, 50, 51, 52])
+    holed = Log(time, {"yaw": np.sin(time)})
+    cut = samples(holed, np.array([False]), 0.1, 5.0, between="held")
+    (sentence,) = gaps(holed, cut)
+    assert sentence.startswith("4 rows are missing, up to 0.3 s at a time")
+
+
+def test_short_segments_ask_for_seconds_only_where_samples_are_farther_apart_than_these():
+    thin = np.concatenate([0.1 * np.arange(50), 5.0 + 0.35 * np.arange(10), 8.5 + 0.1 * np.arange(50)])
+    for time, asks in ((thin, False), (60.0 * np.arange(100), True)):
+        with pytest.raises(ArgumentError, match="hold fewer than four samples") as error:
+            samples(Log(time, {"yaw": time}), np.array([False]), 0.1, 1.0, between="held")
+        assert ("are times in seconds?" in str(error.value)) is asks

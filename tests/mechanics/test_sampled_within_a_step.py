@@ -47,3 +47,23 @@ def test_every_node_samples_and_a_sample_is_in_force_at_the_node_nearest_to_its_
         late += not released
         assert value[n] == pytest.approx(t[n] if released else t[n - 1], abs=1e-12), n
     assert (late > 0) == (delay > 0)
+
+
+@pytest.mark.parametrize(
+    ("result", "says"),
+    [
+        ({"torque": 1.0}, r"must return torque, error, but returned \['torque'\]"),
+        (2.0, "a dictionary, but returned float"),
+    ],
+)
+def test_an_update_of_other_names_than_the_start_has_is_said(result, says):
+    held = co.mechanics.sampling({"torque": 0.0, "error": 1.0})
+    system = co.System(
+        co.SO2(),
+        lambda xi: 0.5 * xi @ xi,
+        internal=lambda motion, h: co.mechanics.sampled(
+            motion, h, motion.internal, lambda last: result, period=0.1, delay=0.0
+        ),
+    )
+    with pytest.raises(co.errors.CoadjointError, match=says):
+        co.simulate(system, system.state(internal=held), dt=0.1, steps=1, progress=False)

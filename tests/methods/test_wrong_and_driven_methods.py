@@ -58,6 +58,10 @@ WRONG = {
     "matrices and places": (lambda: begun(IsospectralMidpoint(), MOVING, q=np.eye(3)[0]), "no additional dynamics"),
     "matrices under forces": (lambda: begun(IsospectralMidpoint(), PUSHED), "takes no forces"),
     "momenta without ℋ": (lambda: begun(HamiltonianMidpoint(), PLAIN), "needs a system with a `hamiltonian`: use co.M"),
+    "momenta by a map of other groups": (
+        lambda: begun(HamiltonianMidpoint(co.Cayley()), co.System(co.groups.SLn(3), hamiltonian=lambda mu: mu @ mu)),
+        "SL|sl",
+    ),
     "momenta on a sphere": (
         lambda: begun(HamiltonianMidpoint(), CURVED, q=np.eye(3)[0], mu=np.zeros(3), pi=np.zeros(3)),
         "needs a flat space of additional dynamics",
@@ -90,27 +94,34 @@ def test_the_adjoints_of_one_sided_rules_are_each_other_and_symmetric_rules_are_
 PUSH = np.array([0.3, -0.2])
 
 
-def cart(discrete: bool) -> co.System:
+def cart(method: Any) -> co.System:
     """Two steady forces on a point in the plane, and a potential that grows with time."""
+    forces = {"one": lambda motion: co.Force(torque=PUSH), "two": lambda motion: co.Force(torque=-3 * PUSH)}
+    if isinstance(method, HamiltonianMidpoint):
+        return co.System(
+            co.Translation(2),
+            hamiltonian=lambda mu, *, t: 0.5 * mu @ (mu / np.array([2.0, 3.0])) - 0.1 * t,
+            forces=forces,
+        )
+    discrete = isinstance(method, (Variational, AdjointVariational, Symmetrised))
 
     def lagrangian(xi, *, t):
         return 0.5 * xi @ (np.array([2.0, 3.0]) * xi) + 0.1 * t
 
     more: Any = {"discrete_lagrangian": lambda xi, h, *, t: h * lagrangian(xi, t=t)} if discrete else {}
-    forces = {"one": lambda motion: co.Force(torque=PUSH), "two": lambda motion: co.Force(torque=-3 * PUSH)}
     return co.System(co.Translation(2), lagrangian, forces=forces, **more)
 
 
 METHODS = (
-    AdjointVariational(), EnergyMomentum(), Galerkin(degree=2), LeftRectangle(), LeftRight(), Midpoint(),
-    RightRectangle(), Simpson(), Symmetrised(Variational()), Trapezoidal(), Variational(),
+    AdjointVariational(), EnergyMomentum(), Galerkin(degree=2), HamiltonianMidpoint(), LeftRectangle(), LeftRight(),
+    Midpoint(), RightRectangle(), Simpson(), Symmetrised(Variational()), Trapezoidal(), Variational(),
 )  # fmt: skip
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.title)
 def test_the_work_of_a_steady_force_is_force_times_way_and_time_takes_its_share(method):
-    system = cart(isinstance(method, (Variational, AdjointVariational, Symmetrised)))
-    leaps = Stepper(system, method).run(method.begin(system, system.state(xi=[1.0, 2.0]), 0.1), 0.1, 1)
+    system = cart(method)
+    leaps = Stepper(system, method).run(method.begin(system, system.state(mu=[2.0, 6.0]), 0.1), 0.1, 1)
     way, lines = np.zeros(2), np.zeros(3)
     for leap in leaps:
         lines = lines + evaluate(

@@ -111,6 +111,7 @@ def test_substeps_backwards_are_allowed_where_forces_dissipate(tmp_path):
         ("run.stepz=3", "did you mean `steps`?"),
         ("run.duration_deg=3", "ends in a unit of angle, but `duration` measures time"),
         ("initial.xi=[[1],[2,3]]", "[initial] xi must hold numbers in rows of one length"),
+        ("initial.xi=[[[1,2],[3]],[[1,2],[3,4]]]", "[initial] xi must hold numbers in rows of one length"),
         ("initail.xi=3", "did you mean `initial`?"),
         ("run=3", "must be section.key=value"),
         ("run.dt.more=3", "`dt` of 'run.dt.more=3' is none"),

@@ -85,11 +85,12 @@ def test_the_first_of_two_crossings_in_one_step_ends_the_run():
     assert falling.event == pytest.approx(0.0714, abs=1e-12)
 
 
+@pytest.mark.parametrize("first", [0, 3, 6])
 @pytest.mark.parametrize("top", [0.2, 0.37, 0.8])
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3])
-def test_near_crossings_are_told_from_crossings(gap, top):
-    """cos 0.9(x − top) − 1 ± gap², whose maximum between nodes 0 and 1 is just over and just under zero."""
-    nodes = np.arange(8.0)
+def test_near_crossings_are_told_from_crossings(gap, top, first):
+    """cos 0.9(x − top) − 1 ± gap², whose maximum between two nodes is just over and just under zero."""
+    nodes = np.arange(8.0) - first
     for sign in (-1, 1):
 
         def f(x, sign=sign):
@@ -97,9 +98,9 @@ def test_near_crossings_are_told_from_crossings(gap, top):
 
         found = [
             c
-            for i in candidates(f(nodes), 5)
-            for c in crossings(f(nodes), int(i), lambda theta, i=i, f=f: float(f(i + theta)))
-            if i == 0
+            for i in candidates(f(nodes), 7)
+            for c in crossings(f(nodes), int(i), lambda theta, i=i, f=f: float(f(i - first + theta)))
+            if i == first
         ]
         assert [c.rises for c in found] == ([True, False] if sign > 0 else [])
         half = np.arccos(1 - gap**2) / 0.9

@@ -66,7 +66,7 @@ def test_a_sealed_file_that_declares_gigabytes_is_refused_before_it_is_read(tmp_
         co.load(file)
 
 
-@pytest.mark.parametrize("kind", ["link", "external", "virtual", "filters", "many texts"])
+@pytest.mark.parametrize("kind", ["link", "external", "virtual", "filters", "many texts", "attribute"])
 def test_a_sealed_file_that_is_more_than_plain_numbers_is_read_in_a_child(tmp_path, monkeypatch, kind):
     file, other = tmp_path / "x.nc", hdf5(tmp_path / "other.nc", "nothing")
     with h5py.File(file, "w") as opened:
@@ -80,6 +80,8 @@ def test_a_sealed_file_that_is_more_than_plain_numbers_is_read_in_a_child(tmp_pa
             opened.create_virtual_dataset("time", layout)
         elif kind == "filters":
             opened.create_dataset("time", data=np.zeros(1000), compression="gzip")
+        elif kind == "attribute":
+            opened.attrs.create("names", ["x"] * 1000, dtype=h5py.string_dtype())
         else:
             opened.create_dataset("time", data=["x"] * 1000, dtype=h5py.string_dtype())
     sealed.seal(file)

@@ -59,7 +59,8 @@ def test_merged_statistics_are_those_of_all():
 def test_quantiles_of_few_members_are_exact():
     values = np.random.default_rng(2).normal(size=(90, 3))
     found = merged([Sketch.of(part) for part in np.array_split(values, 7)])
-    np.testing.assert_allclose(found.quantile(0.3), np.quantile(values, 0.3, axis=0), rtol=1e-12)
+    for q in (0.0, 0.003, 0.3, 0.997, 1.0):
+        np.testing.assert_allclose(found.quantile(q), np.quantile(values, q, axis=0), rtol=1e-12)
 
 
 def test_shards_without_members_change_nothing():

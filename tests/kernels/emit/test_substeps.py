@@ -191,6 +191,13 @@ def test_members_decide_for_themselves_whether_a_tolerant_stage_failed():
     assert np.all(chunk.code == Code.CONVERGED)
 
 
+@pytest.mark.parametrize("kernel", [native, xla])
+def test_a_step_fails_where_a_later_substep_of_it_does(kernel):
+    program = Trying(stages=(SquareRoot(tolerant=False),), substeps=(0.25, 0.5, 0.25))
+    chunk = kernel.run(program, np.zeros(0), ROOT._replace(y=np.asarray(0.05)), 0.1, 3, 1)
+    assert chunk.code in (Code.NOT_CONVERGED, Code.NOT_FINITE) and chunk.steps == 0 and chunk.final.y == 0.05
+
+
 @pytest.mark.parametrize(
     ("kernel", "substeps"), [(native, (1.0,)), (xla, (0.5, 0.5)), pytest.param(xla, (1.0,), marks=pytest.mark.long)]
 )

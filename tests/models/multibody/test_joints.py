@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +15,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import reactions
 from coadjoint.mechanics.reactions import site
 from coadjoint.models.multibody import Body, Joint, Mechanism
+from coadjoint.models.multibody.bonds import Bond
 from coadjoint.models.multibody.data import counted
 from mechanisms import ARM, FREEDOMS, JOINTS, MASS, MOMENTS, disk, pendulum, rod
 
@@ -182,3 +185,14 @@ def test_a_wrong_mechanism_raises_an_error_that_says_why(wrong: str):
     make, sentence = WRONG[wrong]
     with pytest.raises(co.errors.ArgumentError, match=sentence):
         make()
+
+
+def test_the_lowest_point_of_a_ball_is_below_its_centre_and_that_of_a_disk_turns_with_its_axis() -> None:
+    """φ = q₃ − ρ of a ball in any attitude, q₃ − ρ sin θ of a disk whose axis leans by θ from the vertical."""
+    p = co.Parameters(wheel={"first": np.zeros(3), "second": np.zeros(3), "radius": 0.3})
+    axes = tuple(tuple(map(tuple, np.eye(3))) for _ in range(2))
+    q, turn = np.array([1.0, 2.0, 0.7]), co.attitude.zyx(0.4, 0.5, -0.8)
+    for ball, lowest in ((True, 0.3), (False, 0.3 * np.sqrt(1 - turn[2, 2] ** 2))):
+        bond = Bond("wheel", "rolling", -1, 0, 0, axes, ball=ball)
+        gap = evaluate(lambda n, E, bond=bond: bond.gap(n, SimpleNamespace(pose=E), p), (turn.T @ q)[None], turn[None])
+        assert gap[-1] == pytest.approx(0.7 - lowest, abs=1e-14)
