@@ -79,7 +79,10 @@ class Structure(Protocol):
 
     @property
     def native(self) -> bool:
-        """Whether Newton's method of native code, which is dense, serves these equations too."""
+        """Whether Newton's method of native code, which is dense, serves these equations too.
+
+        Up to MAX_UNKNOWNS unknowns: tracing raises Untraceable for a dense stage of more.
+        """
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""The driver: a run in chunks, with monitors, progress and a certificate."""
+"""`co.simulate`: from checked arguments to a problem, from the problem to a run, and the run to its end."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def simulate(
     kernels.require_backend(backend)
     fits = store is None or (isinstance(store, (str, os.PathLike)) and "\x00" not in os.fsdecode(store))
     checks.expect(fits, store, "store", "the path of a folder")
-    start, told = continued(system, start, keep)
+    start, warning = continued(system, start, keep)
     if store is not None and (events or (until is not None and count_of(system, start) is not None)):
         raise ArgumentError(
             "Argument `events`, and `until` for an ensemble, collect records in memory: leave out `store`."
@@ -145,7 +145,7 @@ def simulate(
     traces = Traced()
     with collector_off():
         run = problem.set_up(traces)
-    run.warnings += [told] if told else []
+    run.warnings += [warning] if warning else []
     if store is not None:
         from coadjoint.simulation.resume import streamed  # loads zarr
 

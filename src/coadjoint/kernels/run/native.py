@@ -224,7 +224,7 @@ def _chunk(kernel: Kernel, state: Layout, result: PyTree, records: int, save_eve
 
 
 def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> LaneArrays:
-    """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes).
+    """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes), in pieces of about 0.1 s.
 
     Raises Cut with the steps that were done where Python is interrupted meanwhile.
     """
