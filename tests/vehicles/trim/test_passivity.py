@@ -9,8 +9,9 @@ import coadjoint as co
 import coadjoint_vehicles as vehicles
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.commands.vehicles import _passivity
 from coadjoint_vehicles.parts import Damping
-from coadjoint_vehicles.trim.passivity import SLIP, _within, driven
+from coadjoint_vehicles.trim.passivity import SLIP, _within, driven, pushed
 from coadjoint_vehicles.trim.under_way import Level
 
 DRIVEN = {"nps_auv_ii": False, "slocum_graver": True}
@@ -63,6 +64,12 @@ def test_the_search_finds_the_one_eigenvector_along_which_damping_drives():
     found = driven(vehicle)
     assert found is not None and found.rate == pytest.approx(0.2, rel=1e-3)
     assert abs(found.velocity @ n) == pytest.approx(np.linalg.norm(found.velocity), rel=1e-3)
+
+
+def test_a_vehicle_whose_propeller_always_turns_is_not_judged():
+    tanker = vehicles.load("kvlcc2")
+    assert pushed(Level(tanker)) and driven(tanker) is None
+    assert _passivity(tanker) == "not judged: its propulsion pushes it at rest, with actuators off"
 
 
 @pytest.mark.long

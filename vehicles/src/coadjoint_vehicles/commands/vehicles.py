@@ -270,8 +270,13 @@ def _listed(found: Any) -> Table | None:
 def _passivity(vehicle: Vehicle) -> str:
     import numpy as np
 
+    from coadjoint_vehicles.trim.passivity import pushed
+    from coadjoint_vehicles.trim.under_way import Level
+
     found = _driven(vehicle)
     worst = found["anywhere"]
+    if worst is None and pushed(Level(vehicle)):
+        return "not judged: its propulsion pushes it at rest, with actuators off"
     if worst is None:
         return "its parts only brake, in all motions up to 1 m/s that were tried, with actuators off"
     v, omega = (", ".join(f"{x:.2g}" for x in np.round(part, 3) + 0.0) for part in worst[2:4])

@@ -36,6 +36,8 @@ class Driven(NamedTuple):
 def driven(vehicle: Any, speed: float = 1.0, *, ahead: bool = False) -> Driven | None:
     """Where parts drive a vehicle in still water with its actuators as they start; None if none was found.
 
+    None, too, for a vehicle that is `pushed` at rest.
+
     P = F·v + T·ω of all parts together, which a passive vehicle has below zero in every motion; Coriolis terms do no
     work. Of STATES motions at random and then ROUNDS times as many ever nearer to the worst, with one seed: an active
     motion may remain undetected.
@@ -45,6 +47,8 @@ def driven(vehicle: Any, speed: float = 1.0, *, ahead: bool = False) -> Driven |
     """
     size = float(vehicle.length) if vehicle.length is not None else 2 * float(np.cbrt(vehicle.volume))
     level = Level(vehicle)
+    if pushed(level):
+        return None
     M = level.mass
 
     def rates(V: Array) -> Array:
@@ -69,6 +73,11 @@ def driven(vehicle: Any, speed: float = 1.0, *, ahead: bool = False) -> Driven |
     if rate <= ROUND_OFF:
         return None
     return Driven(rate, rate * float(0.5 * best @ M @ best), best[:3], best[3:], share)
+
+
+def pushed(level: Level) -> bool:
+    """Whether its parts push a vehicle at rest with its actuators as they start, as a propeller that always turns."""
+    return bool(np.any(np.asarray(level.rates(np.zeros(6), level.rest)) != 0))
 
 
 def _motions(random: np.random.Generator, speed: float, turning: float, ahead: bool) -> np.ndarray:
