@@ -136,6 +136,18 @@ def _frame(x):
 FRAMES = co.spaces.Submanifold(_frame, co.spaces.Several({"e": co.Defining(), "f": co.Defining()}))
 """Pairs of orthonormal vectors: a Stiefel manifold."""
 
+
+def moebius(g, z):
+    """z = x + iy ↦ (az + b)/(cz + d)."""
+    (a, b), (c, d) = g
+    x, y = z
+    size = (c * x + d) ** 2 + (c * y) ** 2
+    return jnp.stack([(a * x + b) * (c * x + d) + a * c * y**2, y]) / size
+
+
+HALF_PLANE = co.spaces.Action(moebius, dim=2, domain=lambda z: z[1])
+"""The upper half plane, on which SL(2) acts by Möbius maps."""
+
 WORLDS: dict[str, World] = {
     "SO3 alone": World(co.SO3()),
     "SO3": World(co.SO3(), co.Defining(), {"down": co.Defining(), "spin": co.spaces.Adjoint()}),
@@ -200,6 +212,8 @@ def point(space: Space, group: LieGroup, random: np.random.Generator) -> Any:
     x = random.normal(size=space.ambient(group))
     if isinstance(space, co.spaces.GroupItself):
         return element(group, random)
+    if isinstance(space, co.spaces.Action):
+        return space.sample(group, random)
     if isinstance(space, co.spaces.Submanifold):
         found = evaluate(lambda x: space.view(group, _nearest(space, group, x)), x)
         return found if isinstance(found, np.ndarray) else found.asdict()

@@ -46,6 +46,8 @@ CURVED_ERRORS = {
 }
 EXEMPT = {
     "flat": "chooses what is compared",
+    "affine": "chooses what is compared",
+    "sample": "a point to test at",
     "at_start": "chooses what a start may leave out",
     "ambient": "the length of all arrays: what does not fit it is told by shape",
     "require_fit": "a test itself",

@@ -16,7 +16,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import velocity
-from systems import GROUPS, element, generator, system_on
+from systems import GROUPS, HALF_PLANE, element, generator, system_on
 
 H = 0.1
 
@@ -25,6 +25,7 @@ SPACES: dict[str, tuple[Any, Any]] = {
     "SE2": (co.spaces.Points(), co.spaces.Adjoint()),
     "SE3": (co.spaces.Points(), co.spaces.Dual()),
     "SL2": (co.spaces.Dual(), co.Defining()),
+    "SL2 on the half plane": (HALF_PLANE, HALF_PLANE),
     "Heisenberg": (co.Coadjoint(), co.spaces.Adjoint()),
     "SO3xSE2": (co.Defining(), co.Coadjoint()),
     "SO4": (co.Trivial(2), co.Defining()),
@@ -107,9 +108,12 @@ def ad_dual(group, xi, mu):
 
 
 def move(space, group, G, x, velocity: bool = False):
-    """Gx for a point, or for a velocity, of each kind of space."""
+    """Gx for a point, or for a velocity where the action is affine, of each kind of space."""
     if isinstance(space, co.Trivial):
         return x
+    if space is HALF_PLANE:
+        z, one = jnp.array([[x[0], -x[1]], [x[1], x[0]]]), jnp.eye(2)  # x + iy, as a matrix
+        return ((G[0, 0] * z + G[0, 1] * one) @ inverse(G[1, 0] * z + G[1, 1] * one))[:, 0]
     if isinstance(space, co.spaces.Points):
         return (G @ jnp.append(x, 0.0 if velocity else 1.0))[:-1]
     if isinstance(space, co.Defining):
@@ -128,13 +132,23 @@ def turn(space, group, xi, x, velocity: bool = False):
     return jax.jvp(lambda G: move(space, group, G, x, velocity), (one,), (hat(group, xi),))[1]
 
 
+def carry(space, group, G, x, v):
+    """Gv at Gx, of a velocity v at x."""
+    return jax.jvp(lambda x: move(space, group, G, x), (x,), (v,))[1]
+
+
+def lift(space, group, xi, x, v):
+    """L_ξv at x: the derivative of ξ·x along v."""
+    return jax.jvp(lambda x: turn(space, group, xi, x), (x,), (v,))[1]
+
+
 def continuous(system: co.System):
     """L(G, Ġ, q, q̇, a₀) = ℓ((G⁻¹Ġ)ᵛ, G⁻¹q, G⁻¹q̇, G⁻¹a₀) (P17) of matrices G, Ġ."""
     group, Q, V = system.places
 
     def L(G, G_dot, q, q_dot, a0):
         back = inverse(G)
-        n, nu = move(Q, group, back, q), move(Q, group, back, q_dot, velocity=True)
+        n, nu = move(Q, group, back, q), carry(Q, group, back, q, q_dot)
         return lagrangian(system, vee(group, back @ G_dot), n, nu, move(V, group, back, a0))
 
     return L
@@ -186,13 +200,16 @@ def of_step(system: co.System, F, n, s, a, h: float = H):
 
 
 def legendre(system: co.System, G, q, G_next, q_next, a0, h: float = H):
-    """(μ_k, π_k, μ_{k+1}, π_{k+1}) of a step: the derivatives of L along g e^{εη̂} and q + εgw at its two ends."""
+    """(μ_k, π_k, μ_{k+1}, π_{k+1}) of a step: the derivatives of L along g e^{εη̂} and g(g⁻¹q + εw) at its two ends."""
     group, Q, _ = system.places
     L, one = of_pair(system, h), jnp.eye(group.matrix_size)
 
+    def shifted(G, q, w):
+        return move(Q, group, G, move(Q, group, inverse(G), q) + w)
+
     def moved(eta, w, eta_next, w_next):
-        first = G @ (one + hat(group, eta)), q + move(Q, group, G, w, velocity=True)
-        second = G_next @ (one + hat(group, eta_next)), q_next + move(Q, group, G_next, w_next, velocity=True)
+        first = G @ (one + hat(group, eta)), shifted(G, q, w)
+        second = G_next @ (one + hat(group, eta_next)), shifted(G_next, q_next, w_next)
         return L(*first, *second, a0)
 
     still = jnp.zeros(group.dim), jnp.zeros(len(q))
@@ -230,5 +247,5 @@ def random_sequence(name: str, parts: str = "na", nodes: int = 4):
     random = generator("sequence", name, parts)
     elements = [element(group, random, 0.35) for _ in range(nodes)]
     g = jax.tree.map(lambda *leaves: np.stack(leaves), *elements)
-    q = random.normal(size=(nodes, Q.ambient(group)))
-    return g, evaluate(jax.vmap(lambda g: group.matrix(g)), g), q, random.normal(size=V.ambient(group))
+    q = np.stack([Q.sample(group, random) for _ in range(nodes)])
+    return g, evaluate(jax.vmap(lambda g: group.matrix(g)), g), q, V.sample(group, random)

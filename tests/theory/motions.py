@@ -7,7 +7,7 @@ from functools import partial
 import explicit
 import jax
 import jax.numpy as jnp
-from explicit import hat, move, turn
+from explicit import carry, hat, move, turn
 from theorem_row import off
 
 import coadjoint as co
@@ -20,7 +20,7 @@ def placed(system, state):
     """G, q, q̇ and a₀ of a state by matrices."""
     group, Q, V = system.places
     G = group.matrix(state.g)
-    return G, move(Q, group, G, state.n), move(Q, group, G, state.nu, velocity=True), move(V, group, G, state.a)
+    return G, move(Q, group, G, state.n), carry(Q, group, G, state.n, state.nu), move(V, group, G, state.a)
 
 
 def momenta(system, state):
@@ -34,9 +34,10 @@ def rates(system, state, slope):
     group, Q, V = system.places
     G, q, q_dot, a0 = placed(system, state)
     xi, n, nu, a = state.xi, state.n, state.nu, state.a
-    q_ddot = move(Q, group, G, slope.nu + turn(Q, group, xi, nu, velocity=True), velocity=True)
-    change, force = explicit.euler_lagrange(system, G, xi, slope.xi, q, q_dot, q_ddot, a0)
     n_dot, a_dot = nu - turn(Q, group, xi, n), -turn(V, group, xi, a)
+    moving = G @ hat(group, xi), n_dot, slope.nu
+    q_ddot = jax.jvp(lambda *parts: carry(Q, group, *parts), (G, n, nu), moving)[1]
+    change, force = explicit.euler_lagrange(system, G, xi, slope.xi, q, q_dot, q_ddot, a0)
 
     def along(t):
         later = (x + t * v for x, v in ((xi, slope.xi), (n, n_dot), (nu, slope.nu), (a, a_dot)))

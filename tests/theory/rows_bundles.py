@@ -21,7 +21,7 @@ from coadjoint.theory import principal_bundles
 from coadjoint.theory.discrete_connections import discrete_mechanical_connection
 from systems import GROUPS, element, generator
 
-ROWS = Rows()
+ROWS = Rows("M × G with M = ℝᵐ")
 row = ROWS.add
 
 H = 0.1

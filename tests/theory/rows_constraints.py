@@ -21,7 +21,7 @@ from coadjoint.theory import constraints
 from systems import generator, system_on
 from two_form import carry, tangents
 
-ROWS = Rows()
+ROWS = Rows("flat Q, every V\\*")
 row = ROWS.add
 
 RATTLE = "methods/test_rattle.py::"

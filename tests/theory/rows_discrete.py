@@ -9,7 +9,7 @@ import explicit
 import jax
 import jax.numpy as jnp
 import numpy as np
-from explicit import H, group_system, hat, move, random_sequence, random_system, turn
+from explicit import H, carry, group_system, hat, move, random_sequence, random_system, turn
 from rows_continuous import DIAMOND, pointwise, transposed
 from sequences import (
     GROUPS,
@@ -33,7 +33,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.theory import euler_poincare
 from systems import generator
 
-ROWS = Rows()
+ROWS = Rows("every Q and V\\*")
 row = ROWS.add
 
 FOUR = "theory/test_equivalences.py::test_the_four_statements_are_one_covector"
@@ -243,7 +243,8 @@ def left_step(system, record):
     turned = jax.vmap(lambda d: explicit.vee(group, d @ jnp.linalg.inv(F)), in_axes=2, out_axes=1)(slope)
     torque = transposed(group, lambda xi: by_a @ turn(V, group, xi, record.a) + by_n @ turn(Q, group, xi, record.n)
                         + by_s @ turn(Q, group, xi, s))  # fmt: skip
-    pushed = jax.vmap(lambda w: by_s @ move(Q, group, F, w, velocity=True))(jnp.eye(len(s)))
+    ahead = move(Q, group, jnp.linalg.inv(F), s)
+    pushed = jax.vmap(lambda w: by_s @ carry(Q, group, F, ahead, w))(jnp.eye(len(s)))
     return jnp.linalg.solve(turned.T, by_xi) - torque, -by_n, F, torque, pushed
 
 
@@ -268,8 +269,8 @@ def pull():
 
         def sides(b, x, v, xi, group=group, space=space):
             F = co.Exponential().tau(group, 0.5 * xi)
-            along = jax.vmap(lambda w: b @ move(space, group, group.matrix(F), w, velocity=True))(jnp.eye(len(x)))
-            pushed = move(space, group, group.matrix(F), v, velocity=True)
+            along = jax.vmap(lambda w: b @ carry(space, group, group.matrix(F), x, w))(jnp.eye(len(x)))
+            pushed = carry(space, group, group.matrix(F), x, v)
             return (space.pull(group, F, x, b), space.push(group, F, x, v)), (along, pushed)
 
         yield off_each(*evaluate(sides, b, x, v, xi))
@@ -280,6 +281,7 @@ def pull():
     "hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η",
     ("theory.euler_poincare.induced_variation", "difference_maps.difference_map.DifferenceMap.dtau_inverse"),
     (RUNS, FOUR),
+    domain="every G whose Lie algebra the map fits",
 )
 def variation_of_increments():
     for system, _, G, q, a0, links in sequences():

@@ -16,7 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import noether, poisson
 from systems import element, generator
 
-ROWS = Rows()
+ROWS = Rows("U(n), SU(n), SO(n)")
 row = ROWS.add
 
 H = 0.2

@@ -24,7 +24,7 @@ from coadjoint.theory import euler_poincare
 from discrete import velocity
 from systems import element, generator, system_on
 
-ROWS = Rows()
+ROWS = Rows("`Power`, flat or curved Q and V\\*")
 row = ROWS.add
 
 WORLDS: dict[str, tuple[co.groups.LieGroup, int, Any, Any]] = {

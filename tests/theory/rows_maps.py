@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, MAPS, generator
 
-ROWS = Rows()
+ROWS = Rows("every G whose Lie algebra the map fits")
 row = ROWS.add
 
 TESTS = "difference_maps/test_difference_maps.py::"

@@ -19,7 +19,7 @@ from coadjoint import theory
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import generator
 
-ROWS = Rows()
+ROWS = Rows("flat V\\*, no Q")
 row = ROWS.add
 
 NAMES = ("SO3", "SE2", "SL2", "SE3")

@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, element, generator
 
-ROWS = Rows()
+ROWS = Rows("G ⋉ V, V linear")
 row = ROWS.add
 
 SEMIDIRECT = "groups/test_semidirect_product.py::"

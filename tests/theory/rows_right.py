@@ -23,7 +23,7 @@ from coadjoint.theory import euler_poincare
 from discrete import velocity
 from systems import element, generator, system_on
 
-ROWS = Rows()
+ROWS = Rows("flat or curved Q and V\\*")
 row = ROWS.add
 
 RIGHT = "mechanics/test_right_invariance.py::"

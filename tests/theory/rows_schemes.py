@@ -17,7 +17,7 @@ from coadjoint.report import reproduction
 from paper import hat
 from systems import generator
 
-ROWS = Rows()
+ROWS = Rows("SO(3), the vehicle")
 row = ROWS.add
 
 H = 0.3

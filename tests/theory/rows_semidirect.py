@@ -18,7 +18,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.theory import unreduced
 from systems import generator
 
-ROWS = Rows()
+ROWS = Rows("Q = V linear")
 row = ROWS.add
 
 NAMES = ("SO3", "SL2", "SO3xSE2", "Heisenberg")

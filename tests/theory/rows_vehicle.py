@@ -17,7 +17,7 @@ from coadjoint.spaces import Defining
 from paper import hat
 from systems import element, generator
 
-ROWS = Rows()
+ROWS = Rows("the vehicle, SO(3)")
 row = ROWS.add
 
 H = 0.05

@@ -8,7 +8,7 @@ import explicit
 import jax
 import jax.numpy as jnp
 import numpy as np
-from explicit import H, group_system, hat, move, random_sequence, random_system
+from explicit import H, carry, group_system, hat, inverse, move, random_sequence, random_system
 from theorem_row import off
 
 from coadjoint import theory
@@ -16,7 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.methods.group_variational import LastIncrement
 from systems import generator
 
-GROUPS = ("SO3", "SE2", "SL2", "SE3")
+GROUPS = ("SO3", "SE2", "SL2", "SE3", "SL2 on the half plane")
 SOLVED = 1e-11
 """Of the momenta: what Newton's iteration and the round-off of some steps leave."""
 
@@ -92,7 +92,7 @@ def varied(system, G, q, a0, eta, w):
     group, Q, _ = system.places
 
     def moved(e):
-        pushed = jax.vmap(lambda G, w: move(Q, group, G, w, velocity=True))(G, w)
+        pushed = jax.vmap(lambda G, q, w: carry(Q, group, G, move(Q, group, inverse(G), q), w))(G, q, w)
         turned = jax.vmap(lambda G, eta: G @ (jnp.eye(group.matrix_size) + e * hat(group, eta)))(G, eta)
         path = turned, q + e * pushed
         return links_by_matrices(system, *path, a0), explicit.action(system, *path, a0)

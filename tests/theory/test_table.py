@@ -123,7 +123,7 @@ def test_the_page_is_that_of_the_rows():
     assert max(quoted) <= WORST
     for row in ROWS:
         functions = ", ".join(f"`{name}`" for name in row.functions)
-        assert f"| {row.number} | {row.statement} | {functions} |" in page, (
+        assert f"| {row.number} | {row.statement} | {row.domain} | {functions} |" in page, (
             f"run tests/theory/theorem_table.py: {row.number} is not there"
         )
     found = [tuple(map(int, pair)) for pair in re.findall(r"\| (\d+) of (\d+) \|\n", page)]

@@ -19,6 +19,7 @@ Cases = Callable[[], Iterator[float]]
 class Row:
     """A numbered statement of a paper.
 
+    `domain`: the systems that it holds for.
     `functions`: what computes it, by names under coadjoint; `tests`: what else checks it; `cases`: the residuals of
     the statement on random systems, one after another, relative to their terms; `bound`: what they stay below.
     `equivalent`: of mutations (function, mutation) that leave the statement as it is, the reason.
@@ -26,6 +27,7 @@ class Row:
 
     number: str
     statement: str
+    domain: str
     functions: tuple[str, ...]
     tests: tuple[str, ...]
     cases: Cases
@@ -38,13 +40,28 @@ class Row:
 
 
 class Rows(list[Row]):
-    """The rows of a part of the table, in its order; each is added by the function that measures it."""
+    """The rows of a part of the table, in its order; each is added by the function that measures it.
 
-    def add(self, number: str, statement: str, functions: tuple[str, ...], tests: tuple[str, ...], **more: Any):
+    domain: that of the rows that name none.
+    """
+
+    def __init__(self, domain: str):
+        super().__init__()
+        self.domain = domain
+
+    def add(
+        self,
+        number: str,
+        statement: str,
+        functions: tuple[str, ...],
+        tests: tuple[str, ...],
+        domain: str = "",
+        **more: Any,
+    ):
         """Make a row of the decorated generator of residuals."""
 
         def keep(cases: Cases) -> Row:
-            self.append(Row(number, statement, functions, tests, cases, **more))
+            self.append(Row(number, statement, domain or self.domain, functions, tests, cases, **more))
             return self[-1]
 
         return keep

@@ -48,6 +48,11 @@ several noncommutative groups and kinds of spaces, Lagrangians that are not quad
 functions are compared with matrices and derivatives of the action at states and sequences that solve nothing,
 algorithms by the stationarity of the action along their results.
 
+*Holds for* names the systems. Q and V\\* are *flat* where G acts by representations or affine maps, *curved* as
+`Sphere`, `Submanifold` and `GroupItself`, and *smooth* where G acts by [any smooth
+action](groups_and_spaces.md#smooth-actions), `Action`; *every* is all three. Rows of (P1)–(P52) are measured with
+Möbius maps of the half plane for Q and V\\*, too. Methods hold for fewer: their tables say which.
+
 Every function of a row is mutated: the sign of its value, zero, a factor 1.001, the transpose, the identity. A mutation
 is detected if the residual exceeds the row's bound (at most 1e-11); an exception does not count.
 """
@@ -103,7 +108,8 @@ class Measured(NamedTuple):
         row = self.row
         functions, tests = ", ".join(f"`{name}`" for name in row.functions), ", ".join(links(row))
         mutated = f"{self.detected} of {self.tried}"
-        return f"| {row.number} | {row.statement} | {functions} | {tests} | {self.residual:.0e} | {mutated} |"
+        said = f"| {row.number} | {row.statement} | {row.domain} | {functions} | {tests} |"
+        return f"{said} {self.residual:.0e} | {mutated} |"
 
 
 def measure(index: int) -> tuple[float, int, list[tuple[str, str]]]:
@@ -128,7 +134,8 @@ def links(row: Row) -> list[str]:
 
 
 def table(rows: list[Measured]) -> str:
-    head = ["| | Statement | Computed by | Tested by | Residual | Mutations detected |", "|---|---|---|---|---|---|"]
+    names = ["", "Statement", "Holds for", "Computed by", "Tested by", "Residual", "Mutations detected"]
+    head = ["| " + " | ".join(names).lstrip() + " |", "|---" * len(names) + "|"]
     return "\n".join([*head, *(measured.line() for measured in rows)])
 
 

@@ -17,7 +17,7 @@ from coadjoint.estimation.process import Process
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.spaces.space import require_flat
+from coadjoint.spaces.space import require_affine, require_flat
 
 WHOSE = "co.estimation.ModelProcess"
 
@@ -37,6 +37,7 @@ def require_fit(method: Method, system: System, start: State, error: str) -> Non
             f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."
         )
     require_flat(system.additional, "A filter", "take one such as co.Defining()")
+    require_affine(system.additional, "A filter", "take one such as co.Defining()")
     if np.ndim(start.t):
         raise ArgumentError("Argument `start` must be of one member: give `Filter` many covariances or starts instead.")
 

@@ -71,7 +71,7 @@ class SemidirectProduct(LieGroup):
         require_one_matrix(self.group, "SemidirectProduct")
         V = self.representation
         try:
-            acts = isinstance(V, LinearAction) and bool(V.flat)
+            acts = isinstance(V, LinearAction) and bool(V.flat) and bool(getattr(V, "affine", True))
         except Exception:  # Of a member that raises where it is only asked for.
             acts = False
         checks.expect(acts, V, "The space of SemidirectProduct", "a representation such as co.Defining()", GroupError)

@@ -48,9 +48,31 @@ class Node(NamedTuple):
     power: Array
 
 
+class Chord(NamedTuple):
+    """The step of q in the frame of a node: from x to y, with n = x + w(y − x) and ν = (y − x)/h.
+
+    x, y: (ambient,). weight: w. h: one number, s.
+    """
+
+    x: Array
+    y: Array
+    weight: float
+    h: Scalar
+
+
+def chord(system: System, x: Array, nu: Array, weight: float, h: Scalar) -> Chord | None:
+    """The chord from x to x + hν, both (ambient,), for `node`; None where the action is affine, which needs none."""
+    return None if system.additional.affine else Chord(x, x + h * nu, weight, h)
+
+
 @traced_once
-def node(system: System, state: State, point: Point) -> Node:
-    """Evaluate ℓ, its gradients and the forces once at `point`; inputs and internal state are those over its step."""
+def node(system: System, state: State, point: Point, chord: Chord | None = None) -> Node:
+    """Evaluate ℓ, its gradients and the forces once at `point`; inputs and internal state are those over its step.
+
+    chord: the step of q, if the action on Q is not affine. Then ∂_nℓ⋄n + ∂_νℓ⋄ν of `torque` is the value along the
+    chord, ((1 − w)∂_nℓ⋄x + w∂_nℓ⋄y) + (∂_νℓ⋄y − ∂_νℓ⋄x)/h, and f⋄n of `source` likewise: so the ends of the step turn,
+    whose action is exact.
+    """
     group, Q, V = system.places
     xi, n, nu, a, t = point
 
@@ -63,12 +85,24 @@ def node(system: System, state: State, point: Point) -> Node:
     forces = system.body_forces(system.motion(xi, n, nu, a, t, state.inputs, state.over_step))
     torque, force = added(system, forces)
     from_advected = V.diamond(group, along_a, a)
+
+    def at_place(b: Array) -> Array:
+        """b⋄n, or the mean over both ends of a chord."""
+        if chord is None:
+            return Q.diamond(group, b, n)
+        x, y, w, _ = chord
+        return (1 - w) * Q.diamond(group, b, x) + w * Q.diamond(group, b, y)
+
+    if chord is None:
+        moving = Q.lifted_diamond(group, pi, n, nu)
+    else:
+        moving = (Q.diamond(group, pi, chord.y) - Q.diamond(group, pi, chord.x)) / chord.h
     return Node(
         mu=mu,
         pi=pi,
-        torque=from_advected + Q.diamond(group, along_n, n) + Q.lifted_diamond(group, pi, n, nu) + torque,
+        torque=from_advected + at_place(along_n) + moving + torque,
         force=along_n + force,
-        source=from_advected + torque - Q.diamond(group, force, n),
+        source=from_advected + torque - at_place(force),
         energy=mu @ xi + pi @ nu - value,
         lagrangian=value,
         power=power(forces, xi, nu, along_t),

@@ -112,9 +112,9 @@ def _as_given(
 ) -> list[np.ndarray]:
     """All arguments but g, stacked as `co.each` has them; empty where one has to look at every member.
 
-    co.each holds finite numbers of one shape, of which flat spaces ask no more.
+    co.each holds finite numbers of one shape, of which flat spaces with an affine action ask no more.
     """
-    if not (system.additional.flat and system.advected.flat):
+    if not all(space.flat and space.affine for space in (system.additional, system.advected)):
         return []
     found: list[np.ndarray] = []
     for given, low, high in zip(others, first[1:], last[1:], strict=True):

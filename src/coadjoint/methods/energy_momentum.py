@@ -103,10 +103,10 @@ class EnergyMomentum(Method, HalfStepSquared):
         """Raise if the straight line between nodes leaves the space, or the map's secant is not known."""
         super().require_fit(system)
         for space in (system.additional, system.advected):
-            if not space.flat:
+            if not (space.flat and space.affine):
                 raise ArgumentError(
-                    f"EnergyMomentum needs flat spaces, because it draws straight lines in them, but got {space!r}: "
-                    "use co.Defining() with a constant length, or co.Midpoint()."
+                    "EnergyMomentum needs flat spaces with affine actions, because it draws straight lines in them, "
+                    f"but got {space!r}: use co.Defining() with a constant length, or co.Midpoint()."
                 )
             require_secant(self.difference_map, system.group, space)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 
 from coadjoint.arrays import Array, Scalar
-from coadjoint.mechanics.discrete import Node, Point, node
+from coadjoint.mechanics.discrete import Node, Point, chord, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import FullStep
@@ -23,6 +23,8 @@ class LeftRectangle(Method, FullStep):
     n_{k+1} = F⁻¹(n + hν), a_{k+1} = F⁻¹a, with D = h torque and κ = h force of the node (n, ν, a).
     """
 
+    takes_smooth_actions = True
+
     @property
     def order(self) -> int:
         return 1
@@ -33,7 +35,7 @@ class LeftRectangle(Method, FullStep):
 
     def _node(self, system: System, record: State, h: Scalar) -> tuple[Point, Node]:
         point = Point(record.xi, record.n, record.nu, record.a, record.t)
-        return point, node(system, record, point)
+        return point, node(system, record, point, chord(system, record.n, record.nu, 0.0, h))
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[1])]

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array, Scalar
 from coadjoint.groups.group import Element
-from coadjoint.mechanics.discrete import Node, Point, node
+from coadjoint.mechanics.discrete import Node, Point, chord, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import HalfStepSquared
@@ -24,6 +24,8 @@ class Midpoint(Method, HalfStepSquared):
     solve μ_k + Ad*_H μ_k + D = 2(dσ⁻¹_{hξ/2})*∂_ξℓ, H*π_k + ½κ = ∂_νℓ; then μ_{k+1} = Ad*_H(Ad*_H μ_k + D),
     π_{k+1} = H*(H*π_k + κ), n_{k+1} = H⁻¹(n̄ + ½hν̄), a_{k+1} = H⁻¹ā.
     """
+
+    takes_smooth_actions = True
 
     @property
     def order(self) -> int:
@@ -43,7 +45,7 @@ class Midpoint(Method, HalfStepSquared):
         back = group.inverse(half)
         start, nu = Q.act(group, back, record.n), record.nu
         point = Point(record.xi, start + 0.5 * h * nu, nu, V.act(group, back, record.a), record.t + 0.5 * h)
-        return half, start, point, node(system, record, point)
+        return half, start, point, node(system, record, point, chord(system, start, nu, 0.5, h))
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[-1])]

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from coadjoint.arrays import Array, Scalar
 from coadjoint.groups.group import Element
-from coadjoint.mechanics.discrete import Node, Point, node
+from coadjoint.mechanics.discrete import Node, Point, chord, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import FullStep
@@ -24,6 +24,8 @@ class RightRectangle(Method, FullStep, adjoint_of=LeftRectangle):
     At the node n⁺ = F⁻¹n + hν⁺, a⁺ = F⁻¹a: solve μ_k = (dτ⁻¹_{hξ})*∂_ξℓ, F*π_k = ∂_νℓ; then
     μ_{k+1} = Ad*_F μ_k + D, π_{k+1} = F*π_k + κ.
     """
+
+    takes_smooth_actions = True
 
     @property
     def order(self) -> int:
@@ -45,7 +47,7 @@ class RightRectangle(Method, FullStep, adjoint_of=LeftRectangle):
         back = group.inverse(F)
         start, nu = Q.act(group, back, record.n), record.nu
         point = Point(xi, start + h * nu, nu, V.act(group, back, record.a), record.t + h)
-        return F, start, point, node(system, record, point)
+        return F, start, point, node(system, record, point, chord(system, start, nu, 1.0, h))
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         return [(1.0, self._node(system, record, h)[-1])]

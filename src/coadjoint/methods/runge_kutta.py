@@ -99,6 +99,7 @@ class RungeKutta(Method, Step):
     degree: int = 4
 
     constrainable = False
+    takes_smooth_actions = True
     degrees: ClassVar[tuple[int, ...]] = ()
     """The orders that there are."""
 

@@ -22,6 +22,7 @@ from coadjoint.mechanics.noether import momentum_scale, total_momentum
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.coupled_links import require_coupling
+from coadjoint.spaces.space import require_affine
 
 
 class Step(ABC):
@@ -42,6 +43,9 @@ class Step(ABC):
 
     constrainable = True
     """Whether RATTLE may be put around the step: it begins and ends with momenta of the nodes, over a given h."""
+
+    takes_smooth_actions = False
+    """Whether Q may carry an action that is not affine: the step turns both ends of q, and no vectors between them."""
 
     @property
     def carries_g(self) -> bool:
@@ -81,6 +85,12 @@ class Step(ABC):
 
     def require_fit(self, system: System) -> None:
         """Raise GroupError or ArgumentError if the step does not fit the system, or its map is wrong."""
+        if not self.takes_smooth_actions:
+            require_affine(
+                system.additional,
+                f"{type(self).__name__} averages positions and",
+                "use co.Midpoint(), co.LeftRectangle(), or co.Variational() with a discrete Lagrangian",
+            )
         if system.verify:
             require_own_map(self.difference_map, system.group)
         self.difference_map.require_fit(system.group)

@@ -57,6 +57,8 @@ class Variational(Method, FullStep):
     stepper changes parameters, it is not checked.
     """
 
+    takes_smooth_actions = True
+
     symmetric: bool = False  # pyright: ignore[reportIncompatibleMethodOverride, reportAssignmentType]
 
     def __post_init__(self):

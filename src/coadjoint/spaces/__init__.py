@@ -1,5 +1,6 @@
 """What a group acts on, and the diamond (mathematics: section 2)."""
 
+from coadjoint.spaces.action import Action
 from coadjoint.spaces.by_inverse import ByInverse
 from coadjoint.spaces.group_itself import GroupItself
 from coadjoint.spaces.links import Links, RelativePoses
@@ -11,6 +12,7 @@ from coadjoint.spaces.sphere import Sphere
 from coadjoint.spaces.submanifold import Submanifold
 
 __all__ = [
+    "Action",
     "Adjoint",
     "ByInverse",
     "Coadjoint",

@@ -14,7 +14,7 @@ from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units, points, require_group
-from coadjoint.groups.group import LieGroup, transpose
+from coadjoint.groups.group import Element, LieGroup, transpose
 from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.overrides import (
     Identity,
@@ -28,10 +28,11 @@ from coadjoint.groups.overrides import (
     stamp,
 )
 from coadjoint.groups.semidirect_product import SemidirectProduct
-from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.spaces.by_inverse import ByInverse
+from coadjoint.spaces.representations import Representation
 from coadjoint.spaces.several import Several
-from coadjoint.spaces.space import Space, require_action
+from coadjoint.spaces.space import Space, random_motion, require_action
 
 _SEARCH = 300
 """Newton steps to a point of a curved space."""
@@ -85,6 +86,8 @@ def require_space(space: Space, group: LieGroup, *stamps: object) -> None:
     require_given(space, Space, ("ambient", "act"))
     with in_words(f"`act` of {space!r} on {group!r}"):
         require_action(space, group)
+        if isinstance(space, Representation):
+            _require_linear(space, group)
     where = f" on {group!r}"
     at = _points(space, group)
     require_agreement(space, where, lambda *point: _actions(space, group, *point), at)
@@ -93,6 +96,23 @@ def require_space(space: Space, group: LieGroup, *stamps: object) -> None:
     else:
         require_given(space, Space, ("dim", "tangent", "coordinates", "difference", "project", "momentum", "defect"))
         require_agreement(space, where, lambda *point: _curved(space, group, *point), at)
+
+
+def _require_linear(space: Representation, group: LieGroup) -> None:
+    """Raise GroupError unless act(g, x + y) = act(g, x) + act(g, y), as the forms of a representation need."""
+    g, x, y = random_motion(space, group)
+
+    def measure(g: Element, x: Array, y: Array) -> tuple[Array, Array]:
+        both = space.act(group, g, x) + space.act(group, g, y)
+        return jnp.max(jnp.abs(space.act(group, g, x + y) - both), initial=0.0), jnp.max(jnp.abs(both), initial=0.0)
+
+    bent, size = map(float, evaluate(measure, g, x, y))
+    if not bent <= 1e-9 * max(size, 1e-300):
+        raise GroupError(
+            f"The action of {group!r} on {space!r} must be linear, because its class is a Representation, but "
+            f"act(g, x + y) − act(g, x) − act(g, y) is {bent:.1e}: inherit from co.spaces.Space for an affine "
+            "action, and use co.spaces.Action(act, dim=…) for any other smooth one."
+        )
 
 
 def _points(space: Space, group: LieGroup) -> list[tuple[PyTree, ...]]:

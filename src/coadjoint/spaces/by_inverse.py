@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import GroupError
@@ -31,6 +33,10 @@ class ByInverse(Space):
     @property
     def flat(self) -> bool:  # type: ignore[override]
         return self.space.flat
+
+    @property
+    def affine(self) -> bool:  # type: ignore[override]
+        return self.space.affine
 
     def require_fit(self, group: LieGroup) -> None:
         self.space.require_fit(_of(group))
@@ -79,6 +85,9 @@ class ByInverse(Space):
 
     def defect(self, group: LieGroup, x: Array) -> Array | float:
         return self.space.defect(_of(group), x)
+
+    def sample(self, group: LieGroup, random: np.random.Generator) -> np.ndarray:
+        return self.space.sample(_of(group), random)
 
     def view(self, group: LieGroup, x: Array) -> PyTree:
         return self.space.view(_of(group), x)

@@ -44,6 +44,10 @@ class Links(Space):
         """Whether the space of a link is its own ambient space."""
         return self.space.flat
 
+    @property
+    def affine(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.space.affine
+
     def ambient(self, group: LieGroup) -> int:
         return _power(group).count * self.space.ambient(_power(group).factor)
 
@@ -113,7 +117,7 @@ class Links(Space):
         rows = _rows(value, power.count, self.space.ambient(power.factor))
         if rows is None:
             return np.tile(check(power.factor, value, name), power.count)
-        if traced(rows) or self.flat:
+        if traced(rows) or (self.flat and self.affine):
             return checked_vector(rows.reshape(-1), self.ambient(group), name)
         return np.concatenate([check(power.factor, row, name) for row in rows])
 

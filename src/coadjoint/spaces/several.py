@@ -48,6 +48,10 @@ class Several(Space):
         return all(space.flat for space in self.factors)
 
     @property
+    def affine(self) -> bool:  # type: ignore[override]
+        return all(space.affine for space in self.factors)
+
+    @property
     def at_start(self) -> bool:  # type: ignore[override]
         return all(space.at_start for space in self.factors)
 
@@ -111,6 +115,9 @@ class Several(Space):
     def defect(self, group: LieGroup, x: Array) -> Array | float:
         defects = [jnp.asarray(s.defect(group, part)) for s, part in self._split(group, x)]
         return jnp.max(jnp.stack(defects))
+
+    def sample(self, group: LieGroup, random: np.random.Generator) -> np.ndarray:
+        return np.concatenate([space.sample(group, random) for space in self.factors])
 
     def view(self, group: LieGroup, x: Array) -> Named:
         parts = self._split(group, x)

@@ -26,13 +26,16 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 class Space:
     """A manifold with a left action of G, inside a linear space of ambient coordinates.
 
-    To be given: `ambient`, `act`, which must be affine in x. A curved space lies inside such a one, inherits from
-    `Embedded` and gives `dim`, `frame`, `difference`, `project`, `defect` and `require_fit`; a closed form may replace
-    anything derived. Spaces are static, hashable objects.
+    To be given: `ambient`, `act`, which must be affine in x; `Action` takes other smooth actions. A curved space lies
+    inside such a one, inherits from `Embedded` and gives `dim`, `frame`, `difference`, `project`, `defect` and
+    `require_fit`; a closed form may replace anything derived. Spaces are static, hashable objects.
     """
 
     flat: bool = True
     """Whether the space is its own ambient space."""
+
+    affine: bool = True
+    """Whether straight lines of the ambient space are mapped to straight lines, as most quadrature rules require."""
 
     at_start: bool = False
     """Whether a start may leave out the point, which is then what `point` makes of None."""
@@ -107,6 +110,10 @@ class Space:
         """How far x is from the space, one number; zero on a flat space."""
         return 0.0
 
+    def sample(self, group: LieGroup, random: np.random.Generator) -> np.ndarray:
+        """A random point of a flat space, (ambient,), at which statements for all points are tested."""
+        return random.normal(size=self.ambient(group))
+
     def view(self, group: LieGroup, x: Array) -> PyTree:
         """A point x (ambient,) as the user's functions see it: an array, or a namespace of arrays."""
         return x
@@ -169,7 +176,7 @@ def _require_affine(space: Space, group: LieGroup) -> None:
     if not bent <= 1e-9 * max(size, 1e-300):
         raise GroupError(
             f"The action of {group!r} on {space!r} must be affine in the point, but bends by {bent:.1e}: "
-            "write the space inside a representation, as co.Sphere does."
+            "use co.spaces.Action(act, dim=…), or write the space inside a representation, as co.Sphere does."
         )
 
 
@@ -192,6 +199,12 @@ def require_flat(space: Space, what: str, remedy: str) -> None:
     """Raise ArgumentError unless a space of additional dynamics is flat; what: needs it, remedy: what to take."""
     if not space.flat:
         raise ArgumentError(f"{what} needs a flat space of additional dynamics, but got {space!r}: {remedy}.")
+
+
+def require_affine(space: Space, what: str, remedy: str) -> None:
+    """Raise ArgumentError unless the action on a space of additional dynamics is affine; arguments as above."""
+    if not space.affine:
+        raise ArgumentError(f"{what} needs an affine action on q, but got {space!r}: {remedy}.")
 
 
 class Embedded(Space):

@@ -45,7 +45,7 @@ class Submanifold(Embedded):
     inside: Space = field(default_factory=Defining)
 
     def __post_init__(self):
-        if not callable(self.constraint) or not isinstance(self.inside, Space) or not self.inside.flat:
+        if not callable(self.constraint) or not isinstance(self.inside, Space) or not _linear(self.inside):
             raise ArgumentError(
                 "Submanifold needs a function c with c(x) = 0 on the space, and a flat space that it lies in, but got "
                 f"{shown(self.constraint)} and {shown(self.inside)}."
@@ -140,6 +140,11 @@ class Submanifold(Embedded):
 
     def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         return self.inside.velocity(group, value, name)
+
+
+def _linear(space: Space) -> bool:
+    """Whether a space can be the one around a submanifold."""
+    return space.flat and space.affine
 
 
 @lru_cache(maxsize=256)

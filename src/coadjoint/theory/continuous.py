@@ -89,8 +89,8 @@ def continuous_invariance_defect(
     found = []
     for _ in range(samples):
         etas, xi = random.normal(scale=0.6, size=(2, group.dim)), random.normal(size=group.dim)
-        x, v = random.normal(size=(2, Q.ambient(group)))
-        found.append(evaluate(compare, etas, xi, x if base is None else base, v, random.normal(size=V.ambient(group))))
+        x, v = Q.sample(group, random) if base is None else base, random.normal(size=Q.ambient(group))
+        found.append(evaluate(compare, etas, xi, x, v, V.sample(group, random)))
     return float(np.max(found))
 
 

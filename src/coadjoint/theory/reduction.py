@@ -81,8 +81,8 @@ def invariance_defect(
     for scale in (1.0, h):
         for _ in range(samples):
             etas = random.normal(scale=0.6, size=(3, group.dim))
-            points = random.normal(size=(2, Q.ambient(group))) if base is None else np.array([base] * 2)
-            a0 = random.normal(size=V.ambient(group))
+            points = np.stack([Q.sample(group, random) if base is None else base for _ in range(2)])
+            a0 = V.sample(group, random)
             found.append(evaluate(compare, etas, points, a0, np.float64(scale)))
     return float(np.max(found))
 
