@@ -13,7 +13,9 @@ from coadjoint.control.boundary_conditions import (
     moved_start,
     start_deviations,
     start_residual,
+    start_values,
 )
+from coadjoint.control.given import given_values
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -39,11 +41,13 @@ def test_an_end_is_reached_where_all_its_residuals_vanish_and_they_are_its_dista
     q, qdot = np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.8, -0.6])
     start = system.state(**GIVEN, q=[1.0, 0, 0], xi=[1.0, 2.0, 3.0], qdot=[0, 0.1, 0.2])
     given = problem(system, start, end=End(g=TURNED, q=q, xi=[0.4, 0.5, 0.6], qdot=qdot))
-    named, target = end_conditions(given), end_state(given)
-    assert [name for name, _ in named] == [f"`{name}` at the end" for name in ("g", "q", "xi", "qdot")]
+    residuals, target, goal = end_conditions(given), end_state(given), given_values(given)["goal"]
+    assert list(residuals) == ["g", "q", "xi", "qdot"]
     angle = 0.4
     moved = target.replace(g=TURNED @ co.attitude.zyx(angle, 0, 0), xi=target.xi + np.array([0.1, 0.2, 0.3]))
-    on_goal, off = evaluate(lambda *states: [[one(system, s) for _, one in named] for s in states], target, moved)
+    on_goal, off = evaluate(
+        lambda *states: [[one(system, s, goal[name]) for name, one in residuals.items()] for s in states], target, moved
+    )
     assert all(np.max(np.abs(part)) < 1e-14 for part in on_goal)
     np.testing.assert_allclose(off[0], [0, 0, 2 * np.tan(angle / 2)], atol=1e-14)
     np.testing.assert_allclose(off[2], [0.1, 0.2, 0.3], atol=1e-14)
@@ -58,8 +62,9 @@ def test_an_end_is_reached_where_all_its_residuals_vanish_and_they_are_its_dista
 def test_the_momenta_of_an_end_are_compared_in_the_body():
     system = carried()
     start = system.state(**GIVEN, q=[1.0, 0, 0], mu=[1.0, 2.0, 3.0], pi=[0, 0.1, 0.2])
-    named = end_conditions(problem(system, start, end=End(mu=[1.0, 0, 0], pi=[0.5, 0, 0])))
-    mu, pi = evaluate(lambda s: [one(system, s) for _, one in named], start)
+    given = problem(system, start, end=End(mu=[1.0, 0, 0], pi=[0.5, 0, 0]))
+    goal = given_values(given)["goal"]
+    mu, pi = evaluate(lambda s: [one(system, s, goal[name]) for name, one in end_conditions(given).items()], start)
     np.testing.assert_allclose(mu, [0, 2.0, 3.0], atol=1e-14)
     np.testing.assert_allclose(np.linalg.norm(pi + np.array([0.5, 0, 0])), np.linalg.norm([0, 0.1, 0.2]), rtol=1e-12)
 
@@ -72,7 +77,11 @@ def test_a_start_moved_by_its_free_numbers_leaves_no_residual_and_the_start_leav
     given = problem(system, start, free_start={"g": 0.1, "q": [1.0, 2.0, 3.0], first: 1.0, second: 0.5})
     np.testing.assert_array_equal(start_deviations(given), [0.1] * 3 + [1, 2, 3] + [1.0] * 3 + [0.5] * 3)
     eta = np.array([0, 0, 0.3, 0.1, 0.2, 0.3, 1.0, 0, 0, 0, 2.0, 0])
-    moved, rows = moved_start(given, system, eta), start_residual(given)
+    moved, residual, values = moved_start(given, system, eta), start_residual(given), start_values(given, start)
+
+    def rows(system, state, eta):
+        return residual(system, state, eta, values)
+
     np.testing.assert_allclose(moved.g, GIVEN["g"] @ co.attitude.zyx(0.3, 0, 0), atol=1e-14)
     np.testing.assert_allclose(moved.q, [1.1, 0.2, 0.3], atol=1e-14)
     np.testing.assert_allclose(getattr(moved, first), [2.0, 2.0, 3.0], atol=1e-14)
@@ -108,4 +117,4 @@ def test_an_end_of_nothing_and_one_in_q_without_q_are_refused():
     for end, says in ((End(), "co.control.End is empty"), (End(qdot=[1.0]), "has `qdot`, but .* no `additional`")):
         with pytest.raises(ArgumentError, match=says):
             end_conditions(problem(system, system.state(), end=end))
-    assert end_conditions(problem(system, system.state())) == []
+    assert end_conditions(problem(system, system.state())) == {}

@@ -155,16 +155,15 @@ def test_an_interrupt_ends_the_solver(monkeypatch):
 
     problem = Problem(SYSTEM, START, **(GOOD | {"steps": 400}))
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    from coadjoint.control import solve
+    from coadjoint.control import built
 
-    guessed = solve.guessed
+    found_by = built.found_by
 
     def interrupted(*arguments):
-        found = guessed(*arguments)
         signal.setitimer(signal.ITIMER_VIRTUAL, 0.02)  # of processor time, in the iterations
-        return found
+        return found_by(*arguments)
 
-    monkeypatch.setattr(solve, "guessed", interrupted)
+    monkeypatch.setattr(built, "found_by", interrupted)
     alarm = signal.signal(signal.SIGVTALRM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
         with pytest.raises(KeyboardInterrupt):

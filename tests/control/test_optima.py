@@ -313,9 +313,12 @@ def test_the_velocities_of_the_start_stay_whatever_mass_is_chosen():
 @pytest.mark.parametrize(("times", "told"), [(0.99, False), (1.01, True)])
 def test_a_run_that_leaves_the_optimum_by_ten_times_all_violations_is_told_on_the_card(times, told):
     optimum = turning([0, 0, 2.5], 8).solve()
-    card = str(replace(optimum, violation=1e-9, difference=times * 10 * 8 * 1e-9))
-    assert ("leaves the optimum" in card) == told
-    assert "leaves the optimum" not in str(replace(optimum, violation=0.0, difference=times * 1e-15))
+
+    def card(violation, difference):
+        return str(replace(optimum, violation=violation, _fly=lambda: optimum._flown._replace(difference=difference)))
+
+    assert ("leaves the optimum" in card(1e-9, times * 10 * 8 * 1e-9)) == told
+    assert "leaves the optimum" not in card(0.0, times * 1e-15)
 
 
 def test_an_end_where_the_solver_begins_is_told_on_the_card():
@@ -349,5 +352,5 @@ def test_an_end_of_several_links_is_reached_where_each_has_its_attitude():
     """2 (F − e)(F + e)⁻¹ of a rotation by θ is 2 tan(θ/2)."""
     pair = co.System(co.Power(co.SO3(), 2), lambda xi: 0.5 * xi[0] @ xi[0] + 0.5 * xi[1] @ xi[1])
     turned = Rotation.from_rotvec([[0, 0, 0.3], [0.5, 0, 0]]).as_matrix()
-    found = evaluate(lambda s: _element(pair.state())(pair, s), pair.state(g=turned))
+    found = evaluate(lambda s: _element(pair, s, pair.state().g), pair.state(g=turned))
     assert found == pytest.approx([0, 0, 2 * np.tan(0.15), 2 * np.tan(0.25), 0, 0], abs=1e-14)

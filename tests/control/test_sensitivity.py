@@ -132,8 +132,8 @@ def test_what_has_no_derivative_is_told():
     optimum = turn().solve()
     for names, start, words in [
         (("jay",), (), "no parameter `jay`"),
-        ((), ("xi",), "parts of a state"),
-        ((), "xi", "parts of a state"),
+        ((), ("xi",), "has no part `xi`"),
+        ((), "xi", "has no part `xi`"),
         ((), 3, "must be names"),
         ((), ("q",), "no numbers"),
         ((), ("pi",), "no numbers"),

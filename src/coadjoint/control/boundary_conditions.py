@@ -11,21 +11,22 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree
 from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
-Residual = Callable[[System, State], Array]
+Residual = Callable[[System, State, PyTree], Array]
 
 
-def end_conditions(problem: ProblemData) -> list[tuple[str, Residual]]:
-    """The residuals at the last node, (rows,) of a system and its state, by name.
+def end_conditions(problem: ProblemData) -> dict[str, Residual]:
+    """The residuals at the last node, (rows,) of a system, its state and the goal's value, by the name of the value.
 
     Raises ArgumentError for values that do not fit the system.
     """
     end = problem.end
     if not isinstance(end, End):
-        return []
+        return {}
     if not end.given:
         raise ArgumentError("co.control.End is empty: give at least one of g, q, xi, qdot, mu, pi, or leave it out.")
     of_q = [name for name in ("q", "qdot", "pi") if getattr(end, name) is not None]
@@ -33,23 +34,17 @@ def end_conditions(problem: ProblemData) -> list[tuple[str, Residual]]:
         raise ArgumentError(
             f"co.control.End has `{of_q[0]}`, but this system has no `additional`, so that there is no q."
         )
-    target = end_state(problem)
-    return [(f"`{name}` at the end", _RESIDUALS[name](target)) for name in end.given]
+    return {name: _RESIDUALS[name] for name in end.given}
 
 
 def end_state(problem: ProblemData) -> State:
     """The state at the end, with free parts as at the start; raises ArgumentError for wrong shapes."""
     end = problem.end if isinstance(problem.end, End) else End()
-    given = start_values(problem) | {name: getattr(end, name) for name in end.given}
+    given = place_of(problem.system, problem.start) | {name: getattr(end, name) for name in end.given}
     return problem.system.state(**given, inputs=problem.start.inputs)
 
 
-def start_values(problem: ProblemData) -> dict[str, PyTree]:
-    """The configuration at the start, as arguments of `system.state`, without velocities."""
-    return place_of(problem.system, problem.start)
-
-
-def place_of(system: System, start: State) -> dict[str, object]:
+def place_of(system: System, start: State) -> dict[str, PyTree]:
     """The configuration of a state, as arguments of `system.state`, without velocities."""
     group, Q, V = system.places
     found: dict[str, PyTree] = {"g": start.g, "t": start.t}
@@ -67,63 +62,43 @@ def spatial(state: State) -> np.ndarray:
     return evaluate(lambda s: s.places.advected.act(s.places.group, s.g, s.a), state)
 
 
-def _element(target: State) -> Residual:
-    """2 (F − e)(F + e)⁻¹ for F = g⁻¹g_N, by its coordinates in 𝔤, (dim G,): zero for F = e alone.
+def _element(system: System, state: State, back: Element) -> Array:
+    """2 (F − e)(F + e)⁻¹ for F = g⁻¹g_N, by its coordinates in 𝔤, (dim G,): zero for F = e alone. back: g⁻¹.
 
     It is the identity on 𝔤 to first order, so that the equations have full rank, and it grows beyond all bounds towards
     half a turn, where the skew part of F would be zero again.
     """
 
-    def residual(system: System, state: State) -> Array:
-        group, one = system.group, jnp.eye(system.group.matrix_size)
-        F = group.matrix(group.compose(group.inverse(target.g), state.g))
-        return group.vee(2 * jnp.linalg.solve((F + one).mT, (F - one).mT).mT)
-
-    return residual
+    group, one = system.group, jnp.eye(system.group.matrix_size)
+    F = group.matrix(group.compose(back, state.g))
+    return group.vee(2 * jnp.linalg.solve((F + one).mT, (F - one).mT).mT)
 
 
-def _point(target: State) -> Residual:
+def _point(system: System, state: State, goal: Array) -> Array:
     """q_N − q in the frame of the space at q, (dim Q,)."""
-    goal = np.asarray(target.q)
-
-    def residual(system: System, state: State) -> Array:
-        group, Q, _ = system.places
-        here = Q.act(group, state.g, state.n)
-        return here - goal if Q.flat else Q.coordinates(group, goal, here - goal)
-
-    return residual
+    group, Q, _ = system.places
+    here = Q.act(group, state.g, state.n)
+    return here - goal if Q.flat else Q.coordinates(group, goal, here - goal)
 
 
-def _velocity(target: State) -> Residual:
+def _velocity(system: System, state: State, goal: Array) -> Array:
     """q̇_N − q̇ in the frame of the space at q_N, (dim Q,)."""
-    goal = np.asarray(target.qdot)
+    group, Q, _ = system.places
+    here = Q.push(group, state.g, state.n, state.nu) - goal
+    return here if Q.flat else Q.coordinates(group, Q.act(group, state.g, state.n), here)
 
-    def residual(system: System, state: State) -> Array:
-        group, Q, _ = system.places
-        here = Q.push(group, state.g, state.n, state.nu) - goal
-        return here if Q.flat else Q.coordinates(group, Q.act(group, state.g, state.n), here)
+
+def _field(name: str) -> Residual:
+    def residual(system: System, state: State, goal: Array) -> Array:
+        here = getattr(state, name) - goal
+        if name in ("xi", "mu") or system.additional.flat:
+            return here
+        return system.additional.coordinates(system.group, state.n, here)
 
     return residual
 
 
-def _field(name: str) -> Callable[[State], Residual]:
-    def of(target: State) -> Residual:
-        goal = np.asarray(getattr(target, name))
-
-        def residual(system: System, state: State) -> Array:
-            here = getattr(state, name) - goal
-            return here if name in ("xi", "mu") or system.additional.flat else _tangent(system, state, here)
-
-        return residual
-
-    return of
-
-
-def _tangent(system: System, state: State, covector: Array) -> Array:
-    return system.additional.coordinates(system.group, state.n, covector)
-
-
-_RESIDUALS: dict[str, Callable[[State], Residual]] = {
+_RESIDUALS: dict[str, Residual] = {
     "g": _element,
     "q": _point,
     "xi": _field("xi"),
@@ -133,7 +108,7 @@ _RESIDUALS: dict[str, Callable[[State], Residual]] = {
 }
 
 
-StartResidual = Callable[[System, State, Array], Array]
+StartResidual = Callable[[System, State, Array, dict[str, PyTree]], Array]
 
 
 def free_start_sizes(problem: ProblemData) -> dict[str, int]:
@@ -185,31 +160,38 @@ def start_parts(problem: ProblemData, eta: Array) -> dict[str, PyTree]:
     return found
 
 
+def start_values(problem: ProblemData, start: State) -> dict[str, PyTree]:
+    """The values of a start that the residual of the first node reads, by name; none where bounds hold the start."""
+    moving = ("xi", "nu") if start.from_velocities else ("mu", "pi")
+    if not problem.free_start:
+        held = bool(problem.parameters) and start.from_velocities
+        return {name: np.asarray(getattr(start, name)) for name in moving} if held else {}
+    group, Q, V = problem.system.places
+    names = (moving[0],) if not Q.dim(group) else ("q", "xi", "qdot") if start.from_velocities else ("q", "mu", "pi")
+    found: dict[str, PyTree] = {"g": start.g} | {name: np.asarray(getattr(start, name)) for name in names}
+    return found | ({"a0": spatial(start)} if V.dim(group) else {})
+
+
 def start_residual(problem: ProblemData) -> StartResidual:
     """The residual at the first node: x_0 less the start moved by η, g exp(η) for g and a sum for the others.
 
     g has as many equations as entries, so that it lies on the group; a = g⁻¹ a₀ moves with it, and q stays.
     """
-    start = problem.start
-    q = np.asarray(start.q) if problem.system.additional.dim(problem.system.group) else np.zeros(0)
-    qdot = np.asarray(start.qdot) if len(q) else q
-    a0 = spatial(start) if problem.system.advected.dim(problem.system.group) else None
 
-    def rows(system: System, state: State, eta: Array) -> Array:
+    def rows(system: System, state: State, eta: Array, start: dict[str, PyTree]) -> Array:
         group, Q, V = system.places
         by = start_parts(problem, eta)
-        there = group.compose(start.g, group.exp(by["g"]))
+        there = group.compose(start["g"], group.exp(by["g"]))
         found = jax.tree.leaves(jax.tree.map(jnp.subtract, state.g, there))
-        if len(q):
-            found.append(Q.act(group, state.g, state.n) - q - by["q"])
-        if a0 is not None:
-            found.append(V.act(group, state.g, state.a) - a0)
-        if start.from_velocities:
-            found.append(state.xi - start.xi - by["xi"])
-            found += [Q.push(group, state.g, state.n, state.nu) - qdot - by["qdot"]] if len(q) else []
-        else:
-            found.append(state.mu - start.mu - by["mu"])
-            found += [state.pi - start.pi - by["pi"]] if len(q) else []
+        if "q" in start:
+            found.append(Q.act(group, state.g, state.n) - start["q"] - by["q"])
+        if "a0" in start:
+            found.append(V.act(group, state.g, state.a) - start["a0"])
+        found += [getattr(state, name) - start[name] - by[name] for name in ("xi", "mu") if name in start]
+        if "qdot" in start:
+            found.append(Q.push(group, state.g, state.n, state.nu) - start["qdot"] - by["qdot"])
+        if "pi" in start:
+            found.append(state.pi - start["pi"] - by["pi"])
         return jnp.concatenate([jnp.ravel(part) for part in found])
 
     return rows
@@ -221,7 +203,7 @@ def moved_start(problem: ProblemData, system: System, eta: np.ndarray) -> State:
         return problem.start
     start, group, Q = problem.start, system.group, system.additional
     by = {name: np.asarray(value) for name, value in start_parts(problem, eta).items()}
-    given = start_values(problem)
+    given = place_of(problem.system, start)
     given["g"] = evaluate(lambda g: group.compose(g, group.exp(by["g"])), start.g)
     if Q.dim(group):
         given["q"] = Q.given(group, start.q + by["q"])

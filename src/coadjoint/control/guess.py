@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from functools import reduce
+from collections.abc import Callable
+from functools import partial, reduce
 from typing import Any
 
 import jax
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import Array, PyTree
-from coadjoint.control.boundary_conditions import end_state, spatial
+from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.control.given import goal_place
 from coadjoint.control.inputs_between import guesses
-from coadjoint.control.problem_data import End
+from coadjoint.control.linearised import Simulated
+from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import ArgumentError, GroupError, StepError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.members import each
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.rattle import around
@@ -29,75 +32,158 @@ from coadjoint.simulation.simulate import simulate
 ASIDE = -1e-3
 """The distance of a guess from half a turn, in 𝔤."""
 
+FAILS = (
+    "The motion with the inputs' guesses, where the solver would begin, fails ({}): give another `guess`, or a smaller "
+    "dt."
+)
 
-def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray:
-    """The variables (n,) at the start of the solver."""
-    return variables(transcription, *guessed_motion(transcription, guess))
+
+class Guesses:
+    """Starts of the solver for a transcription; what JAX traces for them is traced once."""
+
+    def __init__(self, transcription: Transcription):
+        self._transcription = transcription
+        self._simulated: Simulated | None = None
+        self._turn, self._straight, self._stages = _Traced(), _Traced(), _Traced()
+
+    def motion(self, problem: ProblemData, guess: Run | str | None) -> tuple[State, dict[str, np.ndarray]]:
+        """The states of all nodes at the start of the solver, and the known inputs there.
+
+        problem: that of the transcription, or with another start, goal or parameters.
+        guess: a run of the same number of steps, every node saved; "simulate", the motion with the inputs' guesses;
+        "interpolate", along exp(s log g₀⁻¹g_N) on the group and a straight line in q, with s = 3τ² − 2τ³, so that it
+        rests at both ends; None, interpolated where the end gives g or q, otherwise simulated.
+        """
+        if isinstance(guess, Run):
+            return _of_run(problem, self._transcription, guess)
+        return (self._interpolated if named(problem, guess) == "interpolate" else _simulated)(problem), {}
+
+    def variables(self, problem: ProblemData, guess: Run | str | None, first: np.ndarray) -> np.ndarray:
+        """The variables (n,) at the start of the solver, from the first node (nx,) on."""
+        transcription = self._transcription
+        if not isinstance(guess, Run) and named(problem, guess) == "simulate" and problem is not transcription.problem:
+            return self._marched(problem, first)
+        states, known = self.motion(problem, guess)
+        return self.of_motion(problem, states, known, first)
+
+    def of_motion(
+        self, problem: ProblemData, states: State, known: dict[str, np.ndarray], first: np.ndarray
+    ) -> np.ndarray:
+        """The variables (n,) of a motion from the first node (nx,) on; unknown inputs have their guesses."""
+        transcription = self._transcription
+        x = transcription.graph.numbers(states)[:, transcription.live]
+        x[0] = first
+        before = jax.tree.map(lambda leaf: np.asarray(leaf)[:-1], states)
+        return _joined(transcription, problem, x, self._z(problem, before), known)
+
+    def _interpolated(self, problem: ProblemData) -> State:
+        """The motion along a geodesic on the group and a line in q, at rest at both ends."""
+        start, (group, Q, _) = problem.start, problem.system.places
+        if Q.dim(group) and not Q.flat:
+            raise ArgumentError('A curved space of q has no straight lines: take guess="simulate", or a run.')
+        g, q = goal_place(problem)
+        turn = self._turn(lambda a, b: group.log(group.compose(group.inverse(a), b)), start.g, g)
+        if not np.all(np.isfinite(turn)):
+            turn = _logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g))
+        given = start.replace(memory=None), q, turn, problem.system.parameters
+        return self._straight(partial(_straight, problem), *given)
+
+    def _z(self, problem: ProblemData, states: State) -> np.ndarray:
+        """z of every step, (N, nz): the start of Newton's iteration in each stage."""
+        transcription = self._transcription
+        given = states, transcription.beginning.state.inputs, problem.system.parameters
+        found = self._stages(partial(_stages, transcription), *given)
+        z = np.concatenate([np.asarray(z).reshape(len(states.t), -1) for z in found], axis=1)
+        return np.tile(z, (1, 1 + transcription.problem.path_points))
+
+    def _marched(self, problem: ProblemData, first: np.ndarray) -> np.ndarray:
+        """The variables of the motion with the inputs' guesses, by the steps of the program."""
+        transcription = self._transcription
+        self._simulated = self._simulated or Simulated(transcription)
+        nz = transcription.sizes[2]
+        x, z = np.tile(first, (problem.count + 1, 1)), np.zeros((problem.count, nz))
+        parts = transcription.split(_joined(transcription, problem, x, z, {}))
+        p, near = transcription.numbers(parts.parameters), np.zeros(nz)
+        for k in range(problem.count):
+            found = self._simulated(parts.x[k], parts.u[k], near, p, parts.h)
+            if found is None:
+                raise ArgumentError(FAILS.format(f"step {k} has no solution"))
+            parts.x[k + 1], near = found
+            parts.z[k] = near
+        return transcription.joined(parts)
 
 
-def guessed_motion(transcription: Transcription, guess: Run | str | None) -> tuple[State, dict[str, np.ndarray]]:
-    """The states of all nodes at the start of the solver, and the known inputs there.
+class _Traced:
+    """A function that is traced once for each kind of arguments."""
 
-    guess: a run of the same number of steps, every node saved; "simulate", the motion with the inputs' guesses;
-    "interpolate", along exp(s log g₀⁻¹g_N) on the group and a straight line in q, with s = 3τ² − 2τ³, so that it rests
-    at both ends; None, interpolated where the end gives g or q, otherwise simulated.
-    """
-    end = transcription.problem.end
+    def __init__(self) -> None:
+        self._found: dict[tuple[object, ...], Callable[..., Any]] = {}
+
+    def __call__(self, function: Callable[..., Any], *arguments: object) -> Any:
+        leaves, structure = jax.tree.flatten(arguments)
+        key = structure, *map(np.shape, leaves)
+        if key not in self._found:
+            self._found[key] = tabulate(function, *arguments)
+        return self._found[key](*arguments)
+
+
+def named(problem: ProblemData, guess: object) -> str:
+    """The name of a guess that is not a run."""
+    end = problem.end
     if guess is None:
         placed = isinstance(end, End) and (end.g is not None or end.q is not None)
-        guess = "interpolate" if placed else "simulate"
-    if isinstance(guess, Run):
-        return _of_run(transcription, guess)
+        return "interpolate" if placed else "simulate"
     checks.instance(guess, "guess", str, "a run, a name or None")
     checks.choice(guess, "Argument `guess`, if it is not a run,", ("interpolate", "simulate"))
-    return (_interpolated if guess == "interpolate" else _simulated)(transcription), {}
+    return str(guess)
 
 
-def variables(transcription: Transcription, states: State, known_inputs: dict[str, np.ndarray]) -> np.ndarray:
-    """The variables (n,) of a motion; unknown inputs have their guesses."""
-    problem, graph = transcription.problem, transcription.graph
-    _, nu, nz, _ = transcription.sizes
-    x = graph.numbers(states)[:, transcription.live]
-    x[0] = graph.numbers(transcription.beginning.state)[transcription.live]
+def _joined(
+    transcription: Transcription,
+    problem: ProblemData,
+    x: np.ndarray,
+    z: np.ndarray,
+    known_inputs: dict[str, np.ndarray],
+) -> np.ndarray:
+    """The variables (n,) of nodes x and unknowns z; unknown inputs and profiles have their guesses."""
+    _, nu, _, _ = transcription.sizes
     u = np.zeros((problem.count, nu))
     for name, given, begin, end in transcription.columns:
         nodes = np.broadcast_to(np.ravel(given.guess), (problem.count + 1, given.guess.size))
         nodes = np.clip(known_inputs.get(name, nodes), np.ravel(given.lower), np.ravel(given.upper))
         u[:, end], u[:, begin] = nodes[1:], nodes[:-1]
-    z = _unknowns(transcription, jax.tree.map(lambda leaf: np.asarray(leaf)[:-1], states))
-    known = transcription.beginning.system.parameters
+    known = problem.system.parameters
     parameters = [numbers_of(getattr(known, name)) for name in problem.parameters]
     theta = [np.clip(one.guess, one.lower, one.upper).ravel() for one in transcription.profiles.values()]
     numbers = np.concatenate([*theta, *parameters, np.zeros(len(transcription.eta))])
     h = problem.dt if problem.free_duration is None else float(np.clip(problem.length, *problem.free_duration))
     h = h if problem.free_duration is None else h / problem.count
-    return transcription.joined(Split(x, u, z.reshape(problem.count, nz), numbers, h))
+    return transcription.joined(Split(x, u, z, numbers, h))
 
 
-def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
-    """z of every step, (N, nz): the start of Newton's iteration in each stage."""
-    system, method, h, state = transcription.beginning
+def _stages(transcription: Transcription, states: State, inputs: PyTree, parameters: PyTree) -> Any:
+    """The starts of Newton's iteration in all stages of the steps from some states."""
+    system, method, h, _ = transcription.beginning
     program = StepProgram(system, method)
     steps = [step for step, _ in around(system, method.stages)]
 
     def of_step(one: State) -> Any:
-        one = one.replace(memory=None, inputs=state.inputs, ledger=None)
-        begun = reduce(lambda found, step: step.remember(system, found), steps, one)
-        constants = Constants(system.parameters, {})
+        one = one.replace(memory=None, inputs=inputs, ledger=None)
+        here = replace_parameters(system, parameters)
+        begun = reduce(lambda found, step: step.remember(here, found), steps, one)
+        constants = Constants(parameters, {})
         return [
             stage.guess(constants, begun, part * stage.fraction * h)
             for part in program.substeps
             for stage in program.stages
         ]
 
-    found = evaluate(jax.vmap(of_step), states)
-    z = np.concatenate([np.asarray(z).reshape(len(states.t), -1) for z in found], axis=1)
-    return np.tile(z, (1, 1 + transcription.problem.path_points))
+    return jax.vmap(of_step)(states)
 
 
-def _of_run(transcription: Transcription, run: Run) -> tuple[State, dict[str, np.ndarray]]:
+def _of_run(problem: ProblemData, transcription: Transcription, run: Run) -> tuple[State, dict[str, np.ndarray]]:
     """The states of a run, and its inputs at all nodes, (N + 1, size), by their names."""
-    records, problem = run.records, transcription.problem
+    records = run.records
     if np.size(records.t) != problem.count + 1 or records.places != problem.system.places:
         raise ArgumentError(
             f"Argument `guess` must be a run of this system with {problem.count} steps, every node saved, but has "
@@ -113,8 +199,7 @@ def _of_run(transcription: Transcription, run: Run) -> tuple[State, dict[str, np
     return records, found
 
 
-def _simulated(transcription: Transcription) -> State:
-    problem = transcription.problem
+def _simulated(problem: ProblemData) -> State:
     try:
         run = simulate(
             problem.system, problem.start, dt=problem.dt, steps=problem.count, method=problem.method,
@@ -122,41 +207,26 @@ def _simulated(transcription: Transcription) -> State:
             monitors=False, accuracy=False, progress=False,
         )  # fmt: skip
     except StepError as error:
-        raise ArgumentError(
-            f"The motion with the inputs' guesses, where the solver would begin, fails ({error.sentence}): give "
-            "another `guess`, or a smaller dt."
-        ) from error
+        raise ArgumentError(FAILS.format(error.sentence)) from error
     return run.records
 
 
-def _interpolated(transcription: Transcription) -> State:
-    problem = transcription.problem
-    start, target = problem.start, end_state(problem)
-    group, Q, V = problem.system.places
+def _straight(problem: ProblemData, start: State, goal: Array, turn: Array, parameters: PyTree) -> State:
+    """The states along g₀ exp(s turn) and q₀ + s (goal − q₀), with the momenta of their velocities."""
+    system = replace_parameters(problem.system, parameters)
+    group, Q, V = system.places
     tau = np.linspace(0.0, 1.0, problem.count + 1)
     s, speed = tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length
-    between = evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, target.g)
-    turn = _logarithm(group, between)
+    q, a0 = Q.act(group, start.g, start.n), V.act(group, start.g, start.a)
 
-    def element(s: Any) -> PyTree:
-        return group.compose(start.g, group.exp(s * turn))
+    def node(s: Scalar, speed: Scalar, t: Scalar) -> State:
+        g, xi = group.compose(start.g, group.exp(s * turn)), speed * turn
+        back, here = group.inverse(g), q + s * (goal - q)
+        n, nu, a = Q.act(group, back, here), Q.push(group, back, here, speed * (goal - q)), V.act(group, back, a0)
+        mu, pi = legendre(system, xi, n, nu, a, t, start.inputs, start.internal)
+        return start.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu)
 
-    given: dict[str, PyTree] = {
-        "g": each(evaluate(jax.vmap(element), s)),
-        "xi": each(speed[:, None] * turn),
-    }
-    if Q.dim(group):
-        q, goal = np.asarray(start.q), np.asarray(target.q)
-        if not Q.flat:
-            raise ArgumentError('A curved space of q has no straight lines: take guess="simulate", or a run.')
-        given["q"] = jax.tree.map(each, Q.given(group, q + s[:, None] * (goal - q)))
-        given["qdot"] = jax.tree.map(each, Q.given(group, speed[:, None] * (goal - q)))
-    if V.dim(group):
-        given["a0"] = V.given(group, spatial(start))
-    if start.internal is not None:
-        given["internal"] = start.internal
-    states = problem.system.state(**given, inputs=start.inputs)
-    return states.replace(t=float(start.t) + problem.length * tau)
+    return jax.vmap(node)(s, speed, start.t + problem.length * tau)
 
 
 def _logarithm(group: LieGroup, F: Element) -> Array:

@@ -141,7 +141,7 @@ def _sides(transcription: Transcription, w: Array) -> tuple[Sides, Sides]:
     nx, nu, nz, count = transcription.sizes
     problem, block = transcription.problem, nx + nu + nz
     end = problem.count * block
-    p = w[end + nx : end + nx + count]
+    p = transcription.expressions(w[end + nx : end + nx + count])
     h = w[-1] if problem.free_duration is not None else casadi().MX(problem.dt)
     u = w[end - block + nx : end - nz]
     first = Sides(w[:nx], w[nx : nx + nu], p, h)

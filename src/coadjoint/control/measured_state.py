@@ -25,14 +25,14 @@ from coadjoint.simulation.arguments import require_places
 GIVEN = ("t", "g", "n", "a", "xi", "nu", "mu", "pi", "internal")
 """The parts of a measured state from which a step begins."""
 
-SHAPES = "Argument `state` has other shapes than the states of the problem's system."
+SHAPES = "Argument `{}` has other shapes than the states of the problem's system."
 
 
 class MeasuredState:
     """x of a state, (nx,): its numbers on which the steps, costs and constraints depend."""
 
-    def __init__(self, transcription: Transcription):
-        self._transcription, self._beginning = transcription, transcription.beginning
+    def __init__(self, transcription: Transcription, name: str = "state"):
+        self._transcription, self._beginning, self._name = transcription, transcription.beginning, name
         self._begin: Any = None
         self._parameters: object = None
         self._column = np.zeros(0)
@@ -51,21 +51,22 @@ class MeasuredState:
         else:
             found = self._transcription.graph.numbers(state)
         if found.shape != self._size:
-            raise ArgumentError(SHAPES)
+            raise ArgumentError(SHAPES.format(self._name))
         x = found[self._transcription.live]
         if not np.all(np.isfinite(x)):
-            raise ArgumentError("Argument `state` must have finite numbers.")
+            raise ArgumentError(f"Argument `{self._name}` must have finite numbers.")
         return x
 
     def _require(self, state: State) -> None:
-        system = self._transcription.problem.system
-        checks.instance(state, "state", State, "a co.State of the problem's system")
-        require_places(state, system.places, "state")
+        system, name = self._transcription.problem.system, self._name
+        checks.instance(state, name, State, "a co.State of the problem's system")
+        require_places(state, system.places, name)
         if np.ndim(state.t):
-            raise ArgumentError("Argument `state` must be of one member, but has many: give each its own controller.")
+            each = "each its own controller" if name == "state" else "them to `solve_each`"
+            raise ArgumentError(f"Argument `{name}` must be of one member, but has many: give {each}.")
         if jax.tree_util.tree_structure(state.internal) != self._structure:
             raise ArgumentError(
-                "Argument `state` has another internal state than the problem's system: its actuators, controller or "
+                f"Argument `{name}` has another internal state than the problem's system: its actuators, controller or "
                 "water differ."
             )
 
@@ -79,7 +80,7 @@ class MeasuredState:
             self._parameters, self._column = parameters, numbers_of(parameters)
         column = numbers_of({part: getattr(state, part) for part in GIVEN})
         if column.size != self._given_size:
-            raise ArgumentError(SHAPES)
+            raise ArgumentError(SHAPES.format(self._name))
         return self._begin(self._column, column)[0].ravel()
 
     def _begun(self, parameters: PyTree, given: dict[str, object]) -> Any:

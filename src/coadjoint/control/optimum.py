@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +40,8 @@ STATIONARY = (
 class Optimum:
     """The result of `Problem.solve`; `print` shows a summary, with the certificate of the run below.
 
-    run: the motion, simulated by `co.simulate` with the optimum's inputs. inputs: name → (N, *shape), held over each
+    run: the motion, simulated by `co.simulate` with the optimum's inputs: immediately for the problem as it is stated,
+    otherwise when `run`, `difference` or `within` is first read. inputs: name → (N, *shape), held over each
     step; (N + 1, *shape) at the nodes of linear ones; θ of a profile. cost: the least value found. duration: s.
     parameters: name → value, of the optimised ones. residuals: of measurements, name → (K, …), (function − y)/σ, NaN
     for gaps. costates: (N, nx), the multipliers of x_{k+1} = Φ, in the order of `names`. violation: the largest
@@ -47,7 +50,6 @@ class Optimum:
     between the nodes of the run, the violated bound, and its time.
     """
 
-    run: Run
     inputs: dict[str, np.ndarray]
     cost: float
     duration: float
@@ -56,13 +58,36 @@ class Optimum:
     costates: np.ndarray
     names: list[str]
     violation: float
-    difference: float
     iterations: int
     build_seconds: float
     solve_seconds: float
     solver: str
     solution: SolvedProgram
-    within: dict[str, WorstWithin]
+    _fly: Callable[[], OptimalMotion] | None = field(repr=False)
+
+    @cached_property
+    def _flown(self) -> OptimalMotion:
+        assert self._fly is not None
+        return self._fly()
+
+    @property
+    def run(self) -> Run:
+        """The motion with the optimum's inputs, by `co.simulate`; raises OptimumError if it cannot be simulated."""
+        return self._flown.run
+
+    @property
+    def difference(self) -> float:
+        """The largest |x − x of the run| of any number of the state."""
+        return self._flown.difference
+
+    @property
+    def within(self) -> dict[str, WorstWithin]:
+        """Name → the largest violation of a constraint of the path between the nodes of the run."""
+        return self._flown.within
+
+    def __getstate__(self) -> dict[str, Any]:
+        _ = self._flown
+        return {**self.__dict__, "_fly": None}
 
     def sensitivity(self, *names: str, start: tuple[str, ...] = ()) -> Sensitivity:
         """The first derivatives of the optimum by its data, from the conditions that it satisfies.
@@ -113,6 +138,14 @@ class Optimum:
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
 
 
+class OptimalMotion(NamedTuple):
+    """The run of an optimum, its difference from the solution, and the violations of the path between its nodes."""
+
+    run: Run
+    difference: float
+    within: dict[str, WorstWithin]
+
+
 class Flight(NamedTuple):
     """The run of an optimum, and the solver's choice of inputs and of parameters."""
 
@@ -145,7 +178,7 @@ def flight(transcription: Transcription, parts: Split, start: State | None = Non
             "chart."
         ) from error
     for told in accuracy_warnings(run):
-        warn(told, stacklevel=5)
+        warn(told, stacklevel=6)
     return Flight(run, commands, chosen)
 
 
@@ -167,25 +200,29 @@ def flown(
 ) -> Optimum:  # fmt: skip
     """The optimum from the solution of the solver: x, f, g and the multipliers lam_g."""
     problem, parts = transcription.problem, transcription.split(numbers["x"])
-    run, commands, chosen = flight(transcription, parts)
+
+    def fly() -> OptimalMotion:
+        run = flight(transcription, parts).run
+        return OptimalMotion(run, difference(transcription, run, parts), worst_within(problem, run))
+
     nx, _, nz, _ = transcription.sizes
     equations = numbers["lam_g"][: problem.count * (nx + nz)].reshape(problem.count, -1)
     return Optimum(
-        run, commands, float(numbers["f"][0]), parts.h * problem.count, chosen,
+        transcription.taken(parts), float(numbers["f"][0]), parts.h * problem.count, transcription.chosen(parts),
         _residuals(transcription, parts), equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
-        violation(program, numbers["g"]), difference(transcription, run, parts), iterations, *seconds, solver,
-        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]), worst_within(problem, run),
+        violation(program, numbers["g"]), iterations, *seconds, solver,
+        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]), fly,
     )  # fmt: skip
 
 
 def _residuals(transcription: Transcription, parts: Split) -> dict[str, np.ndarray]:
     """(function ⊖ y)/σ by names, (K, …)."""
     u = np.vstack([parts.u, parts.u[-1:, at_end(transcription.inputs)]])
-    found = {}
+    found, p = {}, transcription.numbers(parts.parameters)
     for name, (nodes, values, weights, _) in transcription.data.items():
         each = [casadi().DM(rows[nodes].T) for rows in (parts.x, u)]
-        numbers = [casadi().repmat(casadi().DM(value), 1, len(nodes)) for value in (parts.parameters, parts.h)]
+        numbers = [casadi().repmat(casadi().DM(value), 1, len(nodes)) for value in (p, parts.h)]
         function = transcription.functions.measured[name].map(len(nodes))
         off = function(*each, *numbers, casadi().DM(values)).full()
         standard, measured = np.where(weights > 0, off * weights, np.nan).T, transcription.problem.measured[name]

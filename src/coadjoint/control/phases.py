@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.control.guess import guessed_motion, variables
+from coadjoint.control.guess import Guesses
 from coadjoint.control.joints import KEPT, PhaseJoint, carried, phased_program
 from coadjoint.control.numbers import shortest_and_longest
 from coadjoint.control.phased_optimum import PhasedOptimum, phases_flown
@@ -211,7 +211,9 @@ class Phases:
                 problem = replace(problem, duration=None, start=start)
                 beginning = begun(problem.system, start, problem.dt, problem.method, problem.inputs)
                 transcription = replace(transcription, problem=problem, beginning=beginning)
-            states, inputs = guessed_motion(transcription, guesses[name])
-            rows.append(variables(transcription, states, inputs))
+            own = Guesses(transcription)
+            states, inputs = own.motion(problem, guesses[name])
+            first = transcription.graph.numbers(transcription.beginning.state)[transcription.live]
+            rows.append(own.of_motion(problem, states, inputs, first))
             before = problem.system, states
         return np.concatenate(rows)

@@ -17,14 +17,14 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
+from coadjoint.control.given import Goals, changed, given_numbers, given_values
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.mpc_solution import MpcSolution, Record
-from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.control.quadratic import QuadraticSolver, StageLayout
-from coadjoint.control.requirements import changing_names, require_controllable, steps_of
+from coadjoint.control.requirements import require_controllable, steps_of
 from coadjoint.control.resolution import JudgedMotions
-from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
@@ -65,7 +65,7 @@ class Controller(Remade):
     state that is earlier than the last one, or later than the plan, restarts from the inputs' guesses, as `reset` does.
     """
 
-    STANDING = ("system", "_p", "record", "_plan", "_clock", "_prepared")
+    STANDING = ("system", "_goal", "_p", "record", "_plan", "_clock", "_prepared")
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class Controller(Remade):
         nx = expanding.width + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
-        self.system = problem.system
+        self.system, self._goal = problem.system, given_values(problem)["goal"]
         self._p = self._numbers()
         self.record = Record()
         self.reset()
@@ -102,19 +102,21 @@ class Controller(Remade):
 
         values: name → value, or name → {name: value} of a part. Raises ArgumentError for another name.
         """
-        known = tuple(self.problem.parameters)
-        for name in values:
-            if name not in known:
-                raise ArgumentError(
-                    f"Parameter `{name}` is fixed in this controller: name it in `changing` of problem.controller."
-                )
-        self.system = self.system.replace(**values)
+        self.system = changed(self.problem, self.system, values, "this controller")
+        self._p, self._prepared = self._numbers(), None
+
+    def aim(self, goal: End) -> None:
+        """Set the goal, with the same names as the problem's `end`, for all calls from now on.
+
+        Raises ArgumentError for other names and shapes.
+        """
+        self._goal = Goals(self.problem)(goal)
         self._p, self._prepared = self._numbers(), None
 
     def _numbers(self) -> np.ndarray:
-        """The parameters that may change, in the order of the model's functions."""
-        found = [numbers_of(getattr(self.system.parameters, name)) for name in self.problem.parameters]
-        return np.concatenate(found) if found else np.zeros(0)
+        """The given numbers, in the order of the model's functions."""
+        values = {"goal": self._goal, "start": {}}
+        return given_numbers(self.problem, self.system, values)
 
     def prepare(self) -> float:
         """Linearise about the plan one period after the last state; returns seconds.
@@ -307,7 +309,7 @@ class Controller(Remade):
 
 
 def controller(
-    problem: ProblemData, period: object, delay: object, iterations: Any, fallback: Any, changing: object
+    problem: ProblemData, period: object, delay: object, iterations: Any, fallback: Any, changing: Any
 ) -> Controller:
     """The controller of a problem; the arguments are those of `Problem.controller`."""
     require_controllable(problem)
@@ -319,7 +321,7 @@ def controller(
         raise ArgumentError("Argument `delay` must not be longer than the period.")
     if fallback is not None:
         checks.function(fallback, "fallback", "a function of the state")
-    problem = replace(
-        problem, duration=None, parameters=dict.fromkeys(changing_names(problem, changing), (-np.inf, np.inf))
-    )
+    names = (changing,) if isinstance(changing, str) else changing
+    checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
+    problem = replace(problem, duration=None, changing=(*problem.changing, *names))
     return Controller(problem, steps, late, whole(iterations, "iterations"), fallback)

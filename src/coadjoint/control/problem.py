@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from coadjoint import checks
 from coadjoint.checks import whole
+from coadjoint.control.built import BuiltProgram, threads_of
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
-from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.control.requirements import steps_of
-from coadjoint.control.solve import solve
-from coadjoint.errors import ArgumentError
+from coadjoint.control.solve import settings_of
+from coadjoint.errors import ArgumentError, OptimumError
 from coadjoint.mechanics.state import State
 from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.paths import paths
@@ -59,6 +61,8 @@ class Problem(WithOverview, ProblemData):
         free_start: parts of the start that are optimised, of "g" (η in g exp(η)), "q", and "xi", "qdot" or "mu", "pi" →
             standard deviation σ, which adds ½|η/σ|² to the cost; math.inf if unknown. By default none.
         measured: name → `co.control.Measured`, whose misfit is added to the cost; by default none.
+        changing: names of parameters that `solve` and `controller.change` may set without building the program anew, by
+            default none.
 
     Raises ArgumentError and LagrangianError. Source: Ober-Blöbaum, Junge, Marsden (2011) on discrete mechanics and
     optimal control; the equations of a step are (P43), (P44).
@@ -83,10 +87,21 @@ class Problem(WithOverview, ProblemData):
             "Problem", facts, tuple(NumberRow(name, one, units.get(name, "")) for name, one in given.items())
         )
 
+    @cached_property
+    def _built(self) -> BuiltProgram:
+        """Its program, with the functions and solvers of CasADi."""
+        return BuiltProgram(self)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: one for name, one in self.__dict__.items() if name != "_built"}
+
     def solve(
         self,
-        guess: Run | str | None = None,
+        guess: Run | Optimum | str | None = None,
         *,
+        start: State | None = None,
+        goal: End | None = None,
+        parameters: Mapping[str, object] | None = None,
         solver: str = "ipopt",
         tolerance: float = 1e-9,
         max_iterations: int = 500,
@@ -95,9 +110,19 @@ class Problem(WithOverview, ProblemData):
     ) -> Optimum:
         """The optimum, simulated again by `co.simulate`.
 
+            problem.solve()
+            problem.solve(start=body.state(xi=[0.1, 0, 0]), goal=co.control.End(g=turn, xi=[0, 0, 0]))
+
+        The first call traces the functions of the problem and builds its program; all others only solve it, also for
+        another start, goal or parameters.
+
         Arguments:
-            guess: the start of the solver: a run of as many steps, "interpolate", "simulate", or None, which
-                interpolates on the group where the end gives g or q, and simulates otherwise.
+            guess: the start of the solver: a run of as many steps, an optimum of this problem, "interpolate",
+                "simulate", or None, which interpolates on the group where the end gives g or q, and simulates
+                otherwise.
+            start: another start, a state of the same system, by default that of the problem.
+            goal: a `co.control.End` with the same names as `end`, by default that of the problem.
+            parameters: name → value of parameters that `changing` names; by default those of the system.
             solver: "ipopt" (the default) or "fatrop".
             tolerance: of the solver's optimality and of the constraints, by default 1e-9.
             max_iterations: by default 500.
@@ -107,7 +132,47 @@ class Problem(WithOverview, ProblemData):
         Raises OptimumError if no optimum was found, with the constraint that is violated most; ArgumentError and
         LagrangianError for ill-posed problems.
         """
-        return solve(self, guess, solver, tolerance, max_iterations, verbose, options)
+        settings = settings_of(solver, tolerance, max_iterations, verbose, options)
+        found = self._built.solved(self._built.case(start, goal, parameters, guess), settings)
+        if start is None and goal is None and not parameters:
+            _ = found._flown
+        return found
+
+    def solve_each(
+        self,
+        starts: Sequence[State] | None = None,
+        goals: Sequence[End] | None = None,
+        parameters: Sequence[Mapping[str, object]] | None = None,
+        *,
+        guesses: Sequence[Run | Optimum | str | None] | None = None,
+        threads: int | None = None,
+        solver: str = "ipopt",
+        tolerance: float = 1e-9,
+        max_iterations: int = 500,
+        options: Mapping[str, object] | None = None,
+    ) -> list[Optimum | OptimumError]:
+        """The optimum for each start, goal and set of parameters, on threads; an `OptimumError` where there is none.
+
+            optima = problem.solve_each(starts=[body.state(xi=[w, 0, 0]) for w in speeds])
+
+        Arguments:
+            starts, goals, parameters, guesses: n values each, as those of `solve`; by default those of the problem for
+                all.
+            threads: by default one for each processor. Results do not depend on it.
+            solver, tolerance, max_iterations, options: as in `solve`.
+
+        Raises ArgumentError for values that `solve` does not take.
+        """
+        settings = settings_of(solver, tolerance, max_iterations, False, options)
+        given = {"starts": starts, "goals": goals, "parameters": parameters, "guesses": guesses}
+        named = {name: one for name, one in given.items() if one is not None}
+        counts = {name: len(checks.instance(one, name, (list, tuple), "a list")) for name, one in named.items()}
+        if len(set(counts.values())) != 1:
+            raise ArgumentError(f"Arguments {', '.join(given)} must be lists of one length, but have {counts}.")
+        n = next(iter(counts.values()))
+        rows = zip(*([None] * n if one is None else one for one in given.values()), strict=True)
+        cases = [self._built.case(*row) for row in rows]
+        return self._built.solved_each(cases, settings, threads_of(threads, n))
 
     def estimator(self, horizon: float | None = None, *, known: Sequence[str] = (), iterations: int = 1) -> Estimator:
         """Estimation on a moving horizon: `estimator(measured)` at every node returns the state there.
@@ -154,7 +219,8 @@ class Problem(WithOverview, ProblemData):
                 previous solution acts. By default 0.
             iterations: quadratic programs in each call, by default 1.
             fallback: state → {name: command}, the inputs without a plan; by default the inputs' guesses.
-            changing: names of parameters that `controller.change` may set from period to period, by default none.
+            changing: names of further parameters that `controller.change` may set from period to period, by default
+                none.
 
         The start of the problem only gives its system and internal state. Raises ArgumentError and LagrangianError for
         unsuitable problems.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -122,6 +122,7 @@ class ProblemData:
     measured: Mapping[str, Measured] = field(default_factory=dict)
     path_points: int = 0
     accuracy: bool = True
+    changing: Sequence[str] = ()
 
     def __post_init__(self):
         require_kinds(self.system, self.start, self.method)
@@ -136,6 +137,7 @@ class ProblemData:
         self._require_path_points()
         self._require_inputs()
         self._require_free()
+        object.__setattr__(self, "changing", self._changing())
         self._require_estimated()
 
     @property
@@ -198,6 +200,16 @@ class ProblemData:
             one.nodes(name, float(self.start.t), self.dt, self.count)
         if self.measured and self.free_duration is not None:
             raise ArgumentError("Measurements at times fix the duration: leave `free_duration` out.")
+
+    def _changing(self) -> tuple[str, ...]:
+        """The names of parameters that may change from one solution to the next, checked."""
+        names = (self.changing,) if isinstance(self.changing, str) else self.changing
+        checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
+        for name in names:
+            known_parameter(self.system, name)
+            if name in self.parameters:
+                raise ArgumentError(f"Parameter `{name}` is chosen by the optimum: leave it out of `changing`.")
+        return tuple(dict.fromkeys(names))
 
     def _require_free(self) -> None:
         if self.free_duration is not None:

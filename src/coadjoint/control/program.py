@@ -23,13 +23,22 @@ class Block(NamedTuple):
 
 
 class NonlinearProgram(NamedTuple):
-    """min f(w), lower ≤ g(w) ≤ upper, between bounds of w. blocks: the rows of g, in their order."""
+    """min f(w), lower ≤ g(w) ≤ upper, between bounds of w. blocks: the rows of g, in their order. p: the numbers that
+    are given with each solution, None if they are constants."""
 
     w: Any
     f: Any
     g: PyTree
     blocks: list[Block]
     bounds: tuple[np.ndarray, np.ndarray]
+    p: Any = None
+
+    def at(self, given: np.ndarray) -> NonlinearProgram:
+        """The program with these numbers given."""
+        if self.p is None:
+            return self
+        f, g = casadi().Function("program", [self.w, self.p], [self.f, self.g])(self.w, given)
+        return self._replace(f=f, g=g, p=None)
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
@@ -53,8 +62,11 @@ class NonlinearProgram(NamedTuple):
         raise AssertionError("a row of no constraint")
 
 
-def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
-    """The program of all steps, whose functions are mapped over the steps and never written out."""
+def nonlinear_program(transcription: Transcription, given: bool = False) -> NonlinearProgram:
+    """The program of all steps, whose functions are mapped over the steps and never written out.
+
+    given: whether the given numbers are arguments of the program; by default they are constants.
+    """
     ca, problem, functions = casadi(), transcription.problem, transcription.functions
     nx, nu, nz, count = transcription.sizes
     steps, block, free = problem.count, nx + nu + nz, problem.free_duration is not None
@@ -62,7 +74,8 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
     rows = ca.reshape(w[: steps * block], block, steps)
     last = w[steps * block : steps * block + nx]
     x, u, z = rows[:nx, :], rows[nx : nx + nu, :], rows[nx + nu :, :]
-    p = w[steps * block + nx : steps * block + nx + count]
+    numbers = ca.MX.sym("given", len(transcription.given)) if given else None
+    p = transcription.expressions(w[steps * block + nx : steps * block + nx + count], numbers)
     h = w[-1] if free else ca.MX(problem.dt)
     following = ca.horzcat(x[:, 1:], last)
     each = ca.repmat(p, 1, steps), ca.repmat(h, 1, steps)
@@ -95,7 +108,7 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
     if transcription.end:
         parts.append(functions.end(last, after[:, -1], p, h))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
-    return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription))
+    return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription), numbers)
 
 
 def _inside(transcription: Transcription) -> Rows:

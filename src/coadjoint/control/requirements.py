@@ -11,7 +11,6 @@ from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import Profile
 from coadjoint.control.library import casadi
-from coadjoint.control.numbers import known_parameter
 from coadjoint.control.problem_data import Input, ProblemData
 from coadjoint.control.transcription import Transcription
 from coadjoint.control.window import Window
@@ -29,15 +28,6 @@ def steps_of(value: Any, dt: float, name: str, least: int) -> int:
             f"{', at least one' if least else ''}, but is {shown(value)}."
         )
     return count
-
-
-def changing_names(problem: ProblemData, changing: Any) -> tuple[str, ...]:
-    """The names of parameters that may change; raises ArgumentError for others."""
-    names = (changing,) if isinstance(changing, str) else changing
-    checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
-    for name in names:
-        known_parameter(problem.system, name)
-    return tuple(names)
 
 
 def require_controllable(problem: ProblemData) -> None:
@@ -109,7 +99,7 @@ def prior_directions(transcription: Transcription, x: np.ndarray, inverse: np.nd
         return np.zeros((len(inverse), 0)), np.zeros(0)
     ca, function = casadi(), transcription.functions.start
     slopes = function.factory("slopes", function.name_in(), ["jac:start:x", "jac:start:p"])
-    p = np.zeros(sizes[3])
+    p = transcription.numbers(np.zeros(sizes[3]))
     of_x, of_p = (m.full() for m in slopes(x, np.zeros(sizes[1]), p, ca.DM(transcription.problem.dt)))
     of_eta = of_p[:, -len(transcription.eta) :]
     changes = np.linalg.lstsq(of_x, -of_eta, rcond=None)[0]

@@ -51,7 +51,12 @@ def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start
     _require(problem, names, start)
     values = {name: np.asarray(getattr(problem.system.parameters, name), float) for name in names}
     fixed = {name: (value, value) for name, value in values.items()}
-    wider = replace(problem, duration=None, parameters={**problem.parameters, **fixed})
+    wider = replace(
+        problem,
+        duration=None,
+        parameters={**problem.parameters, **fixed},
+        changing=[name for name in problem.changing if name not in names],
+    )
     transcription = transcribe(wider)
     program = nonlinear_program(transcription)
     w, multipliers, bounds = _taken_over(solution, run, transcription, values)

@@ -1,4 +1,4 @@
-"""Solving a problem of optimal motion by the solvers that come with CasADi."""
+"""The solvers that come with CasADi, their settings, and the reasons of their failures."""
 
 from __future__ import annotations
 
@@ -11,15 +11,10 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
-from coadjoint.control.guess import guessed
 from coadjoint.control.infeasible import resisting
 from coadjoint.control.library import INTERRUPTED, IPOPT, casadi
-from coadjoint.control.optimum import Optimum, flown
-from coadjoint.control.problem_data import ProblemData
-from coadjoint.control.program import NonlinearProgram, nonlinear_program
-from coadjoint.control.transcription import transcribe
+from coadjoint.control.program import NonlinearProgram
 from coadjoint.errors import ArgumentError, Interrupted, OptimumError
-from coadjoint.simulation.run import Run
 
 SOLVERS = ("ipopt", "fatrop")
 """Solvers of CasADi's wheel that are tested here."""
@@ -41,26 +36,6 @@ INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed", "Not_Enough_D
 
 ACCEPTABLE = "Solved_To_Acceptable_Level"
 """IPOPT's status for a solution below the requested tolerance."""
-
-
-def solve(
-    problem: ProblemData,
-    guess: Run | str | None,
-    solver: str,
-    tolerance: float,
-    max_iterations: int,
-    verbose: bool,
-    options: Mapping[str, object] | None,
-) -> Optimum:
-    """The optimum of a problem; the arguments are those of `Problem.solve`."""
-    settings = settings_of(solver, tolerance, max_iterations, verbose, options)
-    began = time.perf_counter()
-    transcription = transcribe(problem)
-    program = nonlinear_program(transcription)
-    function = solver_of(program, settings)
-    built = time.perf_counter() - began
-    found = found_by(function, program, guessed(transcription, guess), settings)
-    return flown(transcription, program, found.numbers, found.iterations, (built, found.seconds), found.words)
 
 
 class Settings(NamedTuple):
@@ -94,7 +69,7 @@ def settings_of(
 
 def solver_of(program: NonlinearProgram, settings: Settings) -> Any:
     """CasADi's function that solves a program."""
-    parts = {"x": program.w, "f": program.f, "g": program.g}
+    parts = {"x": program.w, "f": program.f, "g": program.g} | ({} if program.p is None else {"p": program.p})
     try:
         return casadi().nlpsol("optimum", settings.solver, parts, settings.options)
     except RuntimeError as error:
@@ -103,18 +78,22 @@ def solver_of(program: NonlinearProgram, settings: Settings) -> Any:
         ) from None
 
 
-def found_by(function: Any, program: NonlinearProgram, first: np.ndarray, settings: Settings) -> FoundOptimum:
-    """The optimum from an initial guess; raises OptimumError if there is none."""
+def found_by(
+    function: Any, program: NonlinearProgram, first: np.ndarray, settings: Settings, given: np.ndarray | None = None
+) -> FoundOptimum:
+    """The optimum from an initial guess, with the given numbers; raises OptimumError if there is none."""
     began = time.perf_counter()
     lower, upper = program.limits
+    more = {} if given is None else {"p": given}
     try:
-        found = function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper)
+        found = function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper, **more)
     except (RuntimeError, SystemError) as error:
         if "KeyboardInterrupt" in f"{error} {error.__cause__!r}":
             raise Interrupted("Interrupted in the solver.") from None
         raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
     seconds, stats, solver = time.perf_counter() - began, function.stats(), settings.solver
-    _require_optimum(program, found, stats, settings.tolerance, first)
+    if not stats["success"]:
+        _explain(program if given is None else program.at(given), found, stats, settings.tolerance, first)
     numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g", "lam_x")}
     words = f"{solver}, to an acceptable level only" if stats.get("return_status") == ACCEPTABLE else solver
     return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words)
@@ -134,9 +113,8 @@ def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> d
     return quiet | {"fatrop": own}
 
 
-def _require_optimum(program: NonlinearProgram, found: Any, stats: Any, tolerance: float, first: np.ndarray) -> None:
-    if stats["success"]:
-        return
+def _explain(program: NonlinearProgram, found: Any, stats: Any, tolerance: float, first: np.ndarray) -> None:
+    """Raise OptimumError with the reason of the solver and the constraint that resists."""
     status = str(stats.get("return_status", "unknown"))
     if status in INTERRUPTED:
         raise Interrupted(f"Interrupted after {stats.get('iter_count', 0)} iterations of the solver.")

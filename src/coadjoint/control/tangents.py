@@ -27,7 +27,8 @@ class Tangents:
     """
 
     def __init__(self, transcription: Transcription):
-        self.nx, self.nu, _, self._np = transcription.sizes
+        self.nx, self.nu, _, count = transcription.sizes
+        self._np = count + len(transcription.given)
         graph, names = transcription.graph, transcription.graph.names()
         self.dim = transcription.problem.system.group.dim
         of_group = [i for i, name in enumerate(names) if name.startswith(("g[", "g."))]

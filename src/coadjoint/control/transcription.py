@@ -19,6 +19,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import end_conditions, free_start_sizes, start_residual
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.functions import traced
+from coadjoint.control.given import given_numbers, given_values
 from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
 from coadjoint.control.library import casadi
 from coadjoint.control.measured import Measured, Seen
@@ -80,7 +81,8 @@ class Transcription:
     """A problem as functions of CasADi.
 
     live: the numbers of the state that are x. path, end: their rows. eta: the change of the start, if it is free. data:
-    name → measurements. later: whether x_0 is the end of another phase.
+    name → measurements. given: the numbers that may change from one solution to the next. later: whether x_0 is the end
+    of another phase.
     """
 
     problem: ProblemData
@@ -93,13 +95,28 @@ class Transcription:
     end: list[Rows]
     eta: list[Expr]
     data: dict[str, Seen]
+    given: np.ndarray
     later: bool = False
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
         """The sizes of x, u and z of a step, with those of points inside it, and of the parameters, with η."""
         found, nz = self.graph.symbols, self.functions.equations.size1_in(2)
-        return len(self.live), len(found.commands), nz, len(found.parameters) + len(self.eta)
+        return len(self.live), len(found.commands), nz, len(found.parameters) - len(self.given) + len(self.eta)
+
+    def numbers(self, parameters: np.ndarray) -> np.ndarray:
+        """The argument p of the functions: θ and chosen parameters, the given numbers, η.
+
+        parameters: θ, chosen parameters and η.
+        """
+        chosen = self.sizes[3] - len(self.eta)
+        return np.concatenate([parameters[:chosen], self.given, parameters[chosen:]])
+
+    def expressions(self, parameters: Any, given: Any = None) -> Any:
+        """`numbers` of expressions of CasADi; given: by default the numbers of the problem."""
+        ca, chosen = casadi(), self.sizes[3] - len(self.eta)
+        given = ca.MX(ca.DM(self.given)) if given is None else given
+        return ca.vertcat(*map(ca.vec, (parameters[:chosen], given, parameters[chosen:])))
 
     @property
     def inputs(self) -> list[tuple[str, Input]]:
@@ -177,16 +194,23 @@ def transcribe(
     later: whether its motion begins at the end of another one. wanted: further functions that shall depend on x alone.
     """
     beginning = begun(problem.system, problem.start, problem.dt, problem.method, problem.inputs)
-    graph = step_graph(beginning, tuple(problem.parameters))
+    graph = step_graph(beginning, (*problem.parameters, *problem.changing))
+    ends = end_conditions(problem)
+    values = given_values(problem)
+    symbols = graph.tracer.symbols("given ", values)
+    graph.symbols.parameters.extend(flat(symbols))
     cost = _number(graph, problem.cost, "The cost")
     final = _number(graph, problem.final_cost, "The final cost")
     path = {name: graph.of_motion(b.function, f"The constraint `{name}`") for name, b in problem.path.items()}
-    end = {what: graph.at_node(residual, "The end") for what, residual in end_conditions(problem)}
+    end = {
+        f"`{name}` at the end": graph.at_node(residual, "The end", symbols["goal"][name])
+        for name, residual in ends.items()
+    }
     if callable(problem.end):
         end = {"the end": graph.of_motion(problem.end, "The end")}
     measured = {name: _measured(graph, name, m) for name, m in problem.measured.items()}
     eta = flat(graph.tracer.symbols("start ", np.zeros(sum(free_start_sizes(problem).values()))))
-    start = [] if later else _start(graph, problem, eta)
+    start = [] if later else _start(graph, problem, eta, symbols["start"])
     of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
     of_start = start if problem.free_start else []
     more = wanted(graph) if wanted else []
@@ -202,7 +226,8 @@ def transcribe(
     what = "the start" if problem.free_start else "the velocities of the start"
     begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
     data = {name: _data(problem, name, one.space) for name, one in measured.items()}
-    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, later)
+    numbers = given_numbers(problem, problem.system, values)
+    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, numbers, later)
 
 
 class MeasuredDifference(NamedTuple):
@@ -243,21 +268,20 @@ def begun(system: System, start: State, h: float, method: Method, inputs: Mappin
     return Begun(system, method, h, method.begin(system, start, h))
 
 
-def _start(graph: StepGraph, problem: ProblemData, eta: list[Expr]) -> list[Expr]:
+def _start(graph: StepGraph, problem: ProblemData, eta: list[Expr], values: dict[str, PyTree]) -> list[Expr]:
     """The residual at the first node: of a free start, all of it; if chosen parameters change its momenta, ξ and ν less
     the given ones."""
     if problem.free_start:
-        return graph.at_node(start_residual(problem), "The start", np.array(eta, object))
-    if not (problem.parameters and problem.start.from_velocities):
+        return graph.at_node(start_residual(problem), "The start", np.array(eta, object), values)
+    if not values:
         return []
-    xi, nu = np.asarray(problem.start.xi), np.asarray(problem.start.nu)
 
-    def residual(system: System, state: State) -> PyTree:
-        rest = state.nu - nu
+    def residual(system: System, state: State, start: dict[str, PyTree]) -> PyTree:
+        rest = state.nu - start["nu"]
         rest = rest if system.additional.flat else system.additional.coordinates(system.group, state.n, rest)
-        return jnp.concatenate([state.xi - xi, rest])
+        return jnp.concatenate([state.xi - start["xi"], rest])
 
-    return graph.at_node(residual, "The start")
+    return graph.at_node(residual, "The start", values)
 
 
 def _number(graph: StepGraph, function: Any, what: str) -> list[Expr]:

@@ -59,7 +59,7 @@ class Window:
         functions, problem = transcription.functions, transcription.problem
         self.transcription, self.most, self.free, self.h = transcription, most, free, problem.dt
         self.nx, self.nu, self.nz, count = transcription.sizes
-        self.p = np.zeros(count)
+        self.p = transcription.numbers(np.zeros(count))
         self.tangents = Tangents(transcription)
         one = casadi().SX.eye(self.nx + self.nu)
         self._linear = LinearSteps(transcription, most, lambda *_: one)
@@ -94,13 +94,13 @@ class Window:
 
     def directions(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """T and its inverse at nodes x of inputs u, padded."""
-        return self.tangents.matrices(x, u, np.zeros(0), self.h)
+        return self.tangents.matrices(x, u, self.transcription.given, self.h)
 
     def moved(self, motion: HorizonMotion, y: np.ndarray) -> np.ndarray:
         """The nodes after changes y (n + 1, width), on the group."""
         padded, changes = self.padded(motion), np.zeros((self.most + 1, y.shape[1]))
         changes[: len(y)] = y
-        return self.tangents.moved_by(padded.x, changes, padded.u, np.zeros(0), self.h)[: len(y)].copy()
+        return self.tangents.moved_by(padded.x, changes, padded.u, self.transcription.given, self.h)[: len(y)].copy()
 
     def of_disturbances(self) -> np.ndarray:
         """The Hessian of the cost by the unknown inputs, at the start and their guesses."""
