@@ -14,7 +14,8 @@ from coadjoint.arrays import PyTree, Scalar
 from coadjoint.control.functions import traced
 from coadjoint.control.inputs_between import symbolic
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.copies import replace_parameters

@@ -12,7 +12,8 @@ import numpy as np
 from coadjoint.errors import StepError
 from coadjoint.estimation.prepared import PreparedMeasurement
 from coadjoint.estimation.process import Process
-from coadjoint.kernels.emit.kalman import CORRECT, INFLATE, PREDICT, RESET, SAVE, SET, STOP, SURE, TINY, TRIPS
+from coadjoint.kernels.emit.filter_correction import INFLATE, RESET, STOP, SURE, TINY, TRIPS
+from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 from coadjoint.kernels.run.kalman import Filters, MeasurementCode, OneFilter
 
 

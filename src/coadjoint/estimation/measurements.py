@@ -12,7 +12,7 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
-from coadjoint.kernels.emit.kalman import INFLATE, RESET, STOP
+from coadjoint.kernels.emit.filter_correction import INFLATE, RESET, STOP
 from coadjoint.losses import Loss, require_loss
 from coadjoint.spaces.measured import MeasuredSpace
 

@@ -25,7 +25,7 @@ class PreparedMeasurement(NamedTuple):
 
     space: of its values. reading: h of a row. function: (e, (row, y)) ↦ h ⊖ y of `spaces.measured`, whose negative is
     ν. covariance: R (m, m). gate: the largest NIS that is accepted. loss: its numbers. recovery: after how many values
-    in a row beyond the gate what is done, of `kernels.emit.kalman`.
+    in a row beyond the gate what is done, of `kernels.emit.filter_correction`.
     """
 
     name: str

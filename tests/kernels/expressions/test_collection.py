@@ -7,7 +7,8 @@ import pytest
 from test_simplification import value
 
 from coadjoint.kernels.expressions.collection import Collector
-from coadjoint.kernels.expressions.expression import Graph, reachable
+from coadjoint.kernels.expressions.expression import reachable
+from coadjoint.kernels.expressions.graph import Graph
 
 FIXED = ("p", "q", "h")
 CHANGING = ("x", "y", "z")

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from coadjoint.kernels.expressions.differentiation import PARTIALS, backward, forward
-from coadjoint.kernels.expressions.expression import Graph, reachable
+from coadjoint.kernels.expressions.expression import reachable
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
+from coadjoint.kernels.trace.indexing import inside
 
 NUMBERS = {"x": 0.7, "y": -1.3, "c": True, "d": False}
 
@@ -99,10 +101,10 @@ def test_a_power_is_the_power(exponent):
     assert found == pytest.approx(0.7**exponent, rel=1e-14)
 
 
-@pytest.mark.parametrize(("index", "inside"), [(-3.0, 0), (0.0, 0), (2.0, 2), (4.0, 4), (5.0, 4), (np.nan, 0)])
-def test_an_index_is_moved_into_its_array(index, inside):
+@pytest.mark.parametrize(("index", "place"), [(-3.0, 0), (0.0, 0), (2.0, 2), (4.0, 4), (5.0, 4), (np.nan, 0)])
+def test_an_index_is_moved_into_its_array(index, place):
     g = Graph()
-    assert value(g.inside(g.symbol("x"), 4), {"x": index}) == inside
+    assert value(inside(g, g.symbol("x"), 4), {"x": index}) == place
 
 
 EXTREMA = [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from equations import Equations, Still
 
-from coadjoint.kernels.expressions.expression import Graph
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.newton.increments import _affine, blocks, matching
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native

@@ -8,7 +8,7 @@ import pytest
 from jax import lax
 from test_tracer import traced, values
 
-from coadjoint.kernels.expressions.expression import Graph
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.trace import indexing
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.indexing import _require_few, window

@@ -9,7 +9,8 @@ import pytest
 from functions import LANGUAGE, SMOOTH, TABLES
 
 from coadjoint.kernels.expressions.differentiation import backward, forward
-from coadjoint.kernels.expressions.expression import Graph, reachable
+from coadjoint.kernels.expressions.expression import reachable
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.tracer import Tracer, flat

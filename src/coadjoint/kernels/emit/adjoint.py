@@ -15,7 +15,8 @@ from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.differentiation import backward, forward
-from coadjoint.kernels.expressions.expression import Expr, Graph, substitute
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import Graph, substitute
 from coadjoint.kernels.newton.increments import Increment, linear_solve
 from coadjoint.kernels.untraceable import Untraceable
 

@@ -18,7 +18,8 @@ from coadjoint.kernels.emit.link_symbols import ShortChain
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.expressions.elimination import Matrix, dot
-from coadjoint.kernels.expressions.expression import Expr, Graph, reachable, substitute
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.graph import Graph, substitute
 from coadjoint.kernels.newton.increments import linear_solve
 from coadjoint.kernels.untraceable import NotLinked
 

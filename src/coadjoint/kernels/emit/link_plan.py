@@ -14,7 +14,8 @@ from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.link_elimination import BlockSweep, Schur, closing, sweep
 from coadjoint.kernels.emit.link_symbols import Address, LinkPlaces, ShortChain
 from coadjoint.kernels.expressions.collection import Collector
-from coadjoint.kernels.expressions.expression import Expr, reachable, substitute
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.graph import substitute
 from coadjoint.kernels.program import LinkedStage
 from coadjoint.kernels.trace.tracer import flat
 from coadjoint.kernels.untraceable import NotLinked

@@ -9,7 +9,8 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import LinkedStage
 from coadjoint.kernels.trace.evaluate import evaluate

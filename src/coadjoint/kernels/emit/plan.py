@@ -11,7 +11,8 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.expressions.collection import Collector
-from coadjoint.kernels.expressions.expression import MAX_NODES_OF_MULTIPLIERS, Expr, Graph
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import MAX_NODES_OF_MULTIPLIERS, Graph
 from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
 from coadjoint.kernels.newton.solver import Dense

@@ -19,7 +19,8 @@ from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.differentiation import directional, forward
-from coadjoint.kernels.expressions.expression import Expr, substitute
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import substitute
 from coadjoint.kernels.newton.increments import Increment, linear_solve
 from coadjoint.kernels.untraceable import Untraceable
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.elimination import Matrix, dot
-from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import Graph
 
 Pivots = Callable[[Graph, Matrix], list[int]]
 """Which unknowns of a matrix are eliminated first, up to three."""

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.graph import Graph
 
 
 class Collector:

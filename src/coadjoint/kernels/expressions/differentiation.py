@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from coadjoint.kernels.expressions.block_elimination import guarded_solve
 from coadjoint.kernels.expressions.elimination import Matrix
-from coadjoint.kernels.expressions.expression import TRUTH, Expr, Graph, reachable
+from coadjoint.kernels.expressions.expression import TRUTH, Expr, reachable
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.untraceable import Untraceable
 
 Partial = Callable[[Graph, Expr], Sequence[Expr]]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import Graph
 
 Matrix = list[list[Expr]]
 

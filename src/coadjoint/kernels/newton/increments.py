@@ -10,7 +10,8 @@ from coadjoint.kernels.expressions import block_elimination
 from coadjoint.kernels.expressions.block_elimination import Changing, steady_pivots
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.expressions.elimination import Matrix, dot
-from coadjoint.kernels.expressions.expression import Expr, Graph, reachable, substitute
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.graph import Graph, substitute
 
 
 def matching(columns: Sequence[Sequence[int]]) -> list[int] | None:

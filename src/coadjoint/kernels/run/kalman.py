@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit import kalman
+from coadjoint.kernels.emit.filter_memory import FIELDS
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.run.machine import Machine, machine
 
@@ -77,7 +78,7 @@ class Filters:
 
     def __init__(self, model: Model, measurements: Sequence[MeasurementCode]):
         self._model, self._measurements = model, list(measurements)
-        self._memory = np.zeros(len(kalman.FIELDS), np.int64)
+        self._memory = np.zeros(len(FIELDS), np.int64)
         self._held: dict[str, np.ndarray] = {}
         self._function = _code()[1]
         self._fill()
@@ -122,11 +123,11 @@ class Filters:
         if M.projector is not None:
             functions["projector"] = address(M.projector.code)
         for name, value in {**sizes, **functions, "implicit": int(u > 0)}.items():
-            self._memory[kalman.FIELDS.index(name)] = value
+            self._memory[FIELDS.index(name)] = value
 
     def _hold(self, name: str, array: np.ndarray) -> None:
         self._held[name] = array
-        self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
+        self._memory[FIELDS.index(name)] = array.ctypes.data
 
     def alone(self) -> OneFilter:
         """One of the filters with memory of its own, for one order per call."""
@@ -142,9 +143,9 @@ class Filters:
     ) -> int:  # fmt: skip
         """Execute orders (count, 4) with one filter, whose row, P and counts `rejected` by measurements change: −1, or
         which order failed."""
-        self._memory[kalman.FIELDS.index("rejected")] = rejected.ctypes.data
-        self._memory[kalman.FIELDS.index("row")] = row.ctypes.data
-        self._memory[kalman.FIELDS.index("P")] = P.ctypes.data
+        self._memory[FIELDS.index("rejected")] = rejected.ctypes.data
+        self._memory[FIELDS.index("row")] = row.ctypes.data
+        self._memory[FIELDS.index("P")] = P.ctypes.data
         pointers = [a.ctypes.data for a in (self._memory, orders)]
         return self._function(*pointers, len(orders), data.ctypes.data, output.ctypes.data)
 
@@ -163,7 +164,7 @@ class OneFilter:
         self.flat = row[0]
         self._orders, self._memory, self._function = np.zeros((1, 4), np.int64), memory.copy(), function
         for name, array in (("row", row), ("P", P), ("rejected", rejected)):
-            self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
+            self._memory[FIELDS.index(name)] = array.ctypes.data
         places = [array.ctypes.data for array in (self._memory, self._orders, data, self.output)]
         self._given = places[0], places[1], 1, places[2], places[3]
 

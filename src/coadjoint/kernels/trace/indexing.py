@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 from jax import lax
 
-from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
+from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.expressions.operations import Table
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
 from coadjoint.kernels.trace.jaxprs import EquationParameters
@@ -97,13 +98,20 @@ def _loaded(graph: Graph, table: Table, shape: tuple[int, ...], starts: Sequence
     strides = [math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
     first = graph.zero
     for start, stride, length, size in zip(starts, strides, shape, sizes, strict=True):
-        moved = graph.inside(start, length - size)
+        moved = inside(graph, start, length - size)
         first = graph.add(first, graph.mul(moved, graph.constant(float(stride))))
     found = np.empty(tuple(sizes), object)
     for offset in np.ndindex(*sizes):
         ahead = sum(k * stride for k, stride in zip(offset, strides, strict=True))
         found[offset] = graph.entry(table, graph.add(first, graph.constant(float(ahead))))
     return found
+
+
+def inside(graph: Graph, index: Expr, last: int) -> Expr:
+    """An integer index moved to 0 … last; 0 for NaN, so that it always points into its array."""
+    above = graph.select(graph.apply("lt", graph.zero, index), index, graph.zero)
+    end = graph.constant(float(last))
+    return graph.select(graph.apply("lt", above, end), above, end)
 
 
 def _gather(graph: Graph, p: EquationParameters, shape: tuple[int, ...], window: Window, indices: Array) -> Array:

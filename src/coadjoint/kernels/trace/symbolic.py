@@ -12,7 +12,8 @@ import numpy as np
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.block_elimination import guarded_solve
 from coadjoint.kernels.expressions.differentiation import forward
-from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.trace.indexing import indexing_rules
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic

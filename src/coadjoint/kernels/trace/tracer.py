@@ -9,7 +9,8 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.expressions.expression import Expr, Graph
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.expressions.graph import Graph
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.interpreter import Interpreter
