@@ -120,11 +120,13 @@ def plan(
     prepared = tracer.trace(program.prepare, p, s, h)
     _check_same("prepare", prepared, state)
     looped = len(program.substeps) > 1 and not unrolled
-    full, opening = (tracer.symbols("k", 0.0), tracer.symbols("c", state)) if looped else (h, prepared)
+    full = tracer.symbols("k", 0.0) if looped else h
+    collect = Collector(graph, [*flat(p), h[()], full[()]])
+    # Certificates and records share with the equations what `prepare` computes only in the form that the latter take.
+    opening = tracer.symbols("c", state) if looped else _collected(collect, prepared)
     written = (1.0,) if looped else program.substeps
     parts = [(stage, substep * stage.fraction) for substep in written for stage in program.stages]
     changing = [*flat(opening), full[()]] if looped else flat(s)
-    collect = Collector(graph, [*flat(p), h[()], full[()]])
     stages, first, certificates, current = _stages(tracer, parts, p, opening, full, changing, collect, observed)
     inner = None
     if looped:
