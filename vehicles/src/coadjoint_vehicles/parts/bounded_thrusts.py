@@ -31,45 +31,54 @@ REFINEMENTS = 3
 PIECES = 5
 """Pieces of the path for each thruster; one that needs more stops at the optimum for a part of the wrench."""
 
-Path = tuple[Array, Array, Scalar, Scalar]
-"""t; −1, 0 or 1 for each thruster at its lowest thrust, free, at its highest; s; the number of pieces."""
+Path = tuple[Array, Array, Scalar, Scalar, Scalar]
+"""t, and at its end f; −1, 0 or 1 for each thruster at its lowest thrust, free, at its highest; s; pieces; steps."""
 
 
 def bounded(A: np.ndarray, f0: Array, low: np.ndarray, high: np.ndarray) -> Array:
     """f, (n,), of A, (m, n), f₀, (n,), and limits low ≤ 0 ≤ high, (n,)."""
     bottom, top, aim = jnp.asarray(low), jnp.asarray(high), jax.lax.stop_gradient(f0)
 
-    def piece(path: Path) -> Path:
-        t, at, s, count = path
-        free = at == 0
-        d = aim + A.T @ _solved(A, free, EPSILON, A @ jnp.where(free, 0.0, aim))
+    def goes_on(path: Path) -> Array:
+        return (path[2] < 1) & (path[3] < PIECES * A.shape[1])
+
+    def onward(path: Path) -> Path:
+        # A piece and a step share one solution of linear equations: machine code has them once.
+        t, at, s, pieces, steps = path
+        free, along = at == 0, goes_on(path)
+        f = _within(t, at, bottom, top)
+        g = jnp.where(free, A.T @ (A @ (s * aim - f)), 0.0)
+        right = A @ jnp.where(along, jnp.where(free, 0.0, aim), g)
+        x = A.T @ _solved(A, free, jnp.where(along, EPSILON, FINE), right)
+        d = aim + x
         nearest = jnp.where(jnp.where(free, d, at) > 0, top, bottom)
         meets = jnp.where(free, d != 0, at * d < 0)
         far = jnp.where(meets, jnp.maximum((nearest - t) / jnp.where(meets, d, 1.0), 0.0), 2.0)
-        step = jnp.minimum(jnp.min(far), 1 - s)
-        hit = (far <= step * (1 + TIES) + 1e-3 * TIES) & (s + step < 1)
-        moved = jnp.where(hit, nearest, t + step * d)
-        return moved, jnp.where(hit, jnp.where(free, jnp.sign(d), 0.0), at), s + step, count + 1
+        part = jnp.minimum(jnp.min(far), 1 - s)
+        hit = (far <= part * (1 + TIES) + 1e-3 * TIES) & (s + part < 1)
+        piece = jnp.where(hit, nearest, t + part * d)
+        step = jnp.clip(f + jnp.where(free, g - x, 0.0) / FINE, bottom, top)
+        now = jnp.where(along & hit, jnp.where(free, jnp.sign(d), 0.0), at)
+        more = jnp.where(along, 1.0, 0.0)
+        return jnp.where(along, piece, step), now, jnp.where(along, s + part, s), pieces + more, steps + 1 - more
 
     room = jnp.where(aim == 0, 1.0, jnp.where(aim > 0, top, bottom) / jnp.where(aim == 0, 1.0, aim))
     first, none = jnp.minimum(jnp.min(room), 1.0), jnp.zeros(())
-    start = (first * aim, jnp.zeros_like(aim), first, none)
-    t, at, s, _ = while_loops.keep_loop(lambda path: (path[2] < 1) & (path[3] < PIECES * A.shape[1]), piece, start)
-
-    def refined(end: tuple[Array, Scalar]) -> tuple[Array, Scalar]:
-        (f, count), free = end, at == 0
-        g = jnp.where(free, A.T @ (A @ (s * aim - f)), 0.0)
-        rest = jnp.where(free, A.T @ _solved(A, free, FINE, A @ g), 0.0)
-        return jnp.clip(f + (g - rest) / FINE, bottom, top), count + 1
-
+    start = (first * aim, jnp.zeros_like(aim), first, none, none)
+    t, at, *_ = while_loops.keep_loop(
+        lambda path: (first < 1) & (goes_on(path) | (path[4] < REFINEMENTS)), onward, start
+    )
     free = at == 0
-    f = jnp.where(free, jnp.clip(t, bottom, top), jnp.where(at > 0, top, bottom))
-    f, _ = while_loops.keep_loop(lambda end: (first < 1) & (end[1] < REFINEMENTS), refined, (f, none))
     slope = f0 + A.T @ _solved(A, free, FINE, A @ jnp.where(free, 0.0, f0))
-    return while_loops.with_slope(f, jnp.where(free, slope, 0.0))
+    return while_loops.with_slope(_within(t, at, bottom, top), jnp.where(free, slope, 0.0))
 
 
-def _solved(A: np.ndarray, free: Array, epsilon: float, right: Array) -> Array:
+def _within(t: Array, at: Array, bottom: Array, top: Array) -> Array:
+    """f of t: at its limits, and clipped to them."""
+    return jnp.where(at == 0, jnp.clip(t, bottom, top), jnp.where(at > 0, top, bottom))
+
+
+def _solved(A: np.ndarray, free: Array, epsilon: Array | float, right: Array) -> Array:
     """x with (ε 1 + A D Aᵀ) x = right."""
     gram = epsilon * np.eye(len(A)) + (A * free) @ A.T
     L = jax.lax.linalg.cholesky(jnp.asarray(gram), symmetrize_input=False)
