@@ -148,7 +148,7 @@ def test_machine_code_does_what_arrays_do():
     seen = {"place": (times, place), "through": (times[::4], random.normal(size=(5, 3)))}
     first = filter.rows.copy(), filter.P.copy()
     native = filter.run(seen, dt=H, covariances=True)
-    engine = FilterEngine(process, list(filter._prepared.values()))
+    engine = FilterEngine(process, list(filter._measured.prepared.values()))
     engine._filters = None
     filter.rows, filter.P, filter._engine = *first, engine
     arrays = filter.run(seen, dt=H, covariances=True)

@@ -45,7 +45,7 @@ def spread(members: int, steps: int, pitch: float, one: Measurement, seed: int):
     held = {"imu": (np.concatenate([[0.0], times[:-1]]), np.tile(READING, (steps, 1)))}
     found = many.run({"y": (times, many.drawn(truth[1:], random)["y"])}, dt=0.1, inputs=held, covariances=True)
     nees, free = found.nees(truth)
-    return nees[1:], found.nis["y"].nis, free, many._prepared["y"].space.dim
+    return nees[1:], found.nis["y"].nis, free, many._measured.prepared["y"].space.dim
 
 
 READING = np.array([0.1, -0.05, 0.2, 0.3, 0.0, -9.81])

@@ -32,7 +32,7 @@ def filter(native: bool = True, members: int | None = None, **options: Any) -> F
         PROCESS, START, measurements={"gps": fix}, deviations={"q": 0.1, "nu": 0.01}, accuracy=False, members=members
     )
     if not native:
-        found._engine = FilterEngine(PROCESS, list(found._prepared.values()))
+        found._engine = FilterEngine(PROCESS, list(found._measured.prepared.values()))
         found._engine._filters = None
     return found
 

@@ -173,7 +173,7 @@ def test_a_log_of_an_unit_and_places_leads_to_the_biases_and_machine_code_does_w
     first = START._replace(velocity=(1.1, 0.1, 0.0), position=(3.5, 3.5, 5.5))
     filters = [Filter(process, first, measurements=measurements, deviations=spread) for _ in range(2)]
     assert filters[0]._engine._filters is not None
-    engine = FilterEngine(process, list(filters[1]._prepared.values()))
+    engine = FilterEngine(process, list(filters[1]._measured.prepared.values()))
     engine._filters, filters[1]._engine = None, engine
     inputs = {"imu": (times[:-1], np.array(readings))}
     found, arrays = (one.run(seen, dt=h, inputs=inputs, covariances=True, save_every=20) for one in filters)

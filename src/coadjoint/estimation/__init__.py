@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from coadjoint.estimation.drifts import GaussMarkov as GaussMarkov
     from coadjoint.estimation.drifts import RandomWalk as RandomWalk
     from coadjoint.estimation.filter import Filter as Filter
-    from coadjoint.estimation.filter import Innovation as Innovation
     from coadjoint.estimation.filtered import Consistency as Consistency
     from coadjoint.estimation.filtered import Filtered as Filtered
+    from coadjoint.estimation.filtered import Innovation as Innovation
     from coadjoint.estimation.inertial_state import InertialState as InertialState
     from coadjoint.estimation.measurements import Measurement as Measurement
     from coadjoint.estimation.model import ModelProcess as ModelProcess

@@ -74,3 +74,15 @@ def first_covariance(process: Process, row: np.ndarray, deviations: PyTree, cova
             f"eigenvalues, of the errors {', '.join(process.error_sizes)}, but is {shown(covariance)}."
         )
     return process.admitted(row[None], 0.5 * (P + P.T)[None])[0]
+
+
+def inputs_of_step(process: Process, inputs: PyTree, awaited: set[str]) -> dict[str, PyTree]:
+    """The inputs of one step, name → value; raises ArgumentError for other names, and without one that is awaited."""
+    if inputs is not None:
+        checks.instance(inputs, "inputs", Mapping, "name → value")
+    given = dict(inputs or {})
+    for name in given:
+        checks.known(name, process.input_sizes, "input", "The process")
+    for name in awaited - set(given):
+        raise ArgumentError(f"There is no step without a reading of `{name}`: give inputs={{{name!r}: …}}.")
+    return given

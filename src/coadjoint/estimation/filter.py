@@ -7,50 +7,33 @@ Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with App
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import truth
-from coadjoint.errors import ArgumentError, shown, warn
-from coadjoint.estimation.arguments import array, first_covariance
+from coadjoint.errors import warn
+from coadjoint.estimation.arguments import array, first_covariance, inputs_of_step
 from coadjoint.estimation.engines import FilterEngine, FilterMemory
-from coadjoint.estimation.filtered import Filtered, filtered
+from coadjoint.estimation.filter_measurements import FilterMeasurements, all_series
+from coadjoint.estimation.filtered import Filtered, Innovation, filtered
 from coadjoint.estimation.history import Past
 from coadjoint.estimation.measurements import Measurement
-from coadjoint.estimation.numbers import float64
-from coadjoint.estimation.prepared import PreparedMeasurement, prepared
 from coadjoint.estimation.process import Process
-from coadjoint.estimation.resolution import FilterSample, judged_log, judged_members
+from coadjoint.estimation.resolution import FilterSample
 from coadjoint.estimation.timetable import (
     SAME,
-    Orders,
     Timetable,
     require_radians,
     require_readings,
     require_times,
-    series,
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
-from coadjoint.kernels.run.function import RowFunction
 from coadjoint.mechanics.state import State
 from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.portable import Remade
-
-
-class Innovation(NamedTuple):
-    """The innovation of a measurement: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured.
-
-    used: whether it was used. recovered: whether `after_rejections` let it be. Of many members all are (members,).
-    """
-
-    nis: Any
-    used: Any
-    recovered: Any = False
 
 
 class Filter(WithOverview, Remade):
@@ -104,15 +87,12 @@ class Filter(WithOverview, Remade):
         P = first_covariance(process, row, deviations, covariance)
         count = 1 if self.members is None else self.members
         self.measurements = dict(measurements)
-        self._prepared = {name: prepared(process, name, measurement) for name, measurement in self.measurements.items()}
-        self._sizes = {name: one.space.size for name, one in self._prepared.items()}
-        self._numbers = {name: i for i, name in enumerate(self._prepared)}
-        rejected = np.zeros((count, max(len(self._prepared), 1)), np.int64)
+        self._measured = FilterMeasurements(process, self.measurements, self.members)
+        rejected = np.zeros((count, max(len(self.measurements), 1)), np.int64)
         self._held = FilterMemory(np.repeat(row[None], count, axis=0), np.repeat(P[None], count, axis=0), rejected)
-        self._read: dict[str, RowFunction] = {}
         self._past = Past(memory)
         self._awaited = set(process.awaited)
-        self._engine = FilterEngine(process, list(self._prepared.values()))
+        self._engine = FilterEngine(process, list(self._measured.prepared.values()))
         judging = truth(accuracy, "accuracy") and process.parts is not None
         self._sample = FilterSample(process, process.parts) if judging and process.parts else None
 
@@ -122,7 +102,7 @@ class Filter(WithOverview, Remade):
             "t": f"{self.t:g} s",
             "members": self.members,
             "errors": f"{self.process.width} coordinates",
-            "measurements": listed(f"{name} ({size})" for name, size in self._sizes.items()),
+            "measurements": listed(f"{name} ({size})" for name, size in self._measured.sizes.items()),
         }
         found = zip(self.process.names, np.sqrt(np.maximum(np.diagonal(self.P[0]), 0.0)), strict=True)
         return Overview("Filter", facts, tuple(NumberRow(name, one) for name, one in found), "deviation")
@@ -176,7 +156,7 @@ class Filter(WithOverview, Remade):
         rows: by default the estimate's, with an axis of members if there are many. Values are numbers as `update` takes
         them. Raises ArgumentError for others.
         """
-        return {name: self._readings(one, rows, None) for name, one in self._prepared.items()}
+        return self._readings(rows, None)
 
     def drawn(self, rows: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
         """As `expected`, with noise from `random`: measurements of true states, on the side on which each errs.
@@ -184,19 +164,11 @@ class Filter(WithOverview, Remade):
         Raises ArgumentError for other rows, and unless `random` is an np.random.Generator.
         """
         checks.instance(random, "random", np.random.Generator, "np.random.default_rng(seed)")
-        return {name: self._readings(one, rows, random) for name, one in self._prepared.items()}
+        return self._readings(rows, random)
 
-    def _readings(self, one: PreparedMeasurement, rows: PyTree, random: np.random.Generator | None) -> np.ndarray:
-        if rows is None:
-            rows = self.rows[0] if self.members is None else self.rows
-        rows, size = np.asarray(rows), len(self.process.example)
-        if not np.issubdtype(rows.dtype, np.floating) or rows.shape[-1:] != (size,):
-            raise ArgumentError(f"Argument `rows` must be rows (…, {size}) of the process, but is {shown(rows)}.")
-        if one.name not in self._read:
-            self._read[one.name] = one.readings(self.process.example)
-        e = one.noise(rows.size // size, random)
-        given = np.concatenate([rows.reshape(-1, size), e], axis=1)
-        return self._read[one.name](np.zeros((len(e), 0)), given)[0].reshape(*rows.shape[:-1], -1)
+    def _readings(self, rows: PyTree, random: np.random.Generator | None) -> dict[str, np.ndarray]:
+        here = self.rows[0] if self.members is None else self.rows
+        return self._measured.readings(here if rows is None else rows, random)
 
     def predict(self, dt: Scalar, inputs: Mapping[str, PyTree] | None = None) -> None:
         """Advance by one step of dt, s; inputs: name → value, held over it; the others stay.
@@ -204,34 +176,20 @@ class Filter(WithOverview, Remade):
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
         checks.positive(dt, "dt")
-        before, given = self._held, {}
-        if inputs or self._awaited:
-            self._require_inputs(inputs)
-            given = dict(inputs or {})
-            for name in self._awaited - set(given):
-                raise ArgumentError(f"There is no step without a reading of `{name}`: give inputs={{{name!r}: …}}.")
+        before, given = self._held, inputs_of_step(self.process, inputs, self._awaited)
         there = before._replace(rows=self.process.with_inputs(before.rows, given)) if given else before
         self._held, _ = self._engine.once(there, PREDICT, 0, np.array([[float(dt)]]))
         self._awaited -= set(given)
         if self._sample is not None:
-            self._judge(self._sample, before.rows, before.P, float(dt), given)
+            self._warn(self._sample.of_prediction(before.rows, before.P, self.P, float(dt), given))
         if self._past.kept:
             self._past.predicted(float(self.process.time(before.rows[0])), before, float(dt), given)
 
-    def _judge(
-        self, sample: FilterSample, rows: np.ndarray, P: np.ndarray, dt: float, given: dict[str, PyTree]
-    ) -> None:
-        """Judge the prediction from rows and P, if it belongs to the sample."""
-        steps = sample.steps
-        due, steps.count = steps.due(), steps.count + 1
-        if due:
-            some = judged_members(len(rows))
-            before, after = (np.diagonal(one[some], axis1=1, axis2=2) for one in (P, self.P))
-            rows = self.process.with_inputs(rows, given)[some]
-            if sentence := sample.judge(rows, before, after, dt, steps.count - 1):
-                self._sample = None
-                warn(sentence, stacklevel=3)
-        if steps.over:
+    def _warn(self, sentence: str | None) -> None:
+        """Warn, and judge no more steps after that or after the last one of the sample."""
+        if sentence:
+            warn(sentence, stacklevel=3)
+        if sentence or (self._sample is not None and self._sample.steps.over):
             self._sample = None
 
     def update(self, measured: Mapping[str, PyTree], *, t: float | None = None) -> dict[str, Innovation]:
@@ -249,7 +207,7 @@ class Filter(WithOverview, Remade):
         checks.instance(measured, "measured", Mapping, "name → value")
         if t is not None:
             checks.number(t, "t")
-        values = {name: self._value(name, value) for name, value in measured.items()}
+        values = {name: self._measured.value(name, value) for name, value in measured.items()}
         kept = self._held, self._past.copy() if self._past.kept else self._past
         try:
             if t is None or abs(t - self.t) <= SAME:
@@ -279,7 +237,7 @@ class Filter(WithOverview, Remade):
         return found
 
     def _take(self, name: str, values: np.ndarray) -> Innovation:
-        self._held, output = self._engine.once(self._held, CORRECT, self._numbers[name], values)
+        self._held, output = self._engine.once(self._held, CORRECT, self._measured.numbers[name], values)
         self._past.took(name, values)
         if self.members is None:
             nis, used = output[0].tolist()
@@ -311,19 +269,16 @@ class Filter(WithOverview, Remade):
         diagonal.
         """
         checks.whole(save_every, "save_every", 1)
-        seen = self._series(measured, "measured", self._sizes)
-        for name, one in seen.items():
-            self._prepared[name].space.require(one.values.reshape(-1, self._sizes[name]), f"`{name}` of `measured`")
-        known = {name: seen[name] for name in self.measurements if name in seen}
-        logged = self._series(inputs, "inputs", self.process.input_sizes)
+        known = self._measured.log(measured)
+        logged = all_series(inputs, "inputs", self.process.input_sizes, self.members)
         table = Timetable(self.t, dt, until, known, logged)
         for name in self.process.awaited:
             require_readings(name, logged.get(name), table.times, float(dt), name in self._awaited)
         for name, one in known.items():
-            require_radians(name, one, self._prepared[name].space.angles)
+            require_radians(name, one, self._measured.prepared[name].space.angles)
         if doubt := self.process.doubt(self.rows[0], logged):
             warn(doubt, stacklevel=2)
-        numbers = [self._numbers[name] for name in known]
+        numbers = [self._measured.numbers[name] for name in known]
         sizes = self.process.input_sizes
         places = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
         given = (len(self.process.example), self.process.width, len(self.rows))
@@ -332,7 +287,7 @@ class Filter(WithOverview, Remade):
         self._past.forget()
         self._awaited -= set(logged)
         if self._sample is not None:
-            self._judge_log(self._sample, table.times, plan, output[0], save_every, covariances)
+            self._warn(self._sample.of_log(table.times, plan, output[0], save_every, covariances))
         return filtered(
             self.process,
             plan,
@@ -340,45 +295,5 @@ class Filter(WithOverview, Remade):
             covariances,
             self.members is None,
             save_every,
-            {name: one.space.dim for name, one in self._prepared.items()},
+            {name: one.space.dim for name, one in self._measured.prepared.items()},
         )
-
-    def _judge_log(
-        self, sample: FilterSample, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, full: bool
-    ) -> None:
-        """Judge steps of a filtered log, from its saved nodes."""
-        size, n, nodes = len(self.process.example), self.process.width, np.arange(0, len(times), every)
-        rows = output[plan.rows : plan.rows + len(nodes) * size].reshape(len(nodes), size)
-        width = n * n if full else n
-        P = output[plan.P : plan.P + len(nodes) * width].reshape(len(nodes), width)
-        P = np.diagonal(P.reshape(len(nodes), n, n), axis1=1, axis2=2) if full else P
-        if sentence := judged_log(sample, times, nodes, rows, P):
-            self._sample = None
-            warn(sentence, stacklevel=3)
-
-    def _series(self, given: PyTree, argument: str, sizes: Mapping[str, int]) -> dict[str, PyTree]:
-        if given is not None:
-            checks.instance(given, argument, Mapping, "name → (times, values)")
-        return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
-
-    def _value(self, name: str, value: Any) -> np.ndarray:
-        """The measured values, (1, m), or (members, m)."""
-        checks.known(name, self._sizes, "measurement", "The filter")
-        try:
-            found = float64(value)
-        except (TypeError, ValueError):
-            raise ArgumentError(f"`{name}` of `measured` must be numbers, but is {shown(value)}.") from None
-        if found.size == self._sizes[name] and (self.members is None or found.ndim < 2) and math.isfinite(found.sum()):
-            values = found.reshape(1, -1)
-        else:
-            one = series(name, ([0.0], [found]), "measured", self._sizes, self.members)
-            values = one.values if one.values.ndim == 2 else one.values[0]
-        if not self._prepared[name].space.everywhere:
-            self._prepared[name].space.require(values, f"`{name}` of `measured`")
-        return values
-
-    def _require_inputs(self, inputs: PyTree) -> None:
-        if inputs is not None:
-            checks.instance(inputs, "inputs", Mapping, "name → value")
-        for name in inputs or ():
-            checks.known(name, self.process.input_sizes, "input", "The process")

@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.estimation.process import Process
+from coadjoint.estimation.timetable import Orders
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.simulation.accuracy.local_error import HALVES, PartsOfSteps
 from coadjoint.simulation.accuracy.verdict import MEMBERS, SampledSteps
@@ -34,6 +35,27 @@ class FilterSample:
 
     def __init__(self, process: Process, parts: PartsOfSteps):
         self._process, self.steps = process, SampledSteps(parts)
+
+    def of_prediction(
+        self, rows: np.ndarray, P: np.ndarray, after: np.ndarray, h: float, inputs: dict[str, PyTree]
+    ) -> str | None:
+        """The warning about a prediction by h from rows and P to the covariances `after`, if the sample has it."""
+        steps = self.steps
+        due, steps.count = steps.due(), steps.count + 1
+        if not due:
+            return None
+        some = _judged_members(len(rows))
+        rows = self._process.with_inputs(rows, inputs)[some]
+        return self.judge(rows, *(np.diagonal(one[some], axis1=1, axis2=2) for one in (P, after)), h, steps.count - 1)
+
+    def of_log(self, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, full: bool) -> str | None:
+        """The warning about steps of a log, from its saved nodes in `output`; full: all of P is there."""
+        size, n, nodes = len(self._process.example), self._process.width, np.arange(0, len(times), every)
+        rows = output[plan.rows : plan.rows + len(nodes) * size].reshape(len(nodes), size)
+        width = n * n if full else n
+        P = output[plan.P : plan.P + len(nodes) * width].reshape(len(nodes), width)
+        P = np.diagonal(P.reshape(len(nodes), n, n), axis1=1, axis2=2) if full else P
+        return _judged_log(self, times, nodes, rows, P)
 
     def judge(self, rows: np.ndarray, before: np.ndarray, after: np.ndarray, h: Scalar, count: int) -> str | None:
         """The warning about a step of h from rows (k, size), after `count` others.
@@ -74,12 +96,12 @@ class FilterSample:
         return tabulate(self._process.differ, self._process.example, self._process.example)
 
 
-def judged_members(count: int) -> np.ndarray:
+def _judged_members(count: int) -> np.ndarray:
     """Which of many filters are judged, evenly among all."""
     return np.unique(np.linspace(0, count - 1, MEMBERS).astype(int))
 
 
-def judged_log(
+def _judged_log(
     sample: FilterSample, times: np.ndarray, nodes: np.ndarray, rows: np.ndarray, variances: np.ndarray
 ) -> str | None:
     """The warning about the steps of a log.
