@@ -14,7 +14,8 @@ from coadjoint.kernels.emit.link_check import require_links
 from coadjoint.kernels.emit.link_plan import plan_links
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import pack
-from coadjoint.kernels.run import native
+from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import backend, native, observed
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import NotLinked
 from coadjoint.mechanics import reactions
@@ -22,6 +23,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods import rattle
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.rattle import Reactions
+from coadjoint.simulation import monitors
 
 H = 0.01
 QUIET = {"monitors": False, "accuracy": False}
@@ -86,15 +88,56 @@ def gap(system, state):
     return np.abs(evaluate(lambda s: system.constraints[0].value(system, reactions.site(s)), state)).max()
 
 
-def test_loops_run_chains_that_are_too_long_to_write_out_without_monitors():
+def test_loops_run_chains_that_are_too_long_to_write_out(monkeypatch):
     system = bobs(41)
     program = StepProgram(replace_parameters(system, None), co.Midpoint())
     state = leaning(system).replace(memory=Reactions(np.zeros(82), np.zeros(82), None))
-    assert native.loops(program, state, False) and not native.loops(program, state, True)
+    assert native.loops(program, state)
+    monkeypatch.setattr(observed, "run", lambda *given: "observed")
+    assert backend.run("native", program, None, state, H, 1, 1) == "observed"
     composed = StepProgram(program.skeleton, co.Suzuki4(co.Midpoint()))
-    assert not native.loops(composed, state, False)
+    assert not native.loops(composed, state)
     short = StepProgram(replace_parameters(bobs(20), None), co.Midpoint())
-    assert not native.loops(short, state, False) and all(stage.structure.native for stage in short.stages)
+    assert not native.loops(short, state) and all(stage.structure.native for stage in short.stages)
+
+
+def late(system, step, record, h, constants):
+    """Not finite after 0.055 s."""
+    return {"late": jnp.where(record.t < 0.055, record.n, jnp.nan)}
+
+
+@pytest.mark.long
+def test_records_observed_together_give_the_monitors_of_every_step(monkeypatch):
+    monkeypatch.setattr(observed, "MOST", 4)
+    system = bobs(4)
+    program = StepProgram(replace_parameters(system, None), co.Midpoint(), (monitors.constraint_gap, late))
+    state = program.method.begin(system, leaning(system), H)
+    given = program, Constants(system.parameters, {}), state, H, 3, 5
+    together, alone = observed.run(*given), native.run(*given)
+    assert together.code == alone.code == Code.NOT_FINITE and together.steps == alone.steps == 6
+    assert together.monitors["late"].shape == (2, 8) and together.iterations == alone.iterations
+    for name in ("records", "final", "monitors", "extrema"):
+        assert max(differences(getattr(together, name), getattr(alone, name))) < 1e-11, name
+
+
+@pytest.mark.long
+def test_default_runs_in_loops_report_what_xla_reports():
+    system = bobs(41)
+    start, runs = leaning(system), []
+    for chosen in ("auto", "xla"):
+        fall = co.Event(lambda s: s.t + s.n[1] - 0.123)
+        runs.append(co.simulate(system, start, dt=H, steps=40, save_every=8, events={"fall": fall}, backend=chosen))
+    assert [run.plan.backend for run in runs] == ["native", "xla"]
+    assert max(differences(dict(runs[0].monitors), dict(runs[1].monitors))) < 1e-8
+    assert runs[0].extrema.keys() == runs[1].extrema.keys() >= {"balance", "constraint_gap", "energy"}
+    for name in ("energy", "discrete_energy"):
+        assert max(differences(runs[0].extrema[name], runs[1].extrema[name])) < 1e-8
+    assert all(
+        run.extrema[name][1] < 1e-12 for run in runs for name in ("balance", "newton_residual", "constraint_gap")
+    )
+    lines = [[line.split("  ")[0] for line in run.certificate.long().splitlines()] for run in runs]
+    assert lines[0] == [line for line in lines[1] if line != "solved"]
+    assert abs(runs[0].events["fall"].t[0] - runs[1].events["fall"].t[0]) < 1e-10
 
 
 @pytest.mark.long
@@ -117,8 +160,8 @@ def test_a_joint_that_is_not_like_the_others_is_left_to_xla():
 def test_loops_move_as_xla_and_keep_the_joints():
     system = bobs(41)
     start, runs = leaning(system), []
-    for backend in ("auto", "xla"):
-        runs.append(co.simulate(system, start, dt=H, steps=40, save_every=8, backend=backend, **QUIET))
+    for chosen in ("auto", "xla"):
+        runs.append(co.simulate(system, start, dt=H, steps=40, save_every=8, backend=chosen, **QUIET))
     assert [run.plan.backend for run in runs] == ["native", "xla"]
     assert max(differences(runs[0].records, runs[1].records)) < 1e-8
     assert gap(system, runs[0].final) < 1e-13 * 41

@@ -243,6 +243,8 @@ class LinkedStage(Protocol):
 
     def ended(self, parameters: Parameters, free: State, h: Scalar, impulse: Unknowns) -> State: ...
 
+    def certificate(self, parameters: Parameters, record: State, h: Scalar, after: State) -> Mapping[str, Scalar]: ...
+
 
 class Program(Protocol):
     """A complete step: `prepare`, then over every substep every stage in turn.

@@ -144,6 +144,10 @@ class RattleOfLinks:
         after, end = kicked(self._system(parameters), free, impulse), 2 * impulse / h
         return after.replace(memory=replace(free.memory, step=end, end=end))
 
+    def certificate(self, parameters: PyTree, record: State, h: Scalar, after: State) -> dict[str, Array]:
+        """The balance of momentum and Newton's residual of the step from a record, one number each."""
+        return self.step.certificate(self._system(parameters), record, h, after)
+
     def nearby(self, state: State, random: np.random.Generator) -> State:
         """A random state with links near those of `state`, each at another place."""
         group = self.skeleton.group

@@ -131,7 +131,7 @@ class StepProgram:
         """The only stage, where code that loops over links can run it (`linked_stage`)."""
         stages = self.stages
         alone = len(stages) == len(self.substeps) == 1 and stages[0].fraction == 1.0
-        return linked(self.skeleton, stages[0].step, state) if alone and not (self.events or self.stops) else None
+        return linked(self.skeleton, stages[0].step, state) if alone and not self.stops else None
 
     @property
     def unknowns(self) -> int:
@@ -272,8 +272,4 @@ class StepStage:
         """The balance of momentum and Newton's residual of the stage, one number each."""
         if self.step.tolerant:
             return {}
-        system, record = self._system(parameters), self.record(parameters, before, h, z)
-        return {
-            "balance": self.step.balance(system, record, h, after),
-            "newton_residual": self.step.newton_residual(system, record, h, after),
-        }
+        return self.step.certificate(self._system(parameters), self.record(parameters, before, h, z), h, after)

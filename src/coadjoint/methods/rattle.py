@@ -227,11 +227,14 @@ class Rattle(Step):
 
     def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """Those of the base, and the changes of m by the reactions at both nodes."""
+        return self.sources_to(system, record, h, self.advance(system, record, h))
+
+    def sources_to(self, system: System, record: State, h: Scalar, after: State) -> tuple[Array, Array]:
+        """The same; λ′ is in the memory of the state after the step."""
         ahead, behind = self.base.sources(system, self.inner(system, record, h), h)
-        after, impulse = self._ended(system, record, h)
         return (
             ahead + source(system, site(record), 0.5 * h * record.memory.step),
-            behind + source(system, site(after), impulse),
+            behind + source(system, site(after), 0.5 * h * after.memory.end),
         )
 
     def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:

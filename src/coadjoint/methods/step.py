@@ -197,6 +197,10 @@ class Step(ABC):
     def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """(Δ⁻, Δ⁺) ∈ 𝔤*, (dim G,) each, in frames k and k+1: I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
 
+    def sources_to(self, system: System, record: State, h: Scalar, after: State) -> tuple[Array, Array]:
+        """`sources` of a step that ends at a known node."""
+        return self.sources(system, record, h)
+
     def chart(self, system: System, record: State, h: Scalar) -> Array | float:
         """How far the difference map is used into its chart, one number; below 1 is inside."""
         return self.difference_map.chart(system.group, h * record.xi)
@@ -225,16 +229,23 @@ class Step(ABC):
         By this the step changes the spatial momentum (Theorem 7).
         """
         group = system.group
-        ahead, behind = self.sources(system, record, h)
+        ahead, behind = self.sources_to(system, record, h, after)
         return group.Ad_dual(group.inverse(record.g), ahead) + group.Ad_dual(group.inverse(after.g), behind)
 
     def balance(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|, one number: Theorem 7 as one vector identity."""
-        ahead, behind = self.sources(system, record, h)
+        ahead, behind = self.sources_to(system, record, h, after)
         F = self.relative(system, record, h)
         expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
         error = jnp.max(jnp.abs(total_momentum(system, after) - expected), initial=0.0)
         return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind), initial=0.0))
+
+    def certificate(self, system: System, record: State, h: Scalar, after: State) -> dict[str, Array]:
+        """`balance` and `newton_residual` by their names."""
+        return {
+            "balance": self.balance(system, record, h, after),
+            "newton_residual": self.newton_residual(system, record, h, after),
+        }
 
     def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both, one number.

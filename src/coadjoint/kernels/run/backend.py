@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Program
-from coadjoint.kernels.run import ensemble, native, xla
+from coadjoint.kernels.run import ensemble, native, observed, xla
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -41,7 +41,7 @@ def choose(
     """
     require_backend(backend)
     written = all(stage.structure.native for stage in program.stages)
-    looped = not written and axes is None and native.loops(program, state, monitors)
+    looped = axes is None and native.loops(program, state)
     if backend == "xla" or (backend == "auto" and not written and not looped):
         return "xla"
     try:
@@ -59,7 +59,7 @@ def monitor_shapes(
     program: Program, parameters: PyTree, state: PyTree, backend: Backend
 ) -> Mapping[str, tuple[int, ...]]:
     """Names and shapes of the observations at a record of a single run, whose backend `choose` has chosen."""
-    if backend == "native":
+    if backend == "native" and not native.loops(program, state):
         return native.compile(program, parameters, state).monitor_shapes
     found = evaluate(program.monitors, parameters, state, 1.0)
     return {name: np.shape(value) for name, value in found.items()}
@@ -95,6 +95,8 @@ def run(
     """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
     look()
     kernel = native if backend == "native" else xla
+    if backend == "native" and monitors and native.loops(program, state):
+        kernel = observed
     return kernel.run(program, parameters, state, h, records, save_every, monitors)
 
 

@@ -97,14 +97,14 @@ def compile(program: Program, parameters: PyTree, state: PyTree, monitors: bool 
 
 
 def kernel_for(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
-    """The kernel of a variant, made at its first use."""
+    """The kernel of a variant, made at its first use; one of loops over links observes nothing (`run.observed`)."""
     key = program, variant
     with _lock:
         known = _kernels.get(key)
         if known is not None:
             _kernels.move_to_end(key)
             return known
-    made = _kept(program, parameters, state, variant)
+    made = _made(program, parameters, state, variant)
     with _lock:
         _kernels[key] = made
         while len(_kernels) > KEPT:
@@ -112,10 +112,16 @@ def kernel_for(program: Program, parameters: PyTree, state: PyTree, variant: Var
     return made
 
 
-def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
+def _made(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
+    stage = _looped(program, state, variant)
+    if stage is not None and variant.monitors:
+        return kernel_for(program, parameters, state, variant._replace(monitors=False))
+    return _kept(program, parameters, state, variant, stage)
+
+
+def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant, stage: LinkedStage | None) -> Kernel:
     """The kernel from the disk cache, or planned and stored there."""
     _, shape, *given = variant
-    stage = _looped(program, state, variant)
     name = plans.name(program, parameters, state, "kernel", *given, *(() if stage is None else ("links",)))
     found = disk_cache.find(name)
     code = None if found is None else kept_machine(found["code"])
@@ -136,15 +142,15 @@ def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant)
     return made
 
 
-def loops(program: Program, state: PyTree, monitors: bool) -> bool:
+def loops(program: Program, state: PyTree) -> bool:
     """Whether native code steps a single run by loops over links: where it does not write out their equations."""
     written = all(stage.structure.native for stage in program.stages)
-    return not written and not monitors and program.linked(state) is not None
+    return not written and program.linked(state) is not None
 
 
 def _looped(program: Program, state: PyTree, variant: Variant) -> LinkedStage | None:
     one = variant.width == 1 and not variant.course
-    return program.linked(state) if one and loops(program, state, variant.monitors) else None
+    return program.linked(state) if one and loops(program, state) else None
 
 
 def _load_links(stage: LinkedStage, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:

@@ -1,0 +1,68 @@
+"""Native code that observes nothing, with XLA for the monitors of its records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import native, observed
+
+H = 0.5
+
+
+@dataclass(frozen=True)
+class Counting:
+    """x + h at every step; one monitor is x² − 4x, the other is not finite from x = `bad` on."""
+
+    bad: float
+    stages = ()
+
+    def linked(self, state):
+        return None
+
+    def monitors(self, parameters, record, h):
+        x = record["x"]
+        return {"square": x**2 - 4 * x, "bounded": jnp.where(x < self.bad, x, jnp.nan)[None]}
+
+
+def counted(program, parameters, state, h, records, save_every, monitors=True):
+    """The steps that machine code does, one iteration each; it fails where x would exceed 8."""
+    assert save_every == 1 and not monitors
+    x = state["x"] + h * np.arange(records + 1)
+    steps = min(records, round(float(8.0 - state["x"]) / h))
+    code = Code.CONVERGED if steps == records else Code.NOT_CONVERGED
+    return Chunk({"x": x[:steps]}, {"x": x[steps]}, steps, code, steps, 1, {}, {})
+
+
+@pytest.fixture(autouse=True)
+def pieces(monkeypatch):
+    """Four records together."""
+    monkeypatch.setattr(native, "run", counted)
+    monkeypatch.setattr(observed, "MOST", 4)
+
+
+def test_every_step_is_observed_and_every_save_every_th_record_is_kept():
+    found = observed.run(Counting(9.0), (), {"x": np.float64(0.0)}, H, 3, 5)
+    assert (found.steps, found.code, found.iterations, found.final["x"]) == (15, Code.CONVERGED, 15, 7.5)
+    np.testing.assert_array_equal(found.records["x"], [0.0, 2.5, 5.0])
+    np.testing.assert_array_equal(found.monitors["square"], [0.0, -3.75, 5.0])
+    assert found.extrema["square"] == (-4.0, 21.0) and found.monitors["bounded"].shape == (3, 1)
+    assert found.extrema["bounded"] == (0.0, 7.0)
+
+
+def test_a_run_ends_before_the_step_whose_observations_are_not_finite():
+    found = observed.run(Counting(2.75), (), {"x": np.float64(0.0)}, H, 3, 5)
+    assert (found.steps, found.code, found.final["x"]) == (6, Code.NOT_FINITE, 3.0)
+    np.testing.assert_array_equal(found.records["x"], [0.0, 2.5])
+    assert found.extrema["bounded"] == (0.0, 2.5)
+
+
+def test_a_run_ends_before_the_step_that_machine_code_cannot_solve():
+    found = observed.run(Counting(9.0), (), {"x": np.float64(6.0)}, H, 2, 5)
+    assert (found.steps, found.code, found.final["x"]) == (4, Code.NOT_CONVERGED, 8.0)
+    assert found.extrema["square"] == (12.0, 26.25)
