@@ -63,6 +63,14 @@ def test_vehicles_import_the_public_names_and_the_extension_api_and_nothing_else
     assert not found, "Take what is public, or what `coadjoint.extending` gives; which stays small."
 
 
+@pytest.mark.parametrize("page", sorted(PAGE.parent.glob("*.md")), ids=lambda page: page.stem)
+def test_pages_take_mechanics_methods_and_runs_from_public_names(page: Path) -> None:
+    blocks = re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    found = [name for block in blocks for name in outside(ast.parse(block), "my_package")]
+    inner = ("coadjoint.mechanics.", "coadjoint.methods.", "coadjoint.simulation.", "coadjoint.runs.")
+    assert not [name for name in found if name.startswith(inner)]
+
+
 def test_the_extension_api_is_small_and_used() -> None:
     plugin = [ast.parse(path.read_text(encoding="utf-8")) for path in PLUGIN.rglob("*.py")]
     used = {

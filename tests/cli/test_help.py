@@ -17,6 +17,7 @@ from coadjoint.checks import unknown, written_out
 from coadjoint.cli import installation
 from coadjoint.cli.main import every_command, main
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.trace.library import digest_of_files
 from coadjoint.sections import of_section
 
 COMMANDS = {get_args(one)[1].name: get_args(one)[0] for one in get_args(every_command())}
@@ -85,6 +86,7 @@ def test_the_doctor_says_what_is_missing_and_what_to_do(
     assert main(["doctor", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["versions"].startswith("coadjoint ") and found["cache"] == f"{tmp_path}: 1 files, 2.0 MB"
+    assert found["files"] == f"SHA-256 {digest_of_files()[:16]} of the library's own"
     assert found["[control]"].startswith("lacks casadi: ") and "cpu" in found["devices"]
     assert any('pip install "coadjoint[control]"' in sentence for sentence in found["to do"])
     assert found["ffmpeg"].startswith("not on the PATH")

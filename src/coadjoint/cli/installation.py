@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import coadjoint
 from coadjoint.cli import terminal
+from coadjoint.kernels.trace.library import digest_of_files
 from coadjoint.texts import Table
 
 EXTRAS = {
@@ -57,7 +58,7 @@ def versions() -> str:
 def report() -> Table:
     """The lines of `coadjoint doctor` by their names, and what to do."""
     todo: list[str] = []
-    found: Table = {"versions": versions()}
+    found: Table = {"versions": versions(), "files": f"SHA-256 {digest_of_files()[:16]} of the library's own"}
     for package, extras in (("coadjoint", EXTRAS), ("coadjoint-vehicles", OF_VEHICLES)):
         number = _version(package)
         found[package] = number or "not installed"

@@ -332,3 +332,13 @@ def test_a_log_is_not_written_under_the_name_of_another_format(tmp_path, name):
     with pytest.raises(ArgumentError, match=r"written as \.csv or \.mcap, but the name of .* ends otherwise"):
         write_log(Log(np.arange(3.0), {"u": np.arange(3.0)}), tmp_path / name)
     assert not (tmp_path / name).exists()
+
+
+def test_a_name_of_no_known_format_is_not_read_as_a_table(tmp_path):
+    path = tmp_path / "dive.drift"
+    path.write_text("drift 1\n0 1.0\n")
+    words = (
+        r"dive\.drift has a name of no format that is known: name a table \.csv or \.txt; others are \.mcap, \.db3, "
+    )
+    with pytest.raises(FileError, match=words):
+        read_log(path)

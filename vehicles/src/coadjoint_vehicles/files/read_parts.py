@@ -168,7 +168,8 @@ def _published(section: Section, name: str) -> str:
 
     if name in PUBLISHED:
         book = section.book
-        book.sources.setdefault(name, f"published force curve of {name}, see coadjoint_vehicles.parts.{name}")
+        book.sources.setdefault(name, f"force curve that Blue Robotics published, coadjoint_vehicles.parts.{name}")
+        book.licences.setdefault(name, "none stated: numbers only")
         book.used.add(name)
         unit = section.given.get("command_unit", "1")
         book.provenance[f"{section.key}.curve"] = Quantity(name, f"{unit} to N", name, "")

@@ -38,6 +38,9 @@ LOG_FORMATS: Registry[str] = Registry("LOG_FORMATS")
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
 
+TABLES = (".csv", ".txt")
+"""How names of tables end."""
+
 
 def read_log(
     path: str | os.PathLike[str],
@@ -95,6 +98,11 @@ def _read(
         raise FileError(
             f"The file {path} is a dataset, not a log: of a run `co.load` reads it, whose `save` writes a log that "
             "ends in .mcap or .csv."
+        )
+    if suffix not in (*TABLES, ""):
+        raise FileError(
+            f"The file {path} has a name of no format that is known: name a table "
+            f"{' or '.join(TABLES)}; others are {', '.join((*BAG_FORMATS, *LOG_FORMATS))}."
         )
     if options:
         raise ArgumentError(
@@ -179,7 +187,7 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     from coadjoint_vehicles.logs.bags.mounting import require_at_origin
 
     end = Path(path).suffix.lower()
-    if end not in (".csv", ".txt", ".mcap"):
+    if end not in (*TABLES, ".mcap"):
         raise ArgumentError(f"A log is written as .csv or .mcap, but the name of {path} ends otherwise.")
     if end == ".mcap":
         from coadjoint_vehicles.logs.bags.writing import log_bytes
