@@ -91,7 +91,10 @@ def is_python(block: str) -> bool:
     try:
         tree = ast.parse(text)
     except SyntaxError:
-        return text.lstrip().startswith((">>>", "def ", "co.", "import "))
+        return (
+            text.lstrip().startswith((">>>", "def ", "co.", "import "))
+            or re.match(r"\s*\w+ = \w+\.\w+\(", text) is not None
+        )
     return any(isinstance(node, ast.Call | ast.Import | ast.FunctionDef | ast.Attribute) for node in ast.walk(tree))
 
 

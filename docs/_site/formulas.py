@@ -1,4 +1,5 @@
-"""Equations in letters, as μ_{k+1} = Ad*_F μ_k: what stands after _ and ^ is lowered and raised.
+"""Equations in letters, as μ_{k+1} = Ad*_F μ_k: blocks become MathML, and in running text what stands after _ and ^ is
+lowered and raised.
 
 They need no program in the browser and no fonts of their own. In running text only what cannot be a name of Python is
 taken for a formula: the base is one letter, a sign, or one of `BASES`.
@@ -9,6 +10,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import mathml
 from docstrings import is_python
 from docutils import nodes
 from sphinx.application import Sphinx
@@ -19,7 +21,6 @@ GROUP = r"\{(?:[^{}]|\{[^{}]*\})*\}"
 INDEX = r"[−-]?(?:(?:[a-z]{1,8}|[A-Z]{1,8})\d*|\d+|[^\W\dA-Za-z_][\u0300-\u036f]*)|[½×⊤∗*]"
 SCRIPT = re.compile(rf"(?<=[^\s,;:(\[/=+])([_^])({GROUP}|{INDEX})")
 WORD = re.compile(r"[A-Za-z0-9_]+$")
-GAP = re.compile(r"\S {3,}\S")
 Piece = tuple[str, str]
 
 
@@ -53,11 +54,6 @@ def is_formula(text: str, script: re.Match) -> bool:
     return single or after_sign or base.isdigit()
 
 
-def in_columns(text: str) -> bool:
-    """Whether lines of a block stand in columns, which lowered letters would move."""
-    return sum(GAP.search(line) is not None for line in text.splitlines()) > 1
-
-
 def made(text: str) -> list[nodes.Node]:
     """The nodes of a text, with lowered and raised ones."""
     kinds = {"_": nodes.subscript, "^": nodes.superscript}
@@ -73,16 +69,15 @@ def made(text: str) -> list[nodes.Node]:
 
 
 class Formulas(SphinxTransform):
-    """Lower and raise in running text, and in indented blocks that are no program."""
+    """Draw indented blocks that are no program as mathematics, and lower and raise in running text."""
 
     default_priority = 880
 
     def apply(self, **kwargs: Any) -> None:
         for block in list(self.document.findall(nodes.literal_block)):
             if self.is_equation(block):
-                text = block.astext()
-                found = [nodes.Text(text)] if in_columns(text) else made(text)
-                block.replace_self(nodes.literal_block(block.rawsource, "", *found, classes=["equation"]))
+                drawn = f'<div class="equation" tabindex="0">{mathml.rendered(block.astext())}</div>'
+                block.replace_self(nodes.raw("", drawn, format="html"))
         for text in list(self.document.findall(nodes.Text)):
             if not self.is_verbatim(text) and SCRIPT.search(text):
                 found = made(str(text))
@@ -91,9 +86,9 @@ class Formulas(SphinxTransform):
 
     @staticmethod
     def is_equation(block: nodes.literal_block) -> bool:
-        """Whether a block of no language is written in the signs of mathematics; a parsed one has its class."""
+        """Whether a block of no language is written in the signs of mathematics; one of a docstring has its class."""
         if "equation" in block["classes"]:
-            return False
+            return True
         text = block.astext()
         signs = len(re.findall(r"[^\x00-\x7f─-╿·–—…°²³µ≥≤]", text))
         return block.get("language") in (None, "", "default", "none") and signs >= 3 and not is_python(text)
@@ -102,8 +97,6 @@ class Formulas(SphinxTransform):
     def is_verbatim(text: nodes.Text) -> bool:
         node = text.parent
         while node is not None:
-            if isinstance(node, nodes.literal_block) and "equation" in node["classes"]:
-                return text.parent is not node or in_columns(node.astext())
             if isinstance(node, nodes.literal | nodes.literal_block | nodes.FixedTextElement | nodes.subscript):
                 return True
             if isinstance(node, nodes.superscript | nodes.raw | nodes.comment | nodes.title_reference):

@@ -81,7 +81,8 @@ def with_scripts(app: Sphinx, name: str, source: list[str]) -> None:
     if name == EXAMPLES:
         languages = {"py": "python", "toml": "toml"}
         source[0] = SCRIPT.sub(
-            lambda m: f"{m[0]}\n\n```{{literalinclude}} /{m[1]}\n:language: {languages[m[2]]}\n```\n", source[0]
+            lambda m: f"{m[0]}\n\n```{{literalinclude}} /{m[1]}\n:language: {languages[m[2]]}\n:class: script\n```\n",
+            source[0],
         )
 
 

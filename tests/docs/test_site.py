@@ -9,6 +9,7 @@ from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
+from xml.etree.ElementTree import Element, fromstring
 
 import pytest
 
@@ -19,6 +20,7 @@ needs_sphinx = pytest.mark.skipif(
     any(find_spec(name) is None for name in ("sphinx", "myst_parser", "furo")), reason="needs coadjoint[docs]"
 )
 sys.path.insert(0, str(ROOT / "docs" / "_site"))
+import mathml  # noqa: E402
 import reference  # noqa: E402
 
 if find_spec("sphinx") is not None:
@@ -113,7 +115,62 @@ def test_what_stands_after_the_sign_of_an_index_is_lowered(text: str, found: str
     assert "".join(f"<{piece}>" if sign else piece for sign, piece in formulas.pieces(text)) == found
 
 
-@needs_sphinx
-def test_lines_in_columns_stay_as_they_are() -> None:
-    assert formulas.in_columns("Dτ(ξ)      (P32)\ndτ_ξ       (P33)")
-    assert not formulas.in_columns("a_{k+1} = F⁻¹a_k,    F = τ(hξ)")
+def drawn(text: str) -> Element:
+    return fromstring(mathml.rendered(text))
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("μ_{k+1} = Ad*_F μ_k", "sub(μ k+1) = subsup(Ad F ∗) sub(μ k)"),
+        ("dI/dt = ⟨𝒦, ∂ℓ/∂a⋄a⟩", "frac(dI dt) = ⟨𝒦,frac(∂ℓ ∂a)⋄a⟩"),
+        ("ġ = g⁻¹ξ₀²", "over(g ˙) = sup(g −1)subsup(ξ 0 2)"),
+        ("½ Σ_i (a + b)/(2c)", "frac(1 2) under(∑ i) frac(a+b 2c)"),
+        ("tan φ/L + D/cos ξ", "tan φ/L + frac(D cosξ)"),
+        ("s_{k} of all", "sub(s k) of all"),
+    ],
+)
+def test_an_equation_in_letters_has_its_scripts_fractions_and_accents(text: str, found: str) -> None:
+    def spoken(node: Element) -> str:
+        name = node.tag[1:]
+        inside = [spoken(child) for child in node]
+        if name in ("sub", "sup", "subsup", "frac", "over", "under"):
+            return f"{name}({' '.join(inside)})"
+        return (node.text or "") + "".join(inside)
+
+    assert spoken(drawn(text)).replace(" ", "") == found.replace(" ", "")
+
+
+def test_lines_of_an_equation_are_rows_and_wide_gaps_columns() -> None:
+    table = drawn("Dτ(ξ)      (P32)\ndτ_ξ,   dσ   (P33)")[0]
+    assert table.tag == "mtable" and [[cell.tag for cell in row] for row in table] == 2 * [["mtd", "mtd"]]
+    assert [row[1][0].text for row in table] == ["(P32)", "(P33)"]
+
+
+def test_every_equation_of_the_pages_is_drawn() -> None:
+    """An indented block that MathML cannot hold would fail only in a browser."""
+    drawings = 0
+    for page in [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "theorems").glob("*.md"))]:
+        text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+        for block in re.findall(r"(?:^    \S.*\n)+", text, re.MULTILINE):
+            drawings += len(drawn(block)) > 0
+    assert drawings > 60
+
+
+def test_programs_of_the_pages_fit_into_88_columns() -> None:
+    """The site shows 88 columns at 1440 pixels; what programs print and what one types into a shell is wrapped."""
+    wide = []
+    for page in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]:
+        for block in re.findall(
+            r"^```(?:python|py|toml)\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            wide += [f"{page.name}: {line}" for line in block.splitlines() if len(line) > 88]
+    assert not wide, "\n".join(wide)
+
+
+def test_titles_of_pages_differ_and_pictures_are_described() -> None:
+    pages = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+    texts = {page: page.read_text(encoding="utf-8") for page in pages}
+    titles = Counter(text.splitlines()[0] for page, text in texts.items() if page.name not in ("README.md", "index.md"))
+    assert [title for title, count in titles.items() if count > 1] == []
+    assert [page.name for page, text in texts.items() if re.search(r"!\[\s*\]\(", text)] == []
