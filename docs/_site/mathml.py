@@ -54,8 +54,8 @@ def rendered(text: str) -> str:
     if len(rows) == width == 1:
         return f'<math display="block">{line_of(rows[0][0])}</math>'
     table = "".join("<mtr>" + "".join(f"<mtd>{line_of(cell)}</mtd>" for cell in row) + "</mtr>" for row in rows)
-    small = max(map(len, lines)) > 75
-    return f'<math display="block"><mtable displaystyle="{str(not small).lower()}" columnalign="left">{table}</mtable></math>'
+    large = "false" if max(map(len, lines)) > 75 else "true"
+    return f'<math display="block"><mtable displaystyle="{large}" columnalign="left">{table}</mtable></math>'
 
 
 def line_of(text: str) -> str:
