@@ -15,9 +15,22 @@ project = "coadjoint"
 author = "The coadjoint developers"
 version = release = coadjoint.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "pages", "docstrings", "formulas", "names"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "pages",
+    "docstrings",
+    "formulas",
+    "names",
+]
 root_doc = "docs/index"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "SUPPORT.md"]
+include_patterns = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "SECURITY.md",
+    "SUPPORT.md",
+]
 include_patterns += ["CODE_OF_CONDUCT.md", "docs/*.md", "docs/**/*.md"]
 nitpicky = True
 
