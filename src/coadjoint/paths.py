@@ -9,11 +9,19 @@ from coadjoint.arrays import PyTree
 
 
 def paths(tree: PyTree, prefix: str = "") -> dict[str, Any]:
-    """The values of a nested dictionary, or namespace with `asdict`, by their paths, in their order."""
+    """The values of a nested dictionary, or namespace with `asdict`, by their paths, in their order.
+
+    Entries of tuples have their numbers for names, as in `net[0].weight`.
+    """
+    if isinstance(tree, tuple):
+        named = {f"[{index}]": value for index, value in enumerate(tree)}
+    else:
+        named = tree if isinstance(tree, Mapping) else tree.asdict()
     found: dict[str, Any] = {}
-    for name, value in (tree if isinstance(tree, Mapping) else tree.asdict()).items():
-        inner = isinstance(value, Mapping) or hasattr(value, "asdict")
-        found |= paths(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": value}
+    for name, value in named.items():
+        inner = isinstance(value, (Mapping, tuple)) or hasattr(value, "asdict")
+        dot = "" if isinstance(value, tuple) else "."
+        found |= paths(value, f"{prefix}{name}{dot}") if inner else {f"{prefix}{name}": value}
     return found
 
 

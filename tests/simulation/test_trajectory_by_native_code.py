@@ -1,6 +1,7 @@
 """What co.trajectory asks of native code: failed runs have no derivative, and one kernel is enough."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -36,3 +37,51 @@ def test_a_plain_trajectory_compiles_one_kernel(monkeypatch):
     monkeypatch.setattr(native, "load", lambda *arguments: made.append(1) or load(*arguments))
     co.trajectory(VEHICLE, start(VEHICLE), dt=0.05, steps=2)
     assert len(made) == 1
+
+
+class Spring:
+    """A spring whose Lagrangian counts how often it is read, and reads a global number."""
+
+    def __init__(self):
+        self.calls, self.field = 0, 1.0
+        self.system = co.System(
+            co.Translation(0), self.lagrangian, additional=co.Trivial(1), parameters={"stiffness": 1.0}
+        )
+        self.start = self.system.state(q=[1.0])
+
+    def lagrangian(self, xi, n, nu, p):
+        self.calls += 1
+        return 0.5 * nu @ nu - 0.5 * self.field * p.stiffness * n @ n
+
+    def energy(self, stiffness):
+        made = self.system.replace(stiffness=jnp.sum(stiffness))
+        return co.trajectory(made, self.start, dt=0.1, steps=3, backend="xla").final.n[0] ** 2
+
+    def counted(self, function):
+        """The value of a function, and how often the Lagrangian was read."""
+        before = self.calls
+        with co.float64():
+            return function(), self.calls - before
+
+
+def test_a_trajectory_inside_a_transformation_traces_its_steps_once():
+    """A second one reads the Lagrangian as often as it takes to see that it is the same."""
+    spring = Spring()
+
+    def reads():
+        return spring.counted(lambda: jax.make_jaxpr(lambda k: spring.energy(k))(2.0))[1]
+
+    first, again = reads(), reads()
+    spring.field = 3.0
+    assert again <= 2 < min(first, reads())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", [jax.grad, jax.vmap], ids=["grad", "vmap"])
+def test_values_and_gradients_follow_a_global_number_that_has_changed(kind):
+    spring, at = Spring(), np.array([2.0]) if kind is jax.vmap else 2.0
+    first, again = (spring.counted(lambda: float(np.sum(kind(spring.energy)(at)))) for _ in range(2))
+    spring.field = 3.0
+    changed, _ = spring.counted(lambda: float(np.sum(kind(spring.energy)(at))))
+    assert again[1] <= 2 < first[1]
+    assert again[0] == first[0] != changed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
@@ -22,9 +22,11 @@ class Parameters(Named):
         p = co.Parameters(mass=123.8, inertia=np.diag([5.46, 5.29, 5.72]), rudder=dict(area=0.02))
         p.replace(mass=130.0, rudder=dict(area=0.03))  # the other numbers of the rudder stay
 
-    **values: each a number, an array of any shape, a nested dictionary of these, or `co.each` of them. Units are those
-    of the Lagrangian that reads them; models and vehicles use SI. They are a PyTree: JAX differentiates by them. Where
-    a name is a text, as in `changing=("rudder.area",)` or on the command line, it is the path with points.
+    **values: each a number, an array of any shape, a nested dictionary of these, or `co.each` of them, or a PyTree of
+    them, such as a list of layers of a network: a list of numbers, or of arrays of one shape, is an array, any other
+    list a tuple. Units are those of the Lagrangian that reads them; models and vehicles use SI. They are a PyTree: JAX
+    differentiates by them. Where a name is a text, as in `changing=("rudder.area",)` or on the command line, it is the
+    path with points, and `net[0].weight` within a list.
 
     Raises ArgumentError for float32, complex numbers, text and values that are not finite.
     """
@@ -47,15 +49,39 @@ def _checked(values: Mapping[str, object], prefix: str = "") -> dict[str, PyTree
     require_names(values)
     found: dict[str, PyTree] = {}
     for name, value in values.items():
-        if isinstance(value, (Mapping, Named)) and not isinstance(value, Parameters):
-            inner = _checked(value.asdict() if isinstance(value, Named) else value, f"{prefix}{name}.")
-            value = Parameters.tree_unflatten(tuple(inner), inner.values())
-        elif not isinstance(value, (Each, Parameters)):
-            value = float64(value, f"Parameter `{prefix}{name}`")
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False  # a copy: a change of it in place would change a system
-        found[name] = value
+        found[name] = _value(value, f"{prefix}{name}")
     return found
+
+
+def _value(value: object, path: str) -> PyTree:
+    """One value as it is kept: parameters, a tuple, another node of a PyTree, or an array of float64."""
+    if isinstance(value, (Each, Parameters)):
+        return value
+    if isinstance(value, (Mapping, Named)):
+        inner = _checked(value.asdict() if isinstance(value, Named) else value, f"{path}.")
+        return Parameters.tree_unflatten(tuple(inner), inner.values())
+    if isinstance(value, (list, tuple)) and (hasattr(value, "_fields") or not _one_array(value)):
+        parts = [_value(part, f"{path}[{index}]") for index, part in enumerate(value)]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if value is not None and not jax.tree_util.all_leaves([value]) and not isinstance(value, (list, tuple)):
+        return jax.tree_util.tree_map_with_path(
+            lambda keys, leaf: _value(leaf, path + jax.tree_util.keystr(keys)), value
+        )
+    made = float64(value, f"Parameter `{path}`")
+    if isinstance(made, np.ndarray):
+        made.flags.writeable = False  # a copy: a change of it in place would change a system
+    return made
+
+
+def _one_array(values: Sequence[object]) -> bool:
+    """Whether a list is an array: of numbers, of lists of them however deep, or of arrays of one shape."""
+    if any(isinstance(part, (Mapping, Named, Each)) or hasattr(part, "_fields") for part in values):
+        return False
+    if any(isinstance(part, (list, tuple)) for part in values):
+        return not any(np.ndim(leaf) for leaf in jax.tree.leaves(values)) and jax.tree_util.all_leaves(
+            jax.tree.leaves(values)
+        )
+    return len({np.shape(part) for part in values}) <= 1  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 def _merged(old: Parameters, values: Mapping[str, PyTree], prefix: str = "") -> dict[str, PyTree]:
@@ -70,16 +96,36 @@ def _merged(old: Parameters, values: Mapping[str, PyTree], prefix: str = "") -> 
         if isinstance(inner, Parameters) and not several:
             raise ArgumentError(f"`{path}` is several numbers, {', '.join(inner)}: replace it by a dictionary of some.")
         if several and not isinstance(inner, Parameters):
-            raise ArgumentError(f"`{path}` is one array of numbers, but is to be replaced by a dictionary.")
+            kind = "one array of numbers" if jax.tree_util.all_leaves([inner]) else "a list"
+            raise ArgumentError(f"`{path}` is {kind}, but is to be replaced by a dictionary.")
+        if not isinstance(inner, (Parameters, Each)) and not jax.tree_util.all_leaves([inner]):
+            value = _in_order(inner, _value(value, path))
+            if jax.tree.structure(value) != jax.tree.structure(inner):
+                raise ArgumentError(
+                    f"`{path}` is a list or another PyTree of {len(jax.tree.leaves(inner))} arrays: replace it by one "
+                    "of the same structure."
+                )
         given = value.asdict() if isinstance(value, Named) else value
-        found[name] = _merged(inner, given, f"{path}.") if several else given
+        found[name] = _merged(inner, given, f"{path}.") if isinstance(inner, Parameters) else given
     return found
+
+
+def _in_order(old: PyTree, new: PyTree) -> PyTree:
+    """`new` with the names of its parameters in the order of `old`, because JAX sorts the keys of dictionaries."""
+    if isinstance(old, Parameters) and isinstance(new, Parameters) and set(old) == set(new):
+        return Parameters(**{name: _in_order(getattr(old, name), getattr(new, name)) for name in old})
+    if type(old) is tuple and type(new) is tuple and len(old) == len(new):
+        return tuple(_in_order(one, other) for one, other in zip(old, new, strict=True))
+    return new
 
 
 def _unknown(name: str, old: Parameters, prefix: str) -> str:
     """The error for an unknown name: how to replace the number that it means, or the names that exist."""
     known = paths(old)
     meant = name if name in known else respelled(name.replace(".", "_"), known)
+    head = meant.split(".")[0].split("[")[0]
+    if head != meant and not isinstance(old.asdict().get(head), Parameters) and not prefix:
+        return f"`{meant}` is within `{head}`, a list or another PyTree: replace {head} itself."
     if "." in meant:
         head, *rest = f"{prefix}{meant}".split(".")
         given = "…"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import jax
@@ -23,10 +24,11 @@ from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.run.interruptible import Cut
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.identity import version
+from coadjoint.mechanics.identity import OPAQUE, version
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal_state import failure, require_internal
 from coadjoint.mechanics.members import count_members
+from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.restart_checks import Keep, continued
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -130,16 +132,67 @@ def trajectory(
         require_forward(system, method, start, h)
         require_reversible(system, method, float(h), steps)
     digest = version(system, start, *([partial(inputs_held, system)] if inputs is not None else []), pure=False)
-    begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)
+    blocks = (steps // save_every, save_every)
+    if traced(system.parameters, start, h):
+        _require_float64()
+        return _kept(program, _from_start)(program, blocks, backend)(system.parameters, start, jnp.asarray(h, float))
+    begun = with_ledger(system, method.begin(system, start, h), False)
     constants = Constants(system.parameters, None)
-    found = computed(program, constants, begun, h, (steps // save_every, save_every), backend, last=True)
-    if truth(accuracy, "accuracy") and not traced(constants, begun, h):
+    found = computed(program, constants, begun, h, blocks, backend, last=True)
+    if truth(accuracy, "accuracy"):
         chosen = _choose(program, constants, begun, backend, False)
         plan = Plan(chosen, program, constants, float(h), steps, save_every, False)
         if sentence := unresolved_records(plan, found.records):
             warn(sentence, stacklevel=3)
     return found
+
+
+def _kept(program: StepProgram, maker: Any) -> Any:
+    """A cached maker of compiled functions, or the maker alone where it is unknown what the program computes.
+
+    Programs with the same version compute the same, so that the trace of one serves all that are equal to it.
+    """
+    known = program.version and not program.version.endswith(OPAQUE)
+    return maker if known else maker.__wrapped__
+
+
+@lru_cache(maxsize=64)
+def _from_start(
+    program: StepProgram, blocks: Blocks, backend: Backend
+) -> Callable[[Parameters | None, State, Scalar], Trajectory]:
+    """The trajectory of (parameters, start, h) as a function that JAX traces once for each kind of arguments."""
+
+    def found(parameters: Parameters | None, start: State, h: Scalar) -> Trajectory:
+        system = replace_parameters(program.skeleton, parameters)
+        begun = with_ledger(system, program.method.begin(system, start, h), False)
+        return computed(program, Constants(parameters, None), begun, h, blocks, backend, last=True)
+
+    return jax.jit(found)
+
+
+@lru_cache(maxsize=64)
+def _from_begun(
+    program: StepProgram, blocks: Blocks, backend: Backend, last: bool
+) -> Callable[[Constants, State, Scalar], Trajectory]:
+    """The same of (constants, begun, h), for a state that the method has begun."""
+
+    def found(constants: Constants, begun: State, h: Scalar) -> Trajectory:
+        begun = in_records(begun) if backend == "native" else begun
+        chosen = _choose(program, constants, begun, backend, True)
+        if chosen == "xla":
+            return _scan(program, constants, begun, h, blocks, last)
+        return _by_native_code(program, constants, begun, h, blocks, last)
+
+    return jax.jit(found)
+
+
+def _require_float64() -> None:
+    """Raise ArgumentError unless JAX keeps float64."""
+    if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+        raise ArgumentError(
+            "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
+        )
 
 
 def computed(
@@ -158,19 +211,17 @@ def computed(
     solution, they are those of the step before.
     """
     inside = traced(constants, begun, h)
-    if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
-        raise ArgumentError(
-            "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
-        )
     _require_room(begun, blocks)
+    if inside:
+        _require_float64()
+        compiled = _kept(program, _from_begun)(program, blocks, backend, last)
+        return compiled(constants, begun, jnp.asarray(h, float))
     begun = in_records(begun) if backend == "native" else begun
-    chosen = _choose(program, constants, begun, backend, inside)
-    if chosen == "xla" and not inside:
+    chosen = _choose(program, constants, begun, backend, False)
+    if chosen == "xla":
         begun = program.method.begin_by_xla(program.skeleton, begun)
     with jax.enable_x64(True):
-        found = _run(chosen, program, constants, begun, h, blocks, inside, last)
-    if inside:
-        return found
+        found = _run(chosen, program, constants, begun, h, blocks, last)
     found = jax.tree.map(np.asarray, found)
     if found.code:
         reason = failure(program.skeleton, float(found.final.t), float(h))
@@ -224,20 +275,22 @@ def _run(
     start: State,
     h: Scalar,
     blocks: Blocks,
-    inside: bool,
     last: bool,
 ) -> Trajectory:
-    if backend == "xla" and inside:
-        return _scan(program, constants, start, h, blocks, last)
-    if not inside:
-        run = xla.run_long if backend == "xla" else partial(native.run, monitors=False)
-        try:
-            found = _of_chunk(run(program, constants, start, float(h), *blocks))
-        except Cut as cut:
-            raise _interrupted(cut.result, blocks) from None
-        if not last or found.code:
-            return found
-        return _with_last(found, _of_chunk(run(program, constants, found.final, float(h), 1, 1)))
+    run = xla.run_long if backend == "xla" else partial(native.run, monitors=False)
+    try:
+        found = _of_chunk(run(program, constants, start, float(h), *blocks))
+    except Cut as cut:
+        raise _interrupted(cut.result, blocks) from None
+    if not last or found.code:
+        return found
+    return _with_last(found, _of_chunk(run(program, constants, found.final, float(h), 1, 1)))
+
+
+def _by_native_code(
+    program: StepProgram, constants: Constants, start: State, h: Scalar, blocks: Blocks, last: bool
+) -> Trajectory:
+    """The trajectory of numbers that are unknown, inside a user's jit, grad or vmap."""
 
     def path(start: State, blocks: Blocks) -> Trajectory:
         def by_xla(arguments):
