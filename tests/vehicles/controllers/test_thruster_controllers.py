@@ -155,3 +155,27 @@ def test_thrusters_that_cannot_push_as_a_controller_needs_are_told(controller, t
     fewer = replace(part, allocation=part.allocation[:, thrusters], effectiveness=1.0)
     with pytest.raises(ArgumentError, match=f"give nothing in {lacking}"):
         controller.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))
+
+
+@pytest.mark.parametrize("thruster", [0, 4])
+def test_seven_thrusters_and_one_that_pushes_one_way_still_push_along_every_axis(thruster):
+    part = rov().part("thrusters")
+    low = -np.ones(8)
+    low[thruster] = 0.0
+    found = accelerations(replace(part, limit=[low, np.ones(8)]), Level(rov()).mass)
+    both = accelerations(part, Level(rov()).mass)
+    assert np.all(found[both > 0] > 0) and np.all(found <= both + 1e-9)
+
+
+def test_a_vehicle_that_neither_thrusters_nor_weight_keep_level_is_a_doubt():
+    flat = rounded(0.0)
+    assert not any("turn over" in said for said in Manoeuvre().doubts(flat))
+    upside = replace(flat, center_of_buoyancy=np.array([0.0, 0.0, 0.02]))
+    assert any("do not control pitch, and no righting moment" in said for said in Manoeuvre().doubts(upside))
+
+
+def test_a_dead_band_that_takes_much_of_the_thrust_is_a_doubt():
+    part = replace(rov().part("thrusters"), dead_band=0.5)
+    (said,) = Manoeuvre().doubts(rov(parts=(part,)))
+    assert "takes every thrust below 5 N" in said and "of at most 40 N" in said
+    assert Manoeuvre().doubts(rov()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,11 @@ import pytest
 
 from coadjoint.cli.main import main
 from coadjoint.errors import FileError
+from coadjoint_vehicles import Vehicle
 from coadjoint_vehicles.importing import import_vehicle
+from coadjoint_vehicles.importing.flying import doubts, first_mission
 from coadjoint_vehicles.importing.workspace import package_folder, workspace_of
-from coadjoint_vehicles.parts import Thrusters
+from coadjoint_vehicles.parts import Fin, Thrusters
 
 LINK = """<link name="{name}"><pose>{pose}</pose><inertial><pose>{inner}</pose><mass>{mass}</mass>
 <inertia><ixx>{i}</ixx><iyy>{i}</iyy><izz>{i}</izz></inertia></inertial>{more}</link>"""
@@ -241,3 +244,48 @@ def test_an_imported_vehicle_ends_at_its_depth_and_heading(tmp_path: Path):
     assert main(["run", mission, "--out", str(tmp_path / "dive")]) == 0
     found = json.loads((tmp_path / "dive/summary.json").read_text())["mission"]["tracking"]
     assert abs(found["depth"]["error_final"]) < 0.02 and abs(found["heading"]["error_final"]) < 0.5
+
+
+INCLUDE = '<xacro:include filename="$(find far)/arm.xacro"/><xacro:arm side="left"/><xacro:arm side="right"/>'
+
+
+def test_missing_includes_and_macros_are_the_first_warning_of_a_vehicle_that_flies_without_them(tmp_path: Path):
+    body = URDF.format(ns="", thrusters="", hydrodynamics=HYDRODYNAMICS.format(more="")).replace('"base"', '"body"')
+    (tmp_path / "rov.xacro").write_text(body.replace("</robot>", f"{INCLUDE}</robot>"))
+    found = import_vehicle(tmp_path / "rov.xacro")
+    first = str(found.report).splitlines()[2]
+    assert first.startswith("Warning: 3 included files or macros are missing, and the vehicle lacks what they hold.")
+    assert "arm.xacro is not there" in first and "--folder" in first
+
+
+def test_a_mission_that_cannot_be_written_names_what_is_missing_below_the_report(tmp_path: Path, capsys):
+    body = URDF.format(ns="", thrusters="", hydrodynamics=HYDRODYNAMICS.format(more="")).replace('"base"', '"body"')
+    (tmp_path / "rov.xacro").write_text(body.replace("</robot>", f"{INCLUDE}</robot>"))
+    given = ["--out", str(tmp_path / "rov.toml"), "--mission", str(tmp_path / "dive.toml")]
+    assert main(["import", str(tmp_path / "rov.xacro"), *given]) == 2
+    said = capsys.readouterr()
+    assert "Taken over:" in said.out and not (tmp_path / "rov.toml").exists()
+    assert "which has 0 thrusters, 0 fins: none of the controllers manoeuvre, cruise fits. 3 included" in said.err
+    assert "--folder" in said.err
+
+
+ENGINE = """<plugin filename="gz-sim-buoyancy-engine-system" name="gz::sim::systems::BuoyancyEngine">
+<link_name>body</link_name><neutral_volume>0.002</neutral_volume><min_volume>0</min_volume><max_volume>0.003</max_volume>
+<default_volume>0.001</default_volume></plugin>"""
+
+
+def test_ballast_that_begins_beyond_neutral_is_in_the_first_mission_and_counts_for_the_weight(tmp_path: Path):
+    found = import_vehicle(written(tmp_path / "rov.sdf", model().replace("</model>", f"{ENGINE}</model>")))
+    (volume,) = found.report.starts.values()
+    assert volume == pytest.approx(-0.001)
+    tables = tomllib.loads(first_mission(found.vehicle, "rov.toml", found.report))
+    assert tables["mission"]["ballast_m3"] == tables["initial"]["actuators"]["ballast_m3"] == pytest.approx(-0.001)
+
+
+def test_a_torpedo_whose_thruster_has_no_limit_is_told_that_cruise_flies_it_with_one():
+    fins = [Fin(f"fin{i}", area=0.01, lift_slope=3.0, stall=0.4, position=(-1, 0, 0), normal=n, limit=0.3)  # pyright: ignore
+            for i, n in enumerate([(0, 1, 0), (0, 0, 1)])]  # fmt: skip
+    screw = Thrusters("screw", {"linear": 1.0}, positions=[(-1, 0, 0)], directions=[(1, 0, 0)])
+    body = {"mass": 20.0, "inertia": (1, 5, 5), "added_mass": (1, 20, 20, 0.1, 5, 5)}
+    (said,) = doubts(Vehicle(name="torpedo", **body, parts=(*fins, screw)))  # pyright: ignore[reportArgumentType]
+    assert said == "The files give `screw` no limit: add `limit` in the vehicle file, then cruise, attitude can fly it."

@@ -15,11 +15,12 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.sections import read
 from coadjoint_vehicles.missions import faults, mission_section
+from coadjoint_vehicles.parts.part import Command
 
 UNITS = {"depth": "m", "heading": "rad", "speed": "m/s", "rudder": "rad", "thrusters": "N", "attitude": "1"}
-RUDDER = SimpleNamespace(name="rudder", kind="fin", command=SimpleNamespace(unit="rad", start=0.0))
-MOTORS = SimpleNamespace(name="motors", kind="thrusters", command=SimpleNamespace(unit="N", start=0.0))
-LEAD = SimpleNamespace(name="lead", kind="payload", command=SimpleNamespace(unit="1", start=0.0))
+RUDDER = SimpleNamespace(name="rudder", kind="fin", command=Command("rad"))
+MOTORS = SimpleNamespace(name="motors", kind="thrusters", command=Command("N", (3,)))
+LEAD = SimpleNamespace(name="lead", kind="payload", command=Command("1"))
 
 
 def mission(frame: str = "NED/FRD", **given: Any) -> mission_section.MissionSection:
@@ -199,7 +200,8 @@ def test_an_actuator_stands_somewhere_or_where_it_is_from_a_time_or_a_depth_on()
             "is of a payload, but rudder is of the kind fin",
         ),
         ({"part": "lead", "dropped": 1, "time_s": 1}, "dropped = true is of a payload"),
-        ({"part": "motors", "out": 0, "time_s": 1}, "or the numbers of thrusters from 1, but is 0"),
+        ({"part": "motors", "out": 0, "time_s": 1}, "or the numbers of thrusters from 1 to 3, but is 0"),
+        ({"part": "motors", "out": [1, 4], "time_s": 1}, "or the numbers of thrusters from 1 to 3, but is"),
         ({"part": "motors", "out": [1, True], "time_s": 1}, "or the numbers of thrusters from 1"),
         ({"part": "motors", "out": [1.0], "time_s": 1}, "or the numbers of thrusters from 1"),
         ({"prt": "rudder", "stuck": True, "time_s": 1}, "has no key `prt`"),

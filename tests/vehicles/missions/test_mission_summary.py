@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray
 
+from coadjoint_vehicles.missions.results import tilted
 from coadjoint_vehicles.missions.summary import mission_summary, spread
 
 
@@ -69,3 +70,29 @@ def test_the_spread_of_a_figure_is_that_of_its_members():
     found = spread(values)
     assert (found["mean"], found["5%"], found["95%"]) == (50.0, 5.0, 95.0)
     assert found["std"] == pytest.approx(np.std(values, ddof=1))
+
+
+def rolled(degrees, members=None):
+    """Directions of down in the body at some angles of roll."""
+    down = np.stack([0 * degrees, np.sin(np.radians(degrees)), np.cos(np.radians(degrees))], axis=-1)
+    dims = (*(["member"] if np.ndim(degrees) > 1 else []), "time", "body")
+    return xarray.Dataset({"a_down": (dims, down)}, coords={"time": np.arange(degrees.shape[-1], dtype=float)})
+
+
+class Steered:
+    def __init__(self, keeps_level):
+        self.keeps_level = keeps_level
+
+
+def test_a_craft_that_turns_over_though_its_controller_keeps_level_has_a_warning():
+    run = rolled(np.array([0.0, 40.0, 70.0, -97.0]))
+    (said,) = tilted(run, Steered(True))
+    assert said.startswith("The vehicle tilts by up to 97°, from t = 2 s on beyond 60°")
+    assert (
+        tilted(run, Steered(False)) == tilted(run, None) == tilted(rolled(np.array([0.0, 59.0])), Steered(True)) == []
+    )
+
+
+def test_of_members_that_turn_over_the_count_and_the_worst_are_said():
+    (said,) = tilted(rolled(np.array([[0.0, 10.0], [0.0, 80.0], [0.0, 120.0]])), Steered(True))
+    assert said.startswith("2 of 3 members, member 2 the most, tilt by up to 120°")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from coadjoint.spaces.named import Named, named
-from coadjoint_vehicles.model.saturation import at_limits, lost, saturated
+from coadjoint_vehicles import Craft, Vehicle
+from coadjoint_vehicles.model.saturation import at_limits, lost, saturated, short
 from coadjoint_vehicles.parts import Thrusters
 
 PAIR = Thrusters("pair", {"linear": 1.0}, positions=np.eye(3)[:2], directions=np.eye(3)[:2], limit=[[-2, 0], [2, 3]])
@@ -73,13 +77,12 @@ def test_of_an_ensemble_the_worst_member_is_named():
     memory = {"lost": np.zeros((10, 3, 6))}
     one = named({"pair": values, "controller": {"value": {"pair": values, "memory": memory}}})
     (said,) = saturated((PAIR,), {"pair": PAIR.limit}, [one])
-    assert said.startswith("Of member 1, and of 1 others, `pair` is at its limits for 100%")
+    assert said.startswith("Of member 1, and of 1 others of 3, `pair` is at its limits for 100%")
 
 
 @pytest.mark.long
 def test_runs_on_disk_warn_as_those_in_memory_do(tmp_path):
     import coadjoint as co
-    from coadjoint_vehicles import Craft, Vehicle
     from coadjoint_vehicles.parts import Damping
 
     part = Thrusters("jets", {"linear": 1.0}, positions=np.eye(3), directions=np.eye(3), limit=2.0)
@@ -92,3 +95,26 @@ def test_runs_on_disk_warn_as_those_in_memory_do(tmp_path):
         run = co.simulate(craft.system, craft.start(), dt=0.1, duration=2, **given)
         said.append([w for w in run.warnings if "at its limits" in w])
     assert len(said[0]) == 1 and said[1] == said[0]
+
+
+def test_thrusters_that_the_controller_holds_back_are_not_said_to_be_at_their_limits():
+    memory = {"lost": np.tile([4.0, 0, 0, 0, 0, 0], (10, 1))}
+    one = named({"pair": np.ones((10, 2)), "controller": {"value": {"pair": np.ones((10, 2)), "memory": memory}}})
+    (said,) = saturated((PAIR,), {"pair": PAIR.limit}, [one])
+    assert said.startswith("`pair` gives less than the controller asks for, though not at its limits, for 100% of the")
+    assert "it lacks 4 N of surge" in said and "surge_limit" in said
+
+
+def test_what_rounding_about_a_dead_band_takes_is_no_lack():
+    banded = replace(PAIR, dead_band=0.5)
+    assert np.allclose(banded.edges, np.abs(PAIR.curve.force(0.5, named(PAIR.curve.parameters()))))
+    for share, expected in ((0.9, False), (1.1, True)):
+        assert short(share * banded.rounding[None], banded.rounding)[0] == expected
+
+
+def test_limits_of_each_thruster_are_lists_which_every_format_of_attributes_takes():
+    part = Thrusters("jets", {"linear": 1.0}, positions=np.eye(3), directions=np.eye(3), limit=[[-1, -1, 0], [1, 1, 1]])
+    body = {"mass": 10.0, "inertia": (1, 1, 1), "added_mass": (1, 1, 1, 0.1, 0.1, 0.1)}
+    craft = Craft(Vehicle(name="box", **body, parts=(part,)))  # pyright: ignore[reportArgumentType]
+    ends = craft.system.internal.limits(craft.parameters)
+    assert json.loads(json.dumps(ends)) == {"jets": [[-1, -1, 0], [1, 1, 1]]}

@@ -16,7 +16,7 @@ from coadjoint_vehicles import Craft
 from coadjoint_vehicles.files.file import vehicle_from_text
 from coadjoint_vehicles.files.registry import vehicle_text
 from coadjoint_vehicles.files.writing import vehicle_to_toml
-from coadjoint_vehicles.missions.electric import SUPPLY, electric_summary, supply
+from coadjoint_vehicles.missions.electric import SUPPLY, beyond_sheet, electric_summary, supply
 from coadjoint_vehicles.parts import Thrusters
 from coadjoint_vehicles.parts.data_sheets import DataSheet, data_sheet, sheet_names
 from coadjoint_vehicles.parts.published_curves import KGF, T200
@@ -140,3 +140,23 @@ def test_a_data_sheet_that_falls_or_pushes_at_rest_is_refused():
             DataSheet(**fields, **{**good, name: np.asarray(wrong)})
     with pytest.raises(ArgumentError, match="no force at its neutral"):
         DataSheet(**{**fields, "neutral": 1400.0}, **good)
+
+
+@pytest.mark.parametrize("voltage", [9.0, 21.0])
+def test_a_voltage_beyond_the_sheet_is_refused(voltage):
+    with pytest.raises(ArgumentError, match="must be from 10 to 20 V, those of its data sheet, but is"):
+        eight(voltage=voltage)
+
+
+def test_a_battery_that_falls_below_the_sheet_has_a_warning_with_its_time():
+    commands = np.full((4, 8), 1500.0)
+    commands[2:] = 1900.0
+    held = {"n": np.zeros((4, 3)), "nu": np.zeros((4, 3)), "xi": np.zeros((4, 3)), "internal_jets": commands}
+    held |= {"a_down": np.tile([0.0, 0, 1], (4, 1)), "a_north": np.tile([1.0, 0, 0], (4, 1))}
+    dims = {name: ("time", f"{name}_1") for name in held}
+    made = xarray.Dataset({k: (dims[k], x) for k, x in held.items()}, coords={"time": np.arange(4.0)})
+    for resistance, count in ((0.2, 1), (0.001, 0)):
+        told = {"jets": {"published": "T200", "voltage": 14.8, "resistance": resistance}}
+        said = beyond_sheet(made.assign_attrs({SUPPLY: json.dumps(told)}))
+        assert len(said) == count
+        assert all("from t = 2 s on below 10 V, where the data sheet of T200 begins" in one for one in said)

@@ -203,3 +203,8 @@ def test_the_mariner_flies_its_published_turning_circle():
     reached = {name: found[name] + aside * (name in ("maximum_transfer", "tactical_diameter")) for name in TURN_TO_PORT}
     reached["maximum_advance"] -= 0.4 * SPEED
     assert reached == pytest.approx(TURN_TO_PORT, abs=1.5)
+
+
+def test_a_standard_manoeuvre_of_a_vehicle_without_fins_is_refused():
+    with pytest.raises(ArgumentError, match=r"`[^`]+` has no fins with a limit"):
+        standard_manoeuvre("bluerov2_heavy_blue", "zigzag_20")

@@ -83,11 +83,14 @@ class Import:
 
         assert self.mission is not None and self.out is not None
         if not SPEEDS.keys() & set(fitting(found.vehicle)):
+            if not self.json:
+                terminal.line(f"{found.report}\n")
+            has = found.report.flies.partition(";")[0]
             raise ArgumentError(
-                f"No mission can be written for {found.vehicle.name}, which has {found.report.flies}: "
-                f"{', '.join(SPEEDS)} would fly one. Leave out --mission."
+                f"No mission can be written for {found.vehicle.name}, which has {has}: none of the controllers "
+                f"{', '.join(SPEEDS)} fits. {found.report.missing or 'Leave out --mission.'}"
             )
-        return first_mission(found.vehicle, relpath(self.out, self.mission.parent), found.report.current)
+        return first_mission(found.vehicle, relpath(self.out, self.mission.parent), found.report)
 
 
 def _pair(given: str) -> tuple[str, str]:

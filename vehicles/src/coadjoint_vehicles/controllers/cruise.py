@@ -81,6 +81,10 @@ class Cruise(Controller):
     def inputs(self) -> dict[str, str]:
         return {self.vertical: "rad" if self.vertical == "pitch" else "m", "heading": "rad", "speed": "m/s"}
 
+    @property
+    def keeps_level(self) -> bool:
+        return True
+
     def memory(self) -> dict[str, PyTree]:
         return dict.fromkeys(("depth", "pitch", "heading", "roll", "speed"), 0.0)
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.arrays import PyTree
+from coadjoint.errors import ArgumentError, prefixed
 from coadjoint.extending import disk_cache
 from coadjoint_vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint_vehicles.model.controller import Controller
@@ -54,7 +55,10 @@ def _found(controller: Any, mixed: Allocation, given: dict[str, PyTree]) -> dict
 
 
 def _gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
-    motion = under_way(vehicle, controller.speed)
+    with prefixed(
+        f"The controller `{controller.kind}` is designed for its `speed`, {controller.speed:g} m/s", ArgumentError
+    ):
+        motion = under_way(vehicle, controller.speed)
     mixed = allocation(motion)
     screws = propulsion(motion)
     fin, late, wanted = means(controller, vehicle, motion)
@@ -117,7 +121,10 @@ def propose_attitude(controller: Any, vehicle: Any) -> Any:
 
 
 def _attitude_gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
-    motion = under_way(vehicle, controller.speed)
+    with prefixed(
+        f"The controller `{controller.kind}` is designed for its `speed`, {controller.speed:g} m/s", ArgumentError
+    ):
+        motion = under_way(vehicle, controller.speed)
     mixed = allocation(motion)
     fin, _, wanted = means(controller, vehicle, motion)
     screws = propulsion(motion)

@@ -82,6 +82,10 @@ class Pose(Hover):
     NEEDS: ClassVar[tuple[str, ...]] = AXES
 
     @property
+    def keeps_level(self) -> bool:
+        return False
+
+    @property
     def inputs(self) -> dict[str, str]:
         return {"north": "m", "east": "m", "depth": "m", "attitude": "1"}
 

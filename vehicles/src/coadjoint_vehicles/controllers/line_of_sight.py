@@ -125,6 +125,13 @@ class LineOfSight(Controller):
         taken = {} if self.helm is None else self.helm.inputs
         return {name: unit for name, unit in taken.items() if name not in ("heading", "depth", "pitch")}
 
+    @property
+    def keeps_level(self) -> bool:
+        return self.helm is not None and self.helm.keeps_level
+
+    def doubts(self, vehicle: object) -> list[str]:
+        return [] if self.helm is None else self.helm.doubts(vehicle)
+
     def memory(self) -> dict[str, PyTree]:
         assert self.helm is not None
         wanted = dict.fromkeys(self._wanted(), 0.0)

@@ -18,7 +18,7 @@ from coadjoint_vehicles.controllers.attitude import attitude_error, attitude_of
 from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.loads import loads
 from coadjoint_vehicles.model.vehicle import Vehicle
-from coadjoint_vehicles.parts.allocator import AXES
+from coadjoint_vehicles.parts.allocator import AXES, Allocator
 from coadjoint_vehicles.parts.measured import Measured, measured
 from coadjoint_vehicles.parts.thrusters import Thrusters
 from coadjoint_vehicles.trim.under_way import Level, coadjoint
@@ -30,6 +30,8 @@ LARGEST_ACCELERATION = 5.0
 """m/s², rad/s²: assumed of thrusters without limits."""
 NOTHING = 1e-14
 """A part of the largest authority that is round-off."""
+SWALLOWED = 0.05
+"""The part of the largest thrust that a dead band may have at its edge without a warning."""
 SHARE = 0.5
 """The fraction of the thrusters' limit that the largest error may use."""
 MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
@@ -120,12 +122,31 @@ class Thrusting(Controller):
         if none := [AXES[axis] for axis, share in shares.items() if share <= NOTHING]:
             _log.info("The thrusters `%s` of %s do not control %s.", part.name, vehicle.name, ", ".join(none))
         little = [text for axis, text in named.items() if shares[axis] > NOTHING]
+        found = []
+        tipping = [AXES[axis] for axis in (3, 4) if axis in shares]
+        if tipping and not loads(vehicle).righting[2] > 0:
+            found.append(
+                f"The thrusters `{part.name}` do not control {' and '.join(tipping)}, and no righting moment keeps "
+                f"{vehicle.name} level: its centre of mass is not below its centre of buoyancy. It may turn over."
+            )
+        full = np.max(np.abs(part.extremes), axis=0)
+        if np.any(wide := part.edges > SWALLOWED * full):
+            i = int(np.argmax(wide))
+            found.append(
+                f"The dead band of the thrusters `{part.name}` takes every thrust below {0.5 * part.edges[i]:.3g} N, "
+                f"half of that at its edge, of at most {full[i]:.3g} N: the vehicle does not answer to less."
+            )
         if not little:
-            return []
+            return found
         return [
+            *found,
             f"The thrusters `{part.name}` have next to no authority in {', '.join(little)} of their largest: "
-            f"below `least_authority` = {part.least_authority:g} such a direction is taken as uncontrollable."
+            f"below `least_authority` = {part.least_authority:g} such a direction is taken as uncontrollable.",
         ]
+
+    @property
+    def keeps_level(self) -> bool:
+        return True
 
     def memory(self) -> dict[str, PyTree]:
         return {"lost": np.zeros(6)}
@@ -139,7 +160,9 @@ class Thrusting(Controller):
         wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
         part = self._part(vehicle)
         thrusts = part.allocator.thrusts(wrench)
-        return {part.name: part.commands_for(thrusts, part.nominal)}, part.allocator.lost(wrench, thrusts)
+        commands = part.commands_for(thrusts, part.nominal)
+        given = thrusts if part.dead_band is None else part.thrusts(commands, part.nominal)
+        return {part.name: commands}, part.allocator.lost(wrench, given)
 
     def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Named) -> tuple[Array, Array]:
         """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""
@@ -166,5 +189,23 @@ def accelerations(part: Thrusters, M: np.ndarray) -> np.ndarray:
         ends = [np.where(side * thrusts > 0, allocator.high, -allocator.low) for side in (1, -1)]
         pushing = np.abs(thrusts) > 1e-9 * np.max(np.abs(thrusts))
         ahead, astern = (np.min(most[pushing] / np.abs(thrusts[pushing])) for most in ends)
+        if ahead == 0 or astern == 0:
+            ahead, astern = (_most(allocator, side * M[:, axis]) for side in (1, -1))
         found[axis] = ahead if axis == 0 and astern == 0 else min(ahead, astern)
     return np.minimum(found, LARGEST_ACCELERATION)
+
+
+def _most(allocator: Allocator, along: np.ndarray) -> float:
+    """The largest a ≤ LARGEST_ACCELERATION for which some thrusts within the limits have B f = a · along, (6,).
+
+    The thrusts of least squares may need one that a thruster of one direction does not give, others may not.
+    """
+    from scipy.optimize import linprog
+
+    kept, count = allocator.kept, len(allocator.low)
+    rows = np.column_stack([allocator.matrix[kept], -along[kept]]) / allocator.units[kept, None]
+    limits = [*zip(allocator.low, allocator.high, strict=True), (0.0, LARGEST_ACCELERATION)]
+    cost = np.append(np.zeros(count), -1.0)
+    solved = linprog(cost, A_eq=rows, b_eq=np.zeros(len(kept)), bounds=limits, method="highs")
+    most = float(solved.x[-1]) if solved.status == 0 else 0.0
+    return most if most > 1e-9 else 0.0

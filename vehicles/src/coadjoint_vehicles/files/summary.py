@@ -54,6 +54,9 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
 
 def without_terminal_speed(vehicle: Vehicle) -> str:
     """Why a vehicle has no terminal speed."""
+    endless = [part.name for part in vehicle.parts if isinstance(part, Thrusters) and part.limit is None]
+    if endless and not _surge(vehicle)(0.0) > 0:
+        return f"no terminal speed: the thrusters `{endless[0]}` have no limit"
     if not _surge(vehicle)(0.0) > 0:
         return "no terminal speed: nothing pushes it ahead"
     return (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from coadjoint.extending import to_toml
+from coadjoint_vehicles.importing.report import Report
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.airfoil import Airfoil
 from coadjoint_vehicles.parts.allocator import AXES, LEAST_AUTHORITY
@@ -20,8 +21,8 @@ SPEEDS = {"manoeuvre": 0.3, "cruise": 1.0}
 """m/s, of a first mission."""
 
 
-def fitting(vehicle: Vehicle) -> list[str]:
-    """The kinds of the controllers that a vehicle has actuators for."""
+def fitting(vehicle: Vehicle, unlimited: bool = False) -> list[str]:
+    """The kinds of the controllers that a vehicle has actuators for; `unlimited`: if its thrusters had limits."""
     jets = [part for part in vehicle.parts if isinstance(part, Thrusters)]
     found = []
     if len(jets) == 1:
@@ -32,7 +33,7 @@ def fitting(vehicle: Vehicle) -> list[str]:
         if isinstance(part, (Fin, Airfoil)) and part.limit is not None:
             turning += np.abs(np.asarray(part.normal, dtype=float)[1:])
     pushes = [part for part in vehicle.parts if isinstance(part, Propeller)]
-    limited = [part for part in jets if part.limit is not None]
+    limited = [part for part in jets if unlimited or part.limit is not None]
     ahead = any(np.max(np.abs(part.nominal_matrix[0])) > LEAST_AUTHORITY for part in limited) or bool(pushes)
     if ahead and np.all(turning > 0.1):
         found += ["cruise", "attitude"]
@@ -68,9 +69,14 @@ def doubts(vehicle: Vehicle) -> list[str]:
             "NOTHING PUSHES THIS VEHICLE: the files have no thruster, propeller, fin or ballast that is read. Look "
             "whether they are in another file, or behind an argument (--set NAME=VALUE)."
         ]
+    jets = [part for part in vehicle.parts if isinstance(part, Thrusters)]
+    endless = ", ".join(f"`{part.name}`" for part in jets if part.limit is None)
+    more = [kind for kind in fitting(vehicle, unlimited=True) if kind not in fitting(vehicle)]
+    if endless and (more or fitting(vehicle)):
+        fit = f"then {', '.join(more)} can fly it" if more else "without it they push with any force that is asked for"
+        return [f"The files give {endless} no limit: add `limit` in the vehicle file, {fit}."]
     if fitting(vehicle):
         return []
-    jets = [part for part in vehicle.parts if isinstance(part, Thrusters)]
     if len(jets) == 1:
         lacking = ", ".join(AXES[axis] for axis in NEEDED["manoeuvre"] if axis not in jets[0].allocator.kept)
         if lacking:
@@ -80,17 +86,19 @@ def doubts(vehicle: Vehicle) -> list[str]:
     return ["No controller fits: write one, or command the actuators by inputs."]
 
 
-def first_mission(vehicle: Vehicle, file: str, current: tuple[float, ...]) -> str:
+def first_mission(vehicle: Vehicle, file: str, report: Report) -> str:
     """A mission file of a minute: down by 3 m and a quarter turn, with a controller that fits; raises StopIteration."""
     kind = next(kind for kind in fitting(vehicle) if kind in SPEEDS)
     speed = SPEEDS[kind]
+    ballast = {f"{name}_m3": float(f"{volume:.6g}") for name, volume in report.starts.items()}
+    begun = {"actuators": ballast} if ballast else {}
     tables: dict[str, object] = {
         "vehicle": {"file": file},
         "controller": {"kind": kind, **({"speed_m_s": speed} if kind == "cruise" else {})},
-        "mission": {"time_s": [0, 5], "depth_m": [2, 5], "heading_deg": [0, 90], "speed_m_s": speed},
-        "initial": {"position_m": [0, 0, 2], "speed_m_s": speed if kind == "cruise" else 0.0},
+        "mission": {"time_s": [0, 5], "depth_m": [2, 5], "heading_deg": [0, 90], "speed_m_s": speed, **ballast},
+        "initial": {"position_m": [0, 0, 2], "speed_m_s": speed if kind == "cruise" else 0.0, **begun},
         "run": {"dt": 0.05, "duration_s": 60},
     }
-    if any(current):
-        tables["water"] = {"velocity_m_s": list(current)}
+    if any(report.current):
+        tables["water"] = {"velocity_m_s": list(report.current)}
     return f"# {vehicle.name}, imported: `coadjoint run` of this file flies it.\n{to_toml(tables)}"

@@ -107,7 +107,12 @@ def ballast(draft: Draft, plugins: list[Element], links: dict[str, DescribedLink
         rate = scale * number_in(plugin, "max_inflation_rate", 3e-6)
         name = "ballast" if index == 0 else f"ballast_{index + 1}"
         if abs(start) > 1e-12:
-            draft.differs(f"{plugin.place}: the engine begins at {start:g} m³ beyond neutral: give it as a command.")
+            draft.report.starts[name] = start
+            draft.differs(
+                f"{plugin.place}: the engine begins at {start:g} m³ beyond neutral: command it by [mission] "
+                f"{name}_m3 = {start:g}, and begin there, [initial] actuators = {{ {name}_m3 = {start:g} }}, as the "
+                "mission of --mission does."
+            )
         draft.parts.append(
             Ballast(
                 name,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -83,9 +83,7 @@ def import_vehicle(
     except FileError as error:
         if not xacro.missing:
             raise
-        raise FileError(
-            f"{error} Missing: {' '.join(xacro.missing[:MISSING])} Give the workspace with all packages by --folder."
-        ) from None
+        raise FileError(f"{error} {report_missing(xacro.missing)}") from None
     _gravity(draft, gravity)
     untouched(root, draft)
     return _finished(draft, xacro)
@@ -121,16 +119,30 @@ def _finished(draft: Draft, xacro: Xacro) -> Imported:
     report = draft.report
     report.files += dict.fromkeys(xacro.files)
     report.unsaid += UNSAID
-    for sentence in xacro.missing:
+    for sentence in (*xacro.missing, *xacro.unseen):
         place, _, said = sentence.partition(": ")
         draft.left(place, "included or called files", said)
     draft.source = f"{report.format}: {', '.join(report.files)}"
     text = vehicle_to_toml(draft.vehicle())
     with prefixed(f"{draft.source}: no vehicle can be made of it"):
         vehicle = vehicle_from_text(text, draft.name)
-    missing = [f"Missing: {sentence}" for sentence in xacro.missing[:MISSING]] if not vehicle.commanded else []
-    report.flies, report.doubts = flies(vehicle), [*doubts(vehicle), *missing, *vehicle.warnings]
+    report.missing = report_missing(xacro.missing)
+    begun = replace(vehicle, volume=vehicle.volume + sum(report.starts.values()))
+    first = [report.missing] if report.missing else []
+    report.flies, report.doubts = flies(vehicle), [*first, *doubts(vehicle), *begun.warnings]
     return Imported(vehicle, text, report)
+
+
+def report_missing(missing: Sequence[str]) -> str:
+    """A sentence on the files and macros that a description names and the folder lacks; "" where there are none."""
+    if not missing:
+        return ""
+    said = " ".join(missing[:MISSING]) + (f" And {len(missing) - MISSING} more." if len(missing) > MISSING else "")
+    count = "One included file or macro is" if len(missing) == 1 else f"{len(missing)} included files or macros are"
+    return (
+        f"{count} missing, and the vehicle lacks what they hold. Missing: {said} Give the folder that holds all "
+        "packages by --folder."
+    )
 
 
 def _gravity(draft: Draft, given: object) -> None:

@@ -49,6 +49,10 @@ class Report:
     """Its actuators, and the controllers that fit."""
     doubts: list[str] = field(default_factory=list)
     """Warnings about the vehicle."""
+    missing: str = ""
+    """A sentence on included files and macros that are not there; empty without them."""
+    starts: dict[str, float] = field(default_factory=dict)
+    """The volumes of ballast at the start of the simulation, m³, beyond neutral, where they are not 0, by part."""
     current: tuple[float, ...] = ()
     """North, east, down, m/s, that the description gives; empty without one."""
 
@@ -58,6 +62,7 @@ class Report:
             "format": self.format,
             "flies": self.flies,
             "doubts": self.doubts,
+            "starts": self.starts,
             "current": list(self.current),
             "files": self.files,
             "taken": [{**row._asdict(), "value": np.asarray(row.value).tolist()} for row in self.taken],

@@ -70,6 +70,8 @@ class Xacro:
     files: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     """Sentences on missing includes and macros."""
+    unseen: list[str] = field(default_factory=list)
+    """Sentences on looks whose expressions are not read."""
     made: int = 0
     written: int = 0
     bytes: int = 0
@@ -134,7 +136,7 @@ class Xacro:
         try:
             return self._copied(element, scope, depth, beside)
         except FileError as error:
-            self.missing.append(f"{element.place}: of {element.label}, how it looks, nothing is made: {error}")
+            self.unseen.append(f"{element.place}: of {element.label}, how it looks, nothing is made: {error}")
             return Element(element.tag, {}, element.file, element.line)
 
     def _copied(self, element: Element, scope: Scope, depth: int, beside: Path) -> Element:

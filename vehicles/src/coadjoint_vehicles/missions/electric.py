@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.mechanics.members import Each
 from coadjoint.spaces import Named
 from coadjoint_vehicles.logs.records import VehicleRecords
-from coadjoint_vehicles.parts.data_sheets import data_sheet
+from coadjoint_vehicles.parts.data_sheets import DataSheet, data_sheet
 from coadjoint_vehicles.parts.published_curves import T200
 from coadjoint_vehicles.parts.supplied_curve import Supplied
 from coadjoint_vehicles.parts.thrusters import Thrusters
@@ -56,12 +56,34 @@ def electric_summary(dataset: xarray.Dataset) -> dict[str, dict[str, float]]:
     }
 
 
+def beyond_sheet(dataset: xarray.Dataset) -> list[str]:
+    """A warning where a battery falls below the voltages of a data sheet; saved nodes of one run only."""
+    if SUPPLY not in dataset.attrs or "member" in dataset.dims:
+        return []
+    log, found = VehicleRecords(dataset), []
+    for name, given in json.loads(dataset.attrs[SUPPLY]).items():
+        sheet = data_sheet(str(given["published"]))
+        loaded = _loaded(sheet, log.actuators[name].actual, given)[0]
+        if np.any(low := loaded < sheet.voltages[0]):
+            found.append(
+                f"The battery of `{name}` falls to {np.min(loaded):.3g} V under load, from t = "
+                f"{log.time[np.argmax(low)]:.6g} s on below {sheet.voltages[0]:g} V, where the data sheet of "
+                f"{sheet.name} begins: its thrust there is less than computed."
+            )
+    return found
+
+
+def _loaded(sheet: DataSheet, commands: np.ndarray, given: Mapping[str, object]) -> tuple[np.ndarray, np.ndarray]:
+    """The voltage under load, V, and the current of all thrusters together, A, at nodes."""
+    voltage, resistance = float(str(given["voltage"])), float(str(given["resistance"]))
+    rows = [sheet.supplied(row, voltage, resistance) for row in commands.reshape(len(commands), -1)]
+    return np.array([row[0] for row in rows]), np.array([np.sum(row[1]) for row in rows])
+
+
 def _of_part(time: np.ndarray, commands: np.ndarray, given: Mapping[str, object]) -> dict[str, float]:
     sheet = data_sheet(str(given["published"]))
-    voltage, resistance = float(str(given["voltage"])), float(str(given["resistance"]))
-    rows = [sheet.supplied(row, voltage, resistance) for row in commands.reshape(len(time), -1)]
-    loaded = np.array([row[0] for row in rows])
-    current = np.array([np.sum(row[1]) for row in rows])
+    voltage = float(str(given["voltage"]))
+    loaded, current = _loaded(sheet, commands, given)
     charge = float(np.sum(0.5 * np.diff(time) * (current[1:] + current[:-1])))
     energy = voltage * charge
     return {

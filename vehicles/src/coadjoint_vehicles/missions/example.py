@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from coadjoint.arrays import PyTree
+from coadjoint.errors import ArgumentError
 from coadjoint.extending import to_toml
 from coadjoint.units import ending
 from coadjoint_vehicles.model.vehicle import Vehicle
@@ -43,7 +44,11 @@ def standard_manoeuvre(name: str, manoeuvre: str) -> str:
     begin, end = (float(f"{lengths * length / speed:.2g}") for lengths in (10, 10 + duration))
     angles = [part for part in vehicle.commanded if part.command is not None and part.command.unit == "rad"]
     limits = [float(limit) for part in angles if (limit := getattr(part, "limit", None)) is not None]
-    limit = math.degrees(min(limits, default=math.inf))
+    if not limits:
+        raise ArgumentError(
+            f"The vehicle `{vehicle.name}` has no fins with a limit: standard manoeuvres are steered by fins."
+        )
+    limit = math.degrees(min(limits))
     rudder = (
         "" if order is None else f"rudder_deg = {min(order, math.floor(limit + 1e-9)):g}\ndeviation_deg = {order:g}\n"
     )

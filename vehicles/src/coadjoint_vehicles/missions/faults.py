@@ -84,8 +84,10 @@ class FaultSection:
         if self.out is True:
             return rest, None
         numbers = self.out if isinstance(self.out, list) else [self.out]
-        fits = all(is_whole(one) and one >= 1 for one in numbers)
-        checks.expect(fits, self.out, f"[{self.title}] out", "true, or the numbers of thrusters from 1")
+        count = part.command.shape[0] if part.command is not None and part.command.shape else np.inf
+        fits = all(is_whole(one) and 1 <= one <= count for one in numbers)
+        most = f" to {count}" if np.isfinite(count) else ""
+        checks.expect(fits, self.out, f"[{self.title}] out", f"true, or the numbers of thrusters from 1{most}")
         return rest, tuple(one - 1 for one in numbers)
 
     def _stuck(self, part: Any) -> float | None:

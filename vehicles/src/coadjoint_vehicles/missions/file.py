@@ -47,10 +47,13 @@ class MissionFile(MissionSections):
         return set_up(self)
 
     def warnings(self, run: Run) -> list[str]:
-        from coadjoint_vehicles.missions.results import left_water
+        from coadjoint_vehicles.missions.electric import beyond_sheet
+        from coadjoint_vehicles.missions.results import left_water, tilted
 
+        steered = getattr(run.system.internal, "controller", None)
         said = [fault.sentence(run.dataset) for fault in (*self.faults, *self.lost_sensors)]
-        return [*left_water(run.dataset), *(sentence for sentence in said if sentence is not None)]
+        found = [*left_water(run.dataset), *tilted(run.dataset, steered), *beyond_sheet(run.dataset)]
+        return [*found, *(sentence for sentence in said if sentence is not None)]
 
     def observe(self, run: Run) -> None:
         from coadjoint_vehicles.missions.craft import bottom_of_sensors

@@ -75,6 +75,10 @@ class MissionSection:
     def __post_init__(self) -> None:
         if "axes" in self.given:
             raise ArgumentError("Section [mission] has no key `axes`: put `axes` above all sections of the file.")
+        if self.time is not None and np.any(np.diff(np.atleast_1d(self.time)) <= 0):
+            raise ArgumentError(
+                f"[mission] time must grow from each value to the next, but is {np.asarray(self.time).tolist()} s."
+            )
         for name in ("bottom", "clearance"):
             if getattr(self, name) is not None and "bottom" not in self.ends:
                 raise ArgumentError(f'[mission] {name} belongs to ends = "bottom": add it, or leave {name} out.')

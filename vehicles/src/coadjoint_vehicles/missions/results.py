@@ -25,11 +25,14 @@ if TYPE_CHECKING:
 
     from coadjoint.simulation import Run
     from coadjoint_vehicles.missions.sections import MissionOutputSection, MissionRunSection
+    from coadjoint_vehicles.model.controller import Controller
     from coadjoint_vehicles.trials.analysis import TrialResult
 
 LOG, BAG, MEMBERS = "trajectory.csv", "trajectory.mcap", "members.csv"
 DRAWN = (*(name for name, added in FIGURES.items() if not added.film), "attitude", "budget")
 """The figures of a mission where [output] has `figures = true`."""
+TILTED = 60.0
+"""°: the angle between the vertical of the craft and that of space above which a level run warns."""
 MOST_DRAWN = 100
 """The most members in a figure."""
 MOST_ANIMATED = 8
@@ -67,6 +70,26 @@ def left_water(dataset: xarray.Dataset) -> list[str]:
     return [
         f"The vehicle leaves the water: from t = {when:.6g} s on by more than its length, up to {-np.min(depth):.3g} "
         'm, with forces as in water; [mission] ends = "surface" ends there.'
+    ]
+
+
+def tilted(dataset: xarray.Dataset, controller: Controller | None) -> list[str]:
+    """A warning where a craft, or members, tilt beyond TILTED though the controller keeps level; saved nodes only."""
+    if controller is None or not controller.keeps_level:
+        return []
+    down = np.asarray(dataset["a_down"].transpose("time", ...).values, dtype=float)[..., 2]
+    tilt = np.degrees(np.arccos(np.clip(down.reshape(len(down), -1), -1.0, 1.0)))
+    most = np.nanmax(tilt, axis=0)
+    worst = int(np.nanargmax(most))
+    if most[worst] <= TILTED:
+        return []
+    when = float(np.asarray(dataset["time"].values)[np.argmax(tilt[:, worst] > TILTED)])
+    count = int(np.sum(most > TILTED))
+    whose = "The vehicle" if down.ndim == 1 else f"{count} of {len(most)} members, member {worst} the most,"
+    return [
+        f"{whose} {'tilts' if down.ndim == 1 else 'tilt'} by up to {most[worst]:.0f}°, from t = {when:.6g} s on beyond "
+        f"{TILTED:g}°, though the controller keeps level: the actuators do not control roll or pitch, or the limits "
+        "and the righting moment are too small."
     ]
 
 

@@ -287,7 +287,7 @@ def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
 
 
 def _plain(end: PyTree) -> PyTree:
-    return float(end) if np.ndim(end) == 0 else np.asarray(end, dtype=float)
+    return np.asarray(end, dtype=float).tolist()
 
 
 def _shape(shape: tuple[int, ...]) -> str:

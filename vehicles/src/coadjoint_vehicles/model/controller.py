@@ -78,6 +78,11 @@ class Controller(Numbers, ABC):
             )
 
     @property
+    def keeps_level(self) -> bool:
+        """Whether it keeps roll and pitch small, so that a run warns of a craft that turns over; by default not."""
+        return False
+
+    @property
     def inputs(self) -> dict[str, str]:
         """The set points that a run must give, and their units."""
         return {}

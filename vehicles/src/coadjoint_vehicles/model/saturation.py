@@ -32,10 +32,10 @@ def at_limits(values: np.ndarray, ends: Sequence[PyTree], each: bool) -> np.ndar
     return np.any(found, axis=-1) if each else found
 
 
-def short(missing: np.ndarray) -> np.ndarray:
-    """Where a part of the wanted wrench is missing, of W − B f at nodes, (…, 6)."""
+def short(missing: np.ndarray, rounding: PyTree = 0.0) -> np.ndarray:
+    """Where a part of the wanted wrench is missing, of W − B f at nodes, (…, 6), beyond that of dead bands, (6,)."""
     sizes = np.abs(missing)
-    return np.any(sizes > max(NOTICED, NEAR * float(np.max(sizes, initial=0.0))), axis=-1)
+    return np.any(sizes > np.maximum(max(NOTICED, NEAR * float(np.max(sizes, initial=0.0))), rounding), axis=-1)
 
 
 def lost(missing: np.ndarray) -> dict[str, dict[str, float]]:
@@ -48,7 +48,7 @@ def lost(missing: np.ndarray) -> dict[str, dict[str, float]]:
 def saturated(
     commanded: Sequence[Part], ranges: dict[str, tuple[PyTree, PyTree]], stretches: Sequence[Named]
 ) -> Iterator[str]:
-    """A sentence for each actuator that its controller keeps at a limit for more than OFTEN of the saved nodes.
+    """A sentence for each actuator that for more than OFTEN of the saved nodes is kept at a limit, or gives too little.
 
     ranges: their lowest and highest values. stretches: the internal states of a run, (nodes, [members,] …) each.
     """
@@ -56,22 +56,29 @@ def saturated(
     for part in commanded:
         if steered is None or part.name not in steered.value or part.name not in ranges:
             continue
-        at = [_held(part, one, ranges[part.name]) for one in stretches]
-        shares = np.atleast_1d(np.mean(np.concatenate(at), axis=0))
+        at = np.concatenate([_at_limits(part, one, ranges[part.name]) for one in stretches])
+        lacking = np.concatenate([_lacking(part, one) for one in stretches])
+        limited, shares = (np.atleast_1d(np.mean(where, axis=0)) for where in (at, at | lacking))
         worst = int(np.argmax(shares))
         if shares[worst] <= OFTEN:
             continue
         said = _lacks([one.controller.value for one in stretches], worst)
-        whose = "" if np.ndim(at[0]) == 1 else f"Of member {worst}, and of {np.sum(shares > OFTEN) - 1} others, "
-        yield (
-            f"{whose}`{part.name}` is at its limits for {shares[worst]:.0%} of the time"
-            + (f"; it lacks {said} of what the controller asks for, in the mean" if said else "")
-            + ": ask for less speed or slower changes, or give it more thrust."
-        )
+        many = f"Of member {worst}, and of {np.sum(shares > OFTEN) - 1} others of {len(shares)}, "
+        lacks = f"; it lacks {said} of what the controller asks for, in the mean" if said else ""
+        if limited[worst] > OFTEN:
+            happens, share = "is at its limits", limited[worst]
+            remedy = "ask for less speed or slower changes, or give it more thrust"
+        else:
+            happens, share = "gives less than the controller asks for, though not at its limits,", shares[worst]
+            remedy = (
+                "ask for less speed or slower changes, or raise the limits of the controller (`surge_limit` and "
+                "`heave_limit` of `manoeuvre`); thrusters of one direction and dead bands have the same effect"
+            )
+        yield f"{many if at.ndim > 1 else ''}`{part.name}` {happens} for {share:.0%} of the time{lacks}: {remedy}."
 
 
-def _held(part: Part, one: Named, ends: tuple[PyTree, PyTree]) -> np.ndarray:
-    """Where a part, its command or one of its thrusters is at a limit, or thrusters lack a part of their wrench."""
+def _at_limits(part: Part, one: Named, ends: tuple[PyTree, PyTree]) -> np.ndarray:
+    """Where a part, its command or one of its thrusters is at a limit."""
     each = part.command is not None and part.command.shape != ()
     wanted = np.asarray(getattr(one.controller.value, part.name), dtype=float)
     if part.no_signal is not None:
@@ -79,8 +86,16 @@ def _held(part: Part, one: Named, ends: tuple[PyTree, PyTree]) -> np.ndarray:
     found = at_limits(wanted, ends, each)
     if part.units is None:
         found |= at_limits(np.asarray(getattr(one, part.name)), ends, each)
+    return found
+
+
+def _lacking(part: Part, one: Named) -> np.ndarray:
+    """Where thrusters lack a part of their wrench."""
     missing = _missing(one.controller.value)
-    return found | short(missing) if isinstance(part, Thrusters) and missing is not None else found
+    if not isinstance(part, Thrusters) or missing is None:
+        shape = np.shape(getattr(one.controller.value, part.name))
+        return np.zeros(shape[: len(shape) - len(part.command.shape if part.command else ())], dtype=bool)
+    return short(missing, part.rounding)
 
 
 def _missing(value: Named) -> np.ndarray | None:

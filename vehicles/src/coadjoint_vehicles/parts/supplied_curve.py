@@ -10,6 +10,8 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
+from coadjoint.errors import ArgumentError
+from coadjoint.extending import traced
 from coadjoint.models.quantities import positive
 from coadjoint.spaces import Named
 from coadjoint_vehicles.parts.data_sheets import DataSheet, data_sheet, sagged
@@ -33,7 +35,12 @@ class Supplied(ForceCurve):
 
     def __post_init__(self) -> None:
         check_fields(self, f"force curve `{self.published}")
-        data_sheet(self.published)
+        low, high = self.sheet.voltages[[0, -1]]
+        if not traced(self.voltage) and not low <= self.voltage <= high:
+            raise ArgumentError(
+                f"Argument `voltage` of the force curve `{self.published}` must be from {low:g} to {high:g} V, those "
+                f"of its data sheet, but is {self.voltage:g} V."
+            )
 
     @property
     def sheet(self) -> DataSheet:

@@ -231,6 +231,20 @@ class Thrusters(Part):
         return evaluate(self.matrix, self.nominal)
 
     @property
+    def edges(self) -> np.ndarray:
+        """The largest thrust of each thruster at an edge of its dead band, (n,) N; 0 without one."""
+        if self.dead_band is None:
+            return np.zeros(self.count)
+        own, rest = self.nominal, self.curve.neutral
+        ends = [np.full(self.count, rest + side * float(self.dead_band)) for side in (1, -1)]
+        return np.max([np.abs(evaluate(self.curve.force, end, own.curve)) for end in ends], axis=0)
+
+    @property
+    def rounding(self) -> np.ndarray:
+        """The largest force or torque along each axis, (6,), that commands about the dead band may miss."""
+        return 0.51 * np.abs(self.nominal_matrix) @ self.edges
+
+    @property
     def extremes(self) -> tuple[np.ndarray, np.ndarray]:
         """The thrusts of each thruster at the lowest and at the highest command, (n,) N; without limits infinite."""
         if self.limit is None:
