@@ -11,16 +11,16 @@ from coadjoint.arrays import PyTree
 def paths(tree: PyTree, prefix: str = "") -> dict[str, Any]:
     """The values of a nested dictionary, or namespace with `asdict`, by their paths, in their order.
 
-    Entries of tuples have their numbers for names, as in `net[0].weight`.
+    Entries of tuples have their numbers for names, as in `net[0].weight`; a tuple of named fields is one value.
     """
-    if isinstance(tree, tuple):
+    if type(tree) is tuple:
         named = {f"[{index}]": value for index, value in enumerate(tree)}
     else:
         named = tree if isinstance(tree, Mapping) else tree.asdict()
     found: dict[str, Any] = {}
     for name, value in named.items():
-        inner = isinstance(value, (Mapping, tuple)) or hasattr(value, "asdict")
-        dot = "" if isinstance(value, tuple) else "."
+        inner = isinstance(value, Mapping) or type(value) is tuple or hasattr(value, "asdict")
+        dot = "" if type(value) is tuple else "."
         found |= paths(value, f"{prefix}{name}{dot}") if inner else {f"{prefix}{name}": value}
     return found
 
