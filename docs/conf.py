@@ -22,6 +22,7 @@ extensions = [
     "docstrings",
     "formulas",
     "names",
+    "notebooks",
 ]
 root_doc = "docs/index"
 include_patterns = [

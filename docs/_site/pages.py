@@ -2,7 +2,7 @@
 
 The order of the pages is that of the links of docs/index.md, under its bold headings. A page that has a folder of its
 name, as docs/theorems.md has docs/theorems/, comes with the pages of that folder, in the order of its links. On
-docs/examples.md a line that is nothing but a link to a script has the script below it.
+docs/examples.md a line that is nothing but a link to a script has the script below it, and some a notebook.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from pathlib import Path, PurePosixPath
 
+from notebooks import NAMES
 from sphinx.application import Sphinx
 
 LINK = re.compile(r"\[([^\]]*)\]\((?!https?:|mailto:)([^)#\s]+\.md)(?:#[^)]*)?\)")
@@ -80,10 +81,12 @@ def with_scripts(app: Sphinx, name: str, source: list[str]) -> None:
     """Add the text of each script below the line that links to it."""
     if name == EXAMPLES:
         languages = {"py": "python", "toml": "toml"}
-        source[0] = SCRIPT.sub(
-            lambda m: f"{m[0]}\n\n```{{literalinclude}} /{m[1]}\n:language: {languages[m[2]]}\n:class: script\n```\n",
-            source[0],
-        )
+        for script in reversed(list(SCRIPT.finditer(source[0]))):
+            options = f":language: {languages[script[2]]}\n:class: script"
+            shown = f"\n\n```{{literalinclude}} /{script[1]}\n{options}\n```\n"
+            if (name := PurePosixPath(script[1]).stem) in NAMES:
+                shown = f'\n<a href="../notebooks/{name}.ipynb" download>As a notebook</a>{shown}'
+            source[0] = source[0][: script.end()] + shown + source[0][script.end() :]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
