@@ -8,20 +8,21 @@ from typing import Any
 from coadjoint.arrays import PyTree
 
 
-def paths(tree: PyTree, prefix: str = "") -> dict[str, Any]:
+def paths(tree: PyTree, prefix: str = "", leaf: type = object) -> dict[str, Any]:
     """The values of a nested dictionary, or namespace with `asdict`, by their paths, in their order.
 
-    Entries of tuples have their numbers for names, as in `net[0].weight`; a tuple of named fields is one value.
+    Entries of tuples have their numbers for names, as in `net[0].weight`; a tuple of the class `leaf` is one value.
     """
-    if type(tree) is tuple:
+    if isinstance(tree, tuple):
         named = {f"[{index}]": value for index, value in enumerate(tree)}
     else:
         named = tree if isinstance(tree, Mapping) else tree.asdict()
     found: dict[str, Any] = {}
     for name, value in named.items():
-        inner = isinstance(value, Mapping) or type(value) is tuple or hasattr(value, "asdict")
-        dot = "" if type(value) is tuple else "."
-        found |= paths(value, f"{prefix}{name}{dot}") if inner else {f"{prefix}{name}": value}
+        whole = leaf is not object and isinstance(value, leaf)
+        inner = not whole and (isinstance(value, (Mapping, tuple)) or hasattr(value, "asdict"))
+        dot = "" if isinstance(value, tuple) else "."
+        found |= paths(value, f"{prefix}{name}{dot}", leaf) if inner else {f"{prefix}{name}": value}
     return found
 
 

@@ -9,7 +9,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.paths import paths, respelled
 from coadjoint.sections import in_si
 from coadjoint.texts import Table
-from coadjoint.units import split_name
+from coadjoint.units import Dimension, split_name
 
 
 def parameters_in_si(title: str, given: Mapping[str, Any], kinds: Mapping[str, Any]) -> Table:
@@ -18,7 +18,7 @@ def parameters_in_si(title: str, given: Mapping[str, Any], kinds: Mapping[str, A
     kinds: the dimension of each, in dictionaries as the parameters are. Raises ArgumentError as `in_si`, and for a name
     that was in use before, with the one that it has now.
     """
-    known = paths(kinds)
+    known = paths(kinds, leaf=Dimension)
     tables = {key: value for key, value in given.items() if isinstance(kinds.get(key), Mapping)}
     for key, value in tables.items():
         if not isinstance(value, Mapping):

@@ -46,5 +46,5 @@ def dimensions(of: object) -> dict[str, Dimension | None]:
 
 def parameter_units(vehicle: Vehicle, parameters: Named, owners: Mapping[str, PyTree]) -> dict[str, str]:
     """The SI unit of each parameter of a craft that measures one thing, by its path as "rudder.area"."""
-    known = paths(measures(vehicle, parameters, owners)).items()
+    known = paths(measures(vehicle, parameters, owners), leaf=Dimension).items()
     return {path: kind.si.replace("^2", "²").replace("^3", "³") for path, kind in known if kind is not None}
