@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import wraps
 from importlib import import_module
+from inspect import unwrap
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -22,6 +24,8 @@ from coadjoint.real_numbers import is_short as is_short
 from coadjoint.real_numbers import numeric as numeric
 from coadjoint.units import split_name
 
+P = ParamSpec("P")
+R = TypeVar("R")
 T = TypeVar("T")
 Error = type[CoadjointError]
 
@@ -246,6 +250,34 @@ def mapping(
     )
     expect(fits, value, name, words, error)
     return value  # pyright: ignore[reportReturnType]
+
+
+def known_arguments(what: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorates a function that users call by keywords: raises ArgumentError for one that it does not take.
+
+    what: the function as users write it, "co.simulate"; the nearest keyword is named.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        code = unwrap(function).__code__
+        known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            for name in kwargs:
+                if name not in known:
+                    meant = nearest(name, known)
+                    remedy = (
+                        f"do you mean `{meant}`?"
+                        if meant
+                        else f"it takes {', '.join(k for k in known if k != 'self')}."
+                    )
+                    raise ArgumentError(f"{what} takes no argument `{name}`: {remedy}")
+            return function(*args, **kwargs)
+
+        return call
+
+    return decorate
 
 
 def function(value: object, name: str, words: str = "a function", error: Error = ArgumentError) -> Callable[..., Any]:

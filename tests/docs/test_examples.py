@@ -68,6 +68,16 @@ def test_a_falling_rod_keeps_its_energy_and_hangs_below_its_wall(run_example):
 
 
 @pytest.mark.long
+def test_a_network_in_the_lagrangian_of_a_top_learns_a_magnet_and_keeps_the_momentum(run_example):
+    found = run_example("learned_top", 40)
+    rows, test = found["rows"], found["test"]
+    error = {name: np.max(np.abs(found[:41, 3:] - test[:41, 3:])) for name, found in rows.items()}
+    drift = {name: np.ptp(np.sum(found[:, :3] * found[:, 3:], axis=1)) for name, found in rows.items()}
+    assert error["learned ℓ"] < 0.2 * min(error["known ℓ"], error["neural ODE"])
+    assert drift["learned ℓ"] < 1e-13 < drift["neural ODE"]
+
+
+@pytest.mark.long
 def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_method(run_example):
     found = run_example("fast_heavy_top", 0.2)
     assert found["method"].order == 4

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import jax
 
 from coadjoint.arrays import Coordinates, PyTree, Scalar
+from coadjoint.checks import known_arguments
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element, require_group
@@ -107,6 +108,7 @@ class System(ReducedFunctions, Portable, WithOverview):
     parameters: Parameters | None
     checks: Callable[[Mapping[str, PyTree]], Mapping[str, PyTree]] | None = field(compare=False)
 
+    @known_arguments("co.System")
     @deferred_interrupts()
     def __init__(
         self,
@@ -239,6 +241,7 @@ class System(ReducedFunctions, Portable, WithOverview):
         """A copy whose runs observe more quantities: `co.simulate(top.watching(co.mechanics.casimirs(top)), …)`."""
         return replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
 
+    @known_arguments("System.state")
     @deferred_interrupts()
     def state(
         self,

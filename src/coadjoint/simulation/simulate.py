@@ -37,6 +37,7 @@ from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Run
 
 
+@checks.known_arguments("co.simulate")
 @deferred_interrupts()
 def simulate(
     system: System,

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, StepError, warn
@@ -70,6 +71,7 @@ class Trajectory:
     iterations: Any
 
 
+@checks.known_arguments("co.trajectory")
 @deferred_interrupts()
 def trajectory(
     system: System,

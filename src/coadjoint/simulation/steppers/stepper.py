@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import positive, truth, whole
 from coadjoint.errors import ArgumentError, warn
@@ -94,6 +95,7 @@ class Stepper(Stepping):
     Raises ArgumentError and LagrangianError for arguments that cannot be stepped; `step` raises StepError.
     """
 
+    @checks.known_arguments("co.Stepper")
     def __init__(
         self,
         system: System,
