@@ -98,6 +98,11 @@ def test_a_stop_orders_astern_and_leaves_the_rudder_midships():
     assert found.tolist() == [[0, 15], [0, -12], [0, -12], [0, -12]]
 
 
+def test_a_vehicle_that_stops_is_left_alone_once_it_goes_ahead_no_more():
+    found = orders("stop", np.zeros(6), slower=0.5, rudder=0.2, astern=-12.0)
+    assert found[:, 1].tolist() == [15, -12, -12, 0, 0, 0] and not found[:, 0].any()
+
+
 def test_orders_beyond_the_fins_are_refused():
     with pytest.raises(ArgumentError, match="within ±15°"):
         Trial(rudder=0.5, allocation=MIXED, **GAINS, **LIMITED).fitted(REMUS)

@@ -31,7 +31,7 @@ class Trial(Cruise):
         turning_circle    δ_R = δ
         zigzag            δ_R = ±δ, reversed whenever the heading is `deviation` off its course on the side of the order
         spiral            δ_R = δ, δ − δ/n, …, −δ, and back to δ in the same steps, each held for `hold`
-        stop              δ_R = 0, propulsion at `astern`
+        stop              δ_R = 0, propulsion at `astern` until the vehicle goes ahead no more, then all commands 0
         pull_out          δ_R = δ for `hold`, then 0
 
     Until `begin` heading and speed are held; then the command of the propulsion stays, but for "stop". A positive order
@@ -121,6 +121,8 @@ class Trial(Cruise):
         held = own.astern if self.manoeuvre == "stop" else jnp.where(running, memory.ahead, mixed[3])
         ahead = jnp.where(begun, held, mixed[3])
         wanted = jnp.stack([mixed[0], mixed[1], jnp.where(begun, order, mixed[2]), ahead])
+        if self.manoeuvre == "stop":
+            wanted = jnp.where(stage > 0, 0.0, wanted)
         remembered = {"stage": stage, "since": since, "course": course, "order": order, "ahead": ahead}
         return self.shared(wanted, own, vehicle), {**integrals, **remembered}
 
@@ -130,6 +132,8 @@ class Trial(Cruise):
             return jnp.sign(memory.order) * nearest_turn(feedback.heading - memory.course) >= own.deviation
         if self.manoeuvre in ("spiral", "pull_out"):
             return feedback.t - memory.since >= own.hold - 1e-9
+        if self.manoeuvre == "stop":
+            return (memory.stage == 0) & (feedback.velocity[0] <= 0)
         return jnp.asarray(False)
 
     def _order(self, stage: Scalar, own: Named) -> Array:
