@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.log import Log
 from coadjoint.mechanics.state import State
@@ -62,11 +63,10 @@ def with_current(
     """
     if not log.current or isinstance(parameters, str) or any("water" in name for name in (*parameters, *process_noise)):
         return parameters, []
+    velocity, adrift = _water(system)
     names = ("north", "east", "down")
     logged = np.stack([log.current.get(name, np.zeros(len(log))) for name in names])
-    water = getattr(system.parameters, "water", None) if system.parameters and "water" in system.parameters else None
-    velocity = getattr(water, "velocity", None) if isinstance(water, Named) and "velocity" in water else None
-    if _size(logged) < STILL or (water is not None and velocity is None):
+    if _size(logged) < STILL or (adrift and velocity is None):
         return parameters, []
     known = np.zeros(3) if velocity is None else np.resize(np.append(np.asarray(velocity, float), 0.0), 3)
     least = max(STILL, SAME * _size(logged))
@@ -83,6 +83,18 @@ def with_current(
         f"The log holds a current of {_size(logged):.2g} m/s, which the water of the model lacks: {said} are estimated "
         "as well."
     ]
+
+
+def _water(system: System) -> tuple[PyTree, bool]:
+    """The parameter of a velocity of the water, None without one; and whether there are other parameters of it."""
+    water = getattr(system.parameters, "water", None) if system.parameters and "water" in system.parameters else None
+    velocity = getattr(water, "velocity", None) if isinstance(water, Named) and "velocity" in water else None
+    return velocity, water is not None
+
+
+def lacks_current(system: System, log: Log, sought: Sequence[str]) -> bool:
+    """Whether the model has a steady velocity of the water that the log does not hold and nobody seeks."""
+    return not log.current and _water(system)[0] is not None and not any("water" in name for name in sought)
 
 
 def _size(velocity: np.ndarray) -> float:

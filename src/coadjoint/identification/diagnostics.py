@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from coadjoint.identification.fitting import ROUNDS
@@ -32,6 +34,12 @@ LONGER = 1.5
 REGULAR = 0.1
 """Rows that deviate from a multiple of the usual time by this part of it are irregular, and missing ones are
 unknown."""
+
+NOISELESS = 1e-3
+"""The median over the columns of noise to signal below which a log is that of a simulation."""
+
+UNMOVED = {"depth", "roll", "pitch", "heading", "q", "r"}
+"""Columns that a steady current leaves alone."""
 
 MOST = 3
 """The number of gaps that are listed one by one."""
@@ -121,6 +129,30 @@ def coloured(whiteness: dict[str, float], there: np.ndarray, names: tuple[str, .
         f"Residuals of {', '.join(found)} are correlated (lag-one correlation): the model or the noise is not as "
         "assumed, and the intervals may be too narrow."
     ]
+
+
+def likely_causes(log: Log, whiteness: Mapping[str, float], step: float | None, current: bool) -> list[str]:
+    """What may lie behind correlated residuals: the steps of a simulation that wrote the log, or an unknown current.
+
+    A current moves the places of a vehicle in the plane and leaves depth, attitude and rates as the model has them.
+    step: the one that is known, s. current: whether the model has a current that is neither logged nor estimated.
+    """
+    correlated = {name for name, value in whiteness.items() if abs(value) > COLOURED}
+    if not correlated:
+        return []
+    found = []
+    quiet = [rough_noise(log, name) / size for name in whiteness if (size := float(np.nanstd(log.columns[name]))) > 0]
+    if step is None and quiet and np.median(quiet) < NOISELESS:
+        found.append(
+            "The log has hardly any noise, as if a simulation wrote it: give the step of that simulation, dt= or --dt; "
+            "other warnings may come from the difference between its steps and those of the fit."
+        )
+    if current and {"north", "east"} <= correlated and not correlated & UNMOVED:
+        found.append(
+            "Only places in the plane and velocities depart from the model, as in a current that the log does not "
+            'hold: add "water.velocity[0]" and "water.velocity[1]" to the parameters.'
+        )
+    return found
 
 
 def unsettled(changed: dict[str, float]) -> list[str]:

@@ -15,7 +15,8 @@ from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.arguments import require_arguments
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
-from coadjoint.identification.commands import require_commands, with_current
+from coadjoint.identification.commands import lacks_current, require_commands, with_current
+from coadjoint.identification.diagnostics import likely_causes
 from coadjoint.identification.fitting import fitted
 from coadjoint.identification.log import Log, merged
 from coadjoint.identification.log_checks import wild
@@ -133,7 +134,10 @@ def identify(
     began = time.perf_counter()
     with Progress(None, progress, f"identification of {system.name}", "simulations") as bar:
         asked = replace(asked, simulated=lambda: bar.advance(1, time.perf_counter() - began))
-        return judged(fitted(asked, segment, given), level)
+        found = judged(fitted(asked, segment, given), level)
+    open_current = lacks_current(system, log, (*parameters, *process_noise))
+    causes = likely_causes(log, found.whiteness, step, open_current)
+    return replace(found, warnings=(*causes, *found.warnings))
 
 
 def _without_wild(log: Log, loss: Loss | None) -> Log:

@@ -223,7 +223,9 @@ def summary_table(found: Identification) -> str:
         f"  {'parameter':<{width}}  {'estimate':>11}  {f'{found.level:.0%} interval':^25}  {'before':>11}",
     ]
     for name, e in found.estimates.items():
-        lines.append(f"  {name:<{width}}  {e.value:>11.5g}  {e.low:>11.5g} .. {e.high:<10.5g}  {e.prior:>11.5g}")
+        digits = 5 if f"{e.low:.5g}" != f"{e.high:.5g}" else 8
+        value, low, high = (f"{x:.{digits}g}" for x in (e.value, e.low, e.high))
+        lines.append(f"  {name:<{width}}  {value:>11}  {low:>11} .. {high:<10}  {e.prior:>11.5g}")
     lines += ["", f"  {'column':<{width}}  {'noise':>11}   {'':<10}  lag-one correlation"]
     for name, sigma in found.noise.items():
         unit = log.units.get(name, "")
