@@ -23,7 +23,7 @@ STAGES: dict[str, Any] = {
 def left(u: float, end: tuple[float, float]) -> float:
     """The violation of a step from (1, 1) with this input to this end; x⁺ = x + (u/2, 2)."""
     made = Stages(**(dict.fromkeys(Stages._fields) | STAGES))  # pyright: ignore[reportArgumentType]
-    return violation(made, np.array([[1.0, 1.0], end]), np.array([[u]]))
+    return violation(made, np.array([[1.0, 1.0], end]), np.array([[u]]), np.zeros(0))
 
 
 @pytest.mark.cases(6)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from coadjoint.control.moving_horizon import StateEstimate as StateEstimate
     from coadjoint.control.mpc_solution import MpcSolution as MpcSolution
     from coadjoint.control.optimum import Optimum as Optimum
+    from coadjoint.control.penalty import Penalty as Penalty
     from coadjoint.control.phased_optimum import PhasedOptimum as PhasedOptimum
     from coadjoint.control.phases import Phases as Phases
     from coadjoint.control.predictive import Controller as Controller

@@ -25,7 +25,7 @@ def end_conditions(problem: ProblemData) -> dict[str, Residual]:
     Raises ArgumentError for values that do not fit the system.
     """
     end = problem.end
-    if not isinstance(end, End):
+    if not isinstance(end, End) or end.function is not None:
         return {}
     if not end.given:
         raise ArgumentError("co.control.End is empty: give at least one of g, q, xi, qdot, mu, pi, or leave it out.")

@@ -76,7 +76,9 @@ def conditions(
     second, slopes, gradient, values = at(w, rows)
     gradient = gradient.full().ravel()
     held = _active(values.full().ravel(), *program.limits, rows, "A constraint")
-    fixed = _active(w, *program.bounds, -gradient, "A bound")
+    fixed, others = w < SETTLED, len(w) - transcription.slacks
+    lower, upper = (side[:others] for side in program.bounds)
+    fixed[:others] = _active(w[:others], lower, upper, -gradient[:others], "A bound")
     free = np.flatnonzero(~fixed)
     return Conditions(second.sparse().tocsr()[free], slopes.sparse().tocsr()[held], gradient, free)
 

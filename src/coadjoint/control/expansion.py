@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.control.linearised import LinearSteps, Steps, Tables, expanded, with_jacobian
+from coadjoint.control.penalty import joined
 from coadjoint.control.quadratic import Stages
 from coadjoint.control.tangents import Tangents
 from coadjoint.control.transcription import Transcription
@@ -53,6 +54,10 @@ class Expanding:
         path, end = (with_jacobian(getattr(functions, name), name, columns) for name in ("path", "end"))
         self._cost, self._final = Tables(cost, 2 * self.count), Tables(final, 1)
         self._path, self._end = Tables(path, self.count + 1), Tables(end, 1)
+        path_rows = [(len(rows.lower), rows.slack, self.h) for rows in transcription.path]
+        self.slack = joined([*path_rows, (len(self.rated), None, 0.0)])
+        half = [(count, slack, 0.5 * weight) for count, slack, weight in path_rows]
+        self.last_slack = joined([*half, *((len(rows.lower), rows.slack, 1.0) for rows in transcription.end)])
         self.coupled = self._coupled(cost) or self._coupled(final)
         costs = [given for given in (problem.cost, problem.final_cost) if given is not None]
         self._definite = all(hasattr(given, "residual") for given in costs)
@@ -78,7 +83,7 @@ class Expanding:
         C, limits, last_C, last_limits = self._constraints(x, u, p)
         bounds = (self.lower - u) / self.scale, (self.upper - u) / self.scale
         stages = Stages(H, g, M, c, C, limits, bounds, last_H, last_g, last_C, last_limits)
-        return Expansion(self._with_rates(stages, u, before), steps, inverses)
+        return Expansion(self._with_slack(self._with_rates(stages, u, before)), steps, inverses)
 
     def _costs(
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray
@@ -154,16 +159,57 @@ class Expanding:
             last_g=np.pad(s.last_g, wide), last_C=np.pad(s.last_C, [(0, 0), *wide]),
         )  # fmt: skip
 
+    def _with_slack(self, s: Stages) -> Stages:
+        """With the slack variables of soft constraints as additional inputs, and of the last node."""
+        n, k, last = self.count, self.slack.size, self.last_slack.size
+        if not (k or last):
+            return s
+        m, wide = s.H.shape[1], [(0, 0), (0, k)]
+        H, g = np.zeros((n, m + k, m + k)), np.pad(s.g, wide)
+        weights = np.ones(n)
+        weights[0] = 0.5
+        H[:, :m, :m], g[:, m:] = s.H, weights[:, None] * self.slack.linear
+        H[:, m + np.arange(k), m + np.arange(k)] = np.maximum(weights[:, None] * self.slack.quadratic, FLOOR)
+        C = np.concatenate([s.C, np.broadcast_to(self.slack.matrix, (n, *self.slack.matrix.shape))], axis=2)
+        lower, upper = np.pad(s.u_limits[0], wide), np.pad(s.u_limits[1], wide, constant_values=np.inf)
+        size = len(s.last_g)
+        last_H = np.pad(s.last_H, (0, last))
+        last_H[size + np.arange(last), size + np.arange(last)] = np.maximum(self.last_slack.quadratic, FLOOR)
+        return s._replace(
+            H=H, g=g, M=np.pad(s.M, [(0, 0), (0, 0), (0, k)]), C=C, u_limits=(lower, upper), last_H=last_H,
+            last_g=np.concatenate([s.last_g, self.last_slack.linear]),
+            last_C=np.concatenate([s.last_C, self.last_slack.matrix], axis=1),
+        )  # fmt: skip
+
+    def violated(self, u: np.ndarray, last: np.ndarray) -> dict[str, np.ndarray]:
+        """Name → the violation of each soft constraint, (N + 1, rows), of an end (1, rows), by a solution.
+
+        u: (N, nu) with the slack behind the inputs; last: that of the end.
+        """
+        found, at_nodes, at_end = {}, u[:, self.nu :], last
+        for rows in self.transcription.path:
+            if rows.slack is not None:
+                size = rows.slack.size
+                own = np.concatenate([at_nodes[:, :size], at_end[None, :size]])
+                at_nodes, at_end = at_nodes[:, size:], at_end[size:]
+                found[rows.name] = rows.slack.violations(np.maximum(own, 0.0))
+        for rows in self.transcription.end:
+            if rows.slack is not None:
+                found[rows.name] = rows.slack.violations(np.maximum(at_end[None, : rows.slack.size], 0.0))
+                at_end = at_end[rows.slack.size :]
+        return found
+
     def patterns(self) -> dict[str, np.ndarray]:
         """The numbers of the program that may differ from zero."""
-        nx, nu, more = self.width, self.nu, len(self.rated)
+        nx, nu, more = self.width, self.nu + self.slack.size, len(self.rated)
         rows, end = (
             sum(len(r.lower) for r in self.transcription.path),
             sum(len(r.lower) for r in self.transcription.end),
         )
         m = nx + more + nu
-        found = {"M": (nx + more, m), "H": (m, m), "C": (rows + more, m), "last_H": (nx + more,) * 2}
-        return {name: np.ones(shape, bool) for name, shape in (found | {"last_C": (rows + end, nx + more)}).items()}
+        last = nx + more + self.last_slack.size
+        found = {"M": (nx + more, m), "H": (m, m), "C": (rows + more, m), "last_H": (last, last)}
+        return {name: np.ones(shape, bool) for name, shape in (found | {"last_C": (rows + end, last)}).items()}
 
 
 def limits_of(transcription: Transcription, name: str) -> np.ndarray:

@@ -91,7 +91,7 @@ class Goals:
     def __call__(self, goal: Any) -> dict[str, PyTree]:
         """The values of a goal; raises ArgumentError for other names or shapes than those of the problem's `end`."""
         end = self.problem.end
-        if not isinstance(end, End):
+        if not isinstance(end, End) or end.function is not None:
             raise ArgumentError(
                 "Argument `goal` replaces the values of co.control.End(…), which this problem does not have: let its "
                 "functions read parameters, and name these in `changing`."

@@ -142,7 +142,7 @@ def _sides(transcription: Transcription, w: Array) -> tuple[Sides, Sides]:
     problem, block = transcription.problem, nx + nu + nz
     end = problem.count * block
     p = transcription.expressions(w[end + nx : end + nx + count])
-    h = w[-1] if problem.free_duration is not None else casadi().MX(problem.dt)
+    h = w[end + nx + count] if problem.free_duration is not None else casadi().MX(problem.dt)
     u = w[end - block + nx : end - nz]
     first = Sides(w[:nx], w[nx : nx + nu], p, h)
     return first, Sides(w[end : end + nx], u[at_end(transcription.inputs)], p, h)

@@ -17,7 +17,8 @@ class MpcSolution:
     function `fallback`; or "guess", those of the inputs' guesses. sentence: the reason, or empty if it is solved.
     plan: name → (N, *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose
     names are the controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was
-    read, and after.
+    read, and after. violated: name → the violation of each soft constraint by the plan, (N + 1, rows), "end g" and so
+    on of the end, (1, rows).
     """
 
     command: dict[str, np.ndarray]
@@ -29,6 +30,7 @@ class MpcSolution:
     t: float
     preparation_seconds: float
     feedback_seconds: float
+    violated: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass

@@ -46,8 +46,9 @@ class Optimum:
     parameters: name → value, of the optimised ones. residuals: of measurements, name → (K, …), (function − y)/σ, NaN
     for gaps. costates: (N, nx), the multipliers of x_{k+1} = Φ, in the order of `names`. violation: the largest
     violation of the constraints. difference: the largest |x − x of the run| of any number of the state. iterations, and
-    seconds of building, solving: of the solver. within: name → the largest violation of a constraint of the path
-    between the nodes of the run, the violated bound, and its time.
+    seconds of building, solving: of the solver. violated: name → the violation of each soft constraint at its nodes,
+    (N + 1, rows), "end g" and so on of the end, (1, rows). within: name → the largest violation of a constraint of the
+    path between the nodes of the run, the violated bound, and its time.
     """
 
     inputs: dict[str, np.ndarray]
@@ -63,6 +64,7 @@ class Optimum:
     solve_seconds: float
     solver: str
     solution: SolvedProgram
+    violated: dict[str, np.ndarray]
     _fly: Callable[[], OptimalMotion] | None = field(repr=False)
 
     @cached_property
@@ -122,6 +124,7 @@ class Optimum:
                        f"built in {self.build_seconds:.3g} s"),
             ("constraints", f"violated by at most {self.violation:.1e}; the run differs from the optimum by at most "
                             f"{self.difference:.1e}"),
+            *soft_lines(self.violated, float(self.run.records.t[0]), self.duration),
             *lines(self.within, self.solution.problem.path_points),
             *((f"parameter {name}", f"{np.array2string(value, precision=6)}")
               for name, value in self.parameters.items()),
@@ -136,6 +139,17 @@ class Optimum:
         if self.iterations == 0:
             rows.append(("warning", STATIONARY))
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
+
+
+def soft_lines(violated: dict[str, np.ndarray], begin: float, duration: float) -> list[tuple[str, str]]:
+    """The summary of soft constraints, as names and texts."""
+    found = []
+    for name, rows in violated.items():
+        most, node = float(np.max(rows, initial=0.0)), int(np.argmax(np.max(rows, axis=1, initial=0.0)))
+        at = f" at t = {begin + duration * node / (len(rows) - 1):.4g} s" if len(rows) > 1 else ""
+        text = f"`{name}` is violated by at most {most:.3g}{at}" if most > 1e-6 else f"`{name}` holds"
+        found.append(("soft constraint", text))
+    return found
 
 
 class OptimalMotion(NamedTuple):
@@ -212,7 +226,7 @@ def flown(
         _residuals(transcription, parts), equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
         violation(program, numbers["g"]), iterations, *seconds, solver,
-        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]), fly,
+        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]), transcription.violated(parts), fly,
     )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ class Controller(Remade):
         self._judged = JudgedMotions(transcription, self._simulated) if problem.accuracy else None
         self._guess = limits_of(transcription, "guess")
         nx = expanding.width + len(expanding.rated)
-        self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
+        self._layout = StageLayout(problem.count, nx, expanding.nu + expanding.slack.size, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
         self.system, self._goal = problem.system, given_values(problem)["goal"]
         self._p = self._numbers()
@@ -94,6 +94,7 @@ class Controller(Remade):
     def reset(self) -> None:
         """Forget the plan and past inputs: the next call starts from the inputs' guesses."""
         self._plan: MotionPlan | None = None
+        self._violated: dict[str, np.ndarray] = {}
         self._clock: Timeline | None = None
         self._prepared: tuple[int, MotionPlan, Expansion] | None = None
 
@@ -248,9 +249,10 @@ class Controller(Remade):
         solved = self._solve(stages, np.concatenate([y, np.zeros(len(self._expanding.rated))]))
         if solved.failure or solved.violation > VIOLATED:
             return solved.failure or f"the constraints of the quadratic program are violated by {solved.violation:.1e}"
-        y = solved.x[:, :width]
-        dz = (steps.E @ np.concatenate([y[:-1], solved.u], axis=1)[:, :, None])[:, :, 0] + steps.e
-        u = np.clip(plan.u + solved.u * self._expanding.scale, self._expanding.lower, self._expanding.upper)
+        y, du = solved.x[:, :width], solved.u[:, : self._expanding.nu]
+        dz = (steps.E @ np.concatenate([y[:-1], du], axis=1)[:, :, None])[:, :, 0] + steps.e
+        self._violated = self._expanding.violated(solved.u, solved.last)
+        u = np.clip(plan.u + du * self._expanding.scale, self._expanding.lower, self._expanding.upper)
         x = tangents.moved_by(plan.x, y, u, self._p, self.problem.dt)
         x[0] = first
         self._plan = MotionPlan(x, u, plan.z - dz)
@@ -277,7 +279,8 @@ class Controller(Remade):
         command = {name: value[0] for name, value in rows.items()}
         sentence = f"No new plan: {reason}." if reason else ""
         seconds = time.perf_counter() - began - preparation
-        return MpcSolution(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds)
+        violated = {} if reason else self._violated
+        return MpcSolution(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds, violated)
 
     def _instead(self, state: State) -> tuple[str, np.ndarray]:
         """The inputs without a plan."""

@@ -15,6 +15,7 @@ from coadjoint.checks import truth
 from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
 from coadjoint.control.numbers import known_parameter, number, require_between, shortest_and_longest, spread
+from coadjoint.control.penalty import Penalty, require_soft
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import State
@@ -64,12 +65,14 @@ class Bounds:
 
     function: of the `co.mechanics.NodeMotion` at the node, where ξ and ν are those of the momenta and `motion.inputs`
     the inputs at the start of the step that begins there (at the last node, at the end of the step before).
-    lower, upper: numbers or vectors; by default none.
+    lower, upper: numbers or vectors; by default none. soft: a `co.control.Penalty`, the cost of a violation a second;
+    by default the bounds are hard.
     """
 
     function: Callable[..., PyTree]
     lower: Any = -math.inf
     upper: Any = math.inf
+    soft: Penalty | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         checks.function(self.function, "Argument `function` of co.control.Bounds", "a function of the motion")
@@ -78,6 +81,7 @@ class Bounds:
         require_between(self.lower, self.upper, "a constraint")
         if np.all(np.isinf(self.lower)) and np.all(np.isinf(self.upper)):
             raise ArgumentError("co.control.Bounds needs `lower` or `upper`.")
+        require_soft(self.soft, "co.control.Bounds")
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,8 @@ class End:
     """The end of the motion: given values are reached, the others are free.
 
     g: an element of G: (g⁻¹ g_N)'s part in 𝔤, dim G equations of full rank near g. q, qdot: in the space frame, (dim
-    Q,). xi: ξ of the momenta, (dim G,). mu, pi: momenta in the body frame.
+    Q,). xi: ξ of the momenta, (dim G,). mu, pi: momenta in the body frame. function: instead of these, (motion [, p])
+    that is zero at the end. soft: a `co.control.Penalty`, the cost of a distance from them; by default none is left.
     """
 
     g: PyTree = None
@@ -94,6 +99,15 @@ class End:
     qdot: PyTree = None
     mu: PyTree = None
     pi: PyTree = None
+    function: Callable[..., PyTree] | None = field(default=None, kw_only=True)
+    soft: Penalty | None = field(default=None, kw_only=True)
+
+    def __post_init__(self):
+        require_soft(self.soft, "co.control.End")
+        if self.function is not None:
+            checks.function(self.function, "Argument `function` of co.control.End", "a function of the motion")
+            if self.given:
+                raise ArgumentError("co.control.End has values or a `function`, but not both.")
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -141,6 +155,11 @@ class ProblemData:
         self._require_estimated()
 
     @property
+    def end_function(self) -> Callable[..., PyTree] | None:
+        """The function that is zero at the end, None if the end is given by values."""
+        return self.end.function if isinstance(self.end, End) else self.end
+
+    @property
     def count(self) -> int:
         """N, the number of steps."""
         assert self.steps is not None
@@ -159,7 +178,9 @@ class ProblemData:
         checks.mapping(self.path, "path", "a dictionary of name → co.control.Bounds(function, …)", of=Bounds)
         for name, bounds in self.path.items():
             require_signature(bounds.function, f"Argument `path` under `{name}`", arguments)
-        if self.end is not None and not isinstance(self.end, End):
+        if isinstance(self.end, End) and self.end.function is not None:
+            require_signature(self.end.function, "Argument `function` of co.control.End", arguments)
+        elif self.end is not None and not isinstance(self.end, End):
             checks.function(
                 self.end, "end", "co.control.End(g=…, xi=…) or a function of the motion that is zero at the end"
             )

@@ -70,13 +70,15 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
     ca, problem, functions = casadi(), transcription.problem, transcription.functions
     nx, nu, nz, count = transcription.sizes
     steps, block, free = problem.count, nx + nu + nz, problem.free_duration is not None
-    w = ca.MX.sym("w", steps * block + nx + count + free)
+    end = steps * block + nx + count + free
+    w = ca.MX.sym("w", end + transcription.slacks)
     rows = ca.reshape(w[: steps * block], block, steps)
     last = w[steps * block : steps * block + nx]
     x, u, z = rows[:nx, :], rows[nx : nx + nu, :], rows[nx + nu :, :]
     numbers = ca.MX.sym("given", len(transcription.given)) if given else None
     p = transcription.expressions(w[steps * block + nx : steps * block + nx + count], numbers)
-    h = w[-1] if free else ca.MX(problem.dt)
+    h = w[end - 1] if free else ca.MX(problem.dt)
+    softened = _Softened(w[end:], h / (1 + problem.path_points))
     following = ca.horzcat(x[:, 1:], last)
     each = ca.repmat(p, 1, steps), ca.repmat(h, 1, steps)
     residual, advanced = functions.equations.map(steps)(x, u, z, *each)
@@ -92,12 +94,21 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
     if transcription.path:
         at_nodes = ca.horzcat(functions.path.map(steps)(x, u, *each), functions.path(last, after[:, -1], p, h))
         begin = 0
+        weights = np.ones(steps + 1)
+        weights[[0, -1]] = 0.5
         for of_path in transcription.path:
-            parts.append(ca.vec(at_nodes[begin : begin + len(of_path.lower), :]))
+            own = at_nodes[begin : begin + len(of_path.lower), :]
+            parts.append(ca.vec(softened(of_path, own, weights)))
             blocks.append(Block(of_path, steps + 1))
             begin += len(of_path.lower)
     if functions.within is not None:
-        parts.append(ca.vec(functions.within.map(steps)(x, u, z, *each)))
+        inside = ca.reshape(functions.within.map(steps)(x, u, z, *each), -1, steps * problem.path_points)
+        sizes = np.cumsum([0, *(len(rows.lower) for rows in transcription.path)]).tolist()
+        by_rows = ca.vertsplit(inside, sizes)
+        found = [
+            softened(rows, one, np.ones(one.shape[1])) for rows, one in zip(transcription.path, by_rows, strict=True)
+        ]
+        parts.append(ca.vec(ca.vertcat(*found)))
         blocks.append(Block(_inside(transcription), steps))
     for rows_of, values, nodes in _of_inputs(transcription, u, h):
         parts.append(ca.vec(values))
@@ -106,9 +117,32 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
         parts.append(functions.start(x[:, 0], u[:, 0], p, h))
         blocks += [Block(rows, 1) for rows in transcription.start]
     if transcription.end:
-        parts.append(functions.end(last, after[:, -1], p, h))
+        sizes = np.cumsum([0, *(len(rows.lower) for rows in transcription.end)]).tolist()
+        for of_end, own in zip(
+            transcription.end, ca.vertsplit(functions.end(last, after[:, -1], p, h), sizes), strict=True
+        ):
+            parts.append(softened(of_end, own, None))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
+    f += softened.cost
     return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription), numbers)
+
+
+class _Softened:
+    """Adds slack variables to soft rows, one block after the other, and their cost."""
+
+    def __init__(self, slack: Any, length: Any):
+        self._slack, self._length, self._begin, self.cost = slack, length, 0, casadi().MX(0)
+
+    def __call__(self, rows: Rows, values: Any, weights: np.ndarray | None) -> Any:
+        """c + S s of rows c (rows, nodes). weights: of the nodes in the integral over time, None at the end."""
+        if rows.slack is None:
+            return values
+        ca, size, nodes = casadi(), rows.slack.size, values.shape[1]
+        s = ca.reshape(self._slack[self._begin : self._begin + size * nodes], size, nodes)
+        self._begin += size * nodes
+        each = ca.DM(rows.slack.linear).T @ s + 0.5 * ca.DM(rows.slack.quadratic).T @ s**2
+        self.cost += ca.sum2(each) if weights is None else self._length * ca.dot(each, ca.DM(weights).T)
+        return values + ca.DM(rows.slack.matrix) @ s
 
 
 def _inside(transcription: Transcription) -> Rows:
@@ -173,7 +207,10 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
         of_profiles = [np.ravel(getattr(profile, side)) for profile in transcription.profiles.values()]
         parameters = np.concatenate([*of_profiles, *of_parameters, np.full(len(transcription.eta), unbounded)])
         duration = (problem.free_duration or (0.0, 0.0))[side == "upper"]
-        found.append(transcription.joined(Split(x, u, z, parameters, duration / steps)))
+        slack = np.full(
+            sum(rows.slack.size * nodes for rows, nodes in transcription.soft if rows.slack), max(unbounded, 0.0)
+        )
+        found.append(transcription.joined(Split(x, u, z, parameters, duration / steps, slack)))
     return found[0], found[1]
 
 

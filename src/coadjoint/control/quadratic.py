@@ -27,7 +27,8 @@ the plan is followed; a program that the first mode does not solve goes to the s
 
 class Stages(NamedTuple):
     """Numbers of a program. For N stages: H (N, m, m) and g (N, m) of (x_k, u_k), M = [A B] (N, nx, m) and c (N, nx),
-    C (N, rows, m) of constraints between lower and upper (N, rows), bounds (N, nu) of u. Of the last node: H, g, C.
+    C (N, rows, m) of constraints between lower and upper (N, rows), bounds (N, nu) of u. Of the last node: H, g, C of
+    (x_N, s), with slack variables s ≥ 0.
     """
 
     H: np.ndarray
@@ -44,10 +45,12 @@ class Stages(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """x (N + 1, nx) and u (N, nu), and their violation of the constraints; failure: the reason, or empty."""
+    """x (N + 1, nx), u (N, nu), the slack at the end, and their violation of the constraints; failure: the reason, or
+    empty."""
 
     x: np.ndarray
     u: np.ndarray
+    last: np.ndarray
     violation: float
     failure: str
 
@@ -62,10 +65,11 @@ class StageLayout:
     def __init__(self, count: int, nx: int, nu: int, patterns: dict[str, np.ndarray]):
         self.count, self.nx, self.nu = count, nx, nu
         self.rows, self.last_rows = len(patterns["C"]), len(patterns["last_C"])
-        self.variables = count * (nx + nu)
+        self.ends = patterns["last_C"].shape[1] - nx
+        self.variables = count * (nx + nu) + self.ends
         stage = np.arange(count)[:, None]
         columns = stage * (nx + nu) + np.arange(-nx, nu)[None, :]  # of (x_k, u_k); those of x_0 are below 0
-        last = self.variables - nx + np.arange(nx)
+        last = self.variables - nx - self.ends + np.arange(nx + self.ends)
         begins = np.arange(count) * (nx + self.rows)
         following = columns[:, nx : nx + 1] + nu + np.arange(nx)
         steps = begins[:, None] + np.arange(nx)[None, :]
@@ -105,13 +109,14 @@ class StageLayout:
         for name, side, endless in (("lbx", 0, -np.inf), ("ubx", 1, np.inf)):
             both = np.full((self.count, self.nu + self.nx), endless)
             both[:, : self.nu] = s.u_limits[side]
-            found[name] = both.ravel()
+            found[name] = np.concatenate([both.ravel(), np.full(self.ends, max(endless, 0.0))])
         return found
 
-    def split(self, w: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """x (N + 1, nx) and u (N, nu) of the variables."""
-        both = w.reshape(self.count, self.nu + self.nx)
-        return np.vstack([first, both[:, self.nu :]]), both[:, : self.nu]
+    def split(self, w: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x (N + 1, nx), u (N, nu) and the slack at the end of the variables."""
+        rows, last = np.split(w, [self.variables - self.ends])
+        both = rows.reshape(self.count, self.nu + self.nx)
+        return np.vstack([first, both[:, self.nu :]]), both[:, : self.nu], last
 
 
 def _entries(rows: np.ndarray, columns: np.ndarray, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -146,8 +151,8 @@ class QuadraticSolver:
         if failure:
             self._far = self._far or Hpipm(self.layout, "far")
             found, failure = self._far(numbers)
-        x, u = self.layout.split(found, first)
-        return Solved(x, u, np.inf if failure else violation(stages, x, u), failure)
+        x, u, last = self.layout.split(found, first)
+        return Solved(x, u, last, np.inf if failure else violation(stages, x, u, last), failure)
 
 
 class Hpipm:
@@ -156,7 +161,10 @@ class Hpipm:
     def __init__(self, layout: StageLayout, mode: str):
         n, nx, nu = layout.count, layout.nx, layout.nu
         given = {"inf": INF, "hpipm": MODES[mode], "error_on_fail": False, "print_time": False}
-        given |= {"N": n, "nx": [0] + [nx] * n, "nu": [nu] * n + [0], "ng": [layout.rows] * n + [layout.last_rows]}
+        sizes = {"nx": [0] + [nx] * n, "nu": [nu] * n, "ng": [layout.rows] * n + [layout.last_rows]}
+        if layout.ends:  # CasADi knows no inputs of the last node: it gets a successor without numbers
+            sizes = {"nx": sizes["nx"] + [0], "nu": sizes["nu"] + [layout.ends], "ng": sizes["ng"] + [0]}
+        given |= {"N": len(sizes["nu"]), **sizes, "nu": sizes["nu"] + [0]}
         try:
             function = casadi().conic("controller", "hpipm", {"h": layout.h, "a": layout.a}, given)
         except RuntimeError as error:
@@ -192,11 +200,11 @@ class Hpipm:
         return self._x.copy(), ""
 
 
-def violation(s: Stages, x: np.ndarray, u: np.ndarray) -> float:
-    """The largest violation of the steps and limits of the stages by x and u."""
+def violation(s: Stages, x: np.ndarray, u: np.ndarray, last: np.ndarray) -> float:
+    """The largest violation of the steps and limits of the stages by x, u and the slack at the end."""
     both = np.concatenate([x[:-1], u], axis=1)[:, :, None]
     worst = [np.abs((s.M @ both)[:, :, 0] + s.c - x[1:])]
-    inside, end = (s.C @ both)[:, :, 0], s.last_C @ x[-1]
+    inside, end = (s.C @ both)[:, :, 0], s.last_C @ np.concatenate([x[-1], last])
     for values, (low, high) in ((inside, s.C_limits), (u, s.u_limits), (end, s.last_limits)):
         worst += [low - values, values - high]
     return float(max(np.max(excess, initial=0.0) for excess in worst))

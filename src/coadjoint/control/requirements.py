@@ -56,6 +56,8 @@ def require_estimable(problem: ProblemData, known: PyTree) -> None:
         raise ArgumentError("An estimator looks back over a fixed time: leave out `free_duration`.")
     if problem.parameters:
         raise ArgumentError("An estimator estimates states and inputs alone: leave out `parameters`.")
+    if any(one.soft for one in problem.path.values()):
+        raise ArgumentError("An estimator keeps the bounds of its `path`: leave out `soft`.")
     if problem.end is not None or problem.final_cost is not None:
         raise ArgumentError("An estimator has no end to reach: leave out `end` and `final_cost`.")
     require_flat(problem.system.additional, "An estimator", "describe q by coordinates")

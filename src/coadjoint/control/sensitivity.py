@@ -97,7 +97,7 @@ def _taken_over(
     count = len(parts.parameters) - len(wider.eta)
     chosen, eta = np.split(parts.parameters, [count])
     p = np.concatenate([chosen, *(value.ravel() for value in values.values()), eta])
-    w = wider.joined(Split(x, parts.u, parts.z, p, parts.h))
+    w = wider.joined(Split(x, parts.u, parts.z, p, parts.h, parts.slack))
     (nx, _, nz, _), few, steps = wider.sizes, len(narrow.live), wider.problem.count
     dynamics, others = np.split(solution.of_rows, [steps * (nz + few)])
     rows = np.zeros((steps, nz + nx))
@@ -108,7 +108,7 @@ def _taken_over(
     chosen, eta = np.split(before.parameters, [count])
     p = np.concatenate([chosen, np.zeros(sum(value.size for value in values.values())), eta])
     h = before.h if wider.problem.free_duration is not None else 0.0
-    of_bounds = wider.joined(Split(bounds, before.u, before.z, p, h))
+    of_bounds = wider.joined(Split(bounds, before.u, before.z, p, h, before.slack))
     if wider.start and not narrow.start:
         ends = sum(len(of_end.lower) for of_end in wider.end)
         inner, outer = np.split(others, [len(others) - ends])

@@ -23,7 +23,8 @@ from coadjoint.control.given import given_numbers, given_values
 from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
 from coadjoint.control.library import casadi
 from coadjoint.control.measured import Measured, Seen
-from coadjoint.control.problem_data import Input, ProblemData
+from coadjoint.control.penalty import Slack, slack_of
+from coadjoint.control.problem_data import End, Input, ProblemData
 from coadjoint.control.stage import Begun, StepGraph, step_graph
 from coadjoint.control.within_steps import with_points
 from coadjoint.errors import ArgumentError, LagrangianError
@@ -40,21 +41,30 @@ from coadjoint.spaces.named import Named
 
 
 class Rows(NamedTuple):
-    """Equations or bounds of one kind: their name, and their limits, (rows,) each."""
+    """Equations or bounds of one kind: their name, and their limits, (rows,) each.
+
+    slack, name: the variables of soft ones, and their name in the answer.
+    """
 
     what: str
     lower: np.ndarray
     upper: np.ndarray
+    slack: Slack | None = None
+    name: str = ""
 
 
 class Split(NamedTuple):
-    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), θ, parameters and η (np,) and h, s."""
+    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), θ, parameters and η (np,), h, s.
+
+    slack: of the soft constraints; empty for zeros.
+    """
 
     x: np.ndarray
     u: np.ndarray
     z: np.ndarray
     parameters: np.ndarray
     h: float
+    slack: np.ndarray = np.zeros(0)
 
 
 class Functions(NamedTuple):
@@ -139,8 +149,10 @@ class Transcription:
         steps, block = self.problem.count, nx + nu + nz
         rows = w[: steps * block].reshape(steps, block)
         last, rest = np.split(w[steps * block :], [nx])
-        h = float(rest[count]) if self.problem.free_duration is not None else self.problem.dt
-        return Split(np.vstack([rows[:, :nx], last]), rows[:, nx : nx + nu], rows[:, nx + nu :], rest[:count], h)
+        free = self.problem.free_duration is not None
+        h, slack = float(rest[count]) if free else self.problem.dt, rest[count + free :]
+        x = np.vstack([rows[:, :nx], last])
+        return Split(x, rows[:, nx : nx + nu], rows[:, nx + nu :], rest[:count], h, slack)
 
     def zeros(self) -> Split:
         """Variables that are all zero, h too."""
@@ -152,7 +164,36 @@ class Transcription:
         """The variables (n,) in their order."""
         rows = np.concatenate([parts.x[:-1], parts.u, parts.z], axis=1)
         h = [parts.h] if self.problem.free_duration is not None else []
-        return np.concatenate([rows.reshape(-1), parts.x[-1], parts.parameters, h])
+        slack = (
+            parts.slack
+            if len(parts.slack)
+            else np.zeros(sum(rows.slack.size * n for rows, n in self.soft if rows.slack))
+        )
+        return np.concatenate([rows.reshape(-1), parts.x[-1], parts.parameters, h, slack])
+
+    @property
+    def soft(self) -> list[tuple[Rows, int]]:
+        """The soft constraints and the count of their nodes, in the order of their slack: path, points inside, end."""
+        points, count = self.problem.path_points, self.problem.count
+        path, end = ([rows for rows in part if rows.slack] for part in (self.path, self.end))
+        within = [(rows, count * points) for rows in path] if points else []
+        return [*((rows, count + 1) for rows in path), *within, *((rows, 1) for rows in end)]
+
+    @property
+    def slacks(self) -> int:
+        """The count of slack variables."""
+        return sum(rows.slack.size * nodes for rows, nodes in self.soft if rows.slack)
+
+    def violated(self, parts: Split) -> dict[str, np.ndarray]:
+        """Name → the violation of each soft constraint at its nodes, (nodes, rows); of an end (1, rows)."""
+        found, begin = {}, 0
+        for rows, nodes in self.soft:
+            assert rows.slack is not None
+            size = rows.slack.size * nodes
+            own = parts.slack[begin : begin + size].reshape(nodes, rows.slack.size)
+            found.setdefault(rows.name, rows.slack.violations(own))
+            begin += size
+        return found
 
     def commands(self, u: np.ndarray) -> dict[str, np.ndarray]:
         """Rows of u (N, nu) by the names of the inputs, (N, *shape) each, (N + 1, *shape) of linear ones."""
@@ -206,8 +247,8 @@ def transcribe(
         f"`{name}` at the end": graph.at_node(residual, "The end", symbols["goal"][name])
         for name, residual in ends.items()
     }
-    if callable(problem.end):
-        end = {"the end": graph.of_motion(problem.end, "The end")}
+    if problem.end_function is not None:
+        end = {"the end": graph.of_motion(problem.end_function, "The end")}
     measured = {name: _measured(graph, name, m) for name, m in problem.measured.items()}
     eta = flat(graph.tracer.symbols("start ", np.zeros(sum(free_start_sizes(problem).values()))))
     start = [] if later else _start(graph, problem, eta, symbols["start"])
@@ -222,7 +263,7 @@ def transcribe(
         given = functions.equations, functions.path, problem.path_points, columns(chosen), at_end(chosen)
         functions = functions._replace(**dict(zip(("equations", "within"), with_points(*given), strict=True)))
     rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
-    zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
+    zeros = [_end_rows(what, np.zeros(len(found)), problem) for what, found in end.items()]
     what = "the start" if problem.free_start else "the velocities of the start"
     begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
     data = {name: _data(problem, name, one.space) for name, one in measured.items()}
@@ -302,7 +343,15 @@ def _path_rows(name: str, count: int, problem: ProblemData) -> Rows:
             f"The constraint `{name}` has {count} numbers, but bounds of the shapes {bounds.lower.shape} and "
             f"{bounds.upper.shape}."
         ) from None
-    return Rows(f"the constraint `{name}`", lower, upper)
+    what = f"the constraint `{name}`"
+    slack = None if bounds.soft is None else slack_of(bounds.soft, lower, upper, what)
+    return Rows(what, lower, upper, slack, name)
+
+
+def _end_rows(what: str, zeros: np.ndarray, problem: ProblemData) -> Rows:
+    soft = problem.end.soft if isinstance(problem.end, End) else None
+    name = f"end {what.split('`')[1]}" if "`" in what else "end"
+    return Rows(what, zeros, zeros, None if soft is None else slack_of(soft, zeros, zeros, what), name)
 
 
 def functions_of(
