@@ -143,7 +143,7 @@ def cheap() -> dict[str, Callable[[], Any]]:
         "search": lambda: co.stability.Search(top, start),
         "flight": lambda: vehicles.trim.SteadyFlight(remus),
         "problem": lambda: problem(),
-        "bounds": lambda: co.control.Bounds(one_of, 0.0),
+        "bounds": lambda: co.control.Bounds(one_of, 0.0, soft=co.control.Penalty(1.0)),
         "phases": lambda: co.control.Phases({"a": problem(), "b": problem()}, keep="momentum"),
         "composition": lambda: co.methods.Composition(co.Midpoint(), (1.0,)),
         "wing": lambda: parts.Airfoil("wing", (0, 0, 0), (1, 0, 0), (0, 0, -1), area=0.1, lift_slope=3.0, stall=0.3),
