@@ -50,7 +50,7 @@ def flown(controller, stepper, periods):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("rate", [np.inf, 15.0])
 def test_iterated_at_one_state_it_comes_to_the_optimum_of_another_solver(rate):
-    problem = turning(inputs={"torque": Input((3,), -2.0, 2.0, rate=rate)})
+    problem = turning(inputs={"torque": Input((3,), -2.0, 2.0, rate=rate, previous=0.0)})
     optimum, controller = problem.solve(), problem.controller()
     answers = [controller(problem.start) for _ in range(25)]
     found = answers[-1].plan["torque"]

@@ -139,10 +139,10 @@ def test_a_guess_may_be_an_earlier_optimum_and_then_takes_fewer_iterations():
 def test_guesses_of_another_start_begin_there(guess):
     once = problem()
     start = BODY.state(xi=[0.5, 0.2, 0.1])
-    case = once._built.case(start, None, None, guess)
+    case = once._built.case(start, None, None, None, guess)
     parts = case.transcription.split(case.guess)
     fresh = replace(once, duration=None, start=start)
-    own = fresh._built.case(None, None, None, guess)
+    own = fresh._built.case(None, None, None, None, guess)
     assert parts.x == pytest.approx(own.transcription.split(own.guess).x, abs=1e-9)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.control.boundary_conditions import start_values
-from coadjoint.control.given import Goals, changed, given_numbers
+from coadjoint.control.given import Goals, changed, given_numbers, previous_values
 from coadjoint.control.guess import Guesses
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.optimum import Optimum, flown
@@ -52,18 +52,26 @@ class BuiltProgram:
         self.seconds = time.perf_counter() - began
 
     def case(
-        self, start: State | None, goal: End | None, parameters: Mapping[str, object] | None, guess: Guess
+        self,
+        start: State | None,
+        goal: End | None,
+        parameters: Mapping[str, object] | None,
+        previous: Mapping[str, object] | None,
+        guess: Guess,
     ) -> Case:
         """The solution to find for another start, goal or parameters, None for those of the problem."""
-        if start is None and goal is None and not parameters:
+        if start is None and goal is None and not parameters and not previous:
             first = self._transcription.graph.numbers(self._transcription.beginning.state)[self._transcription.live]
             return Case(self._transcription, self._program, self._guess(self.problem, guess, first))
         system = self._system({} if parameters is None else parameters)
         start = self.problem.start if start is None else start
         first = self._first(start, system)
-        values = {"goal": self._goal(goal), "start": start_values(self.problem, start)}
         end = self.problem.end if goal is None else goal
-        problem = replace(self.problem, duration=None, system=system, start=start, end=end)
+        before = previous_values(self.problem, previous or {})
+        values = {"goal": self._goal(goal), "previous": before, "start": start_values(self.problem, start)}
+        inputs = {name: replace(one, previous=before[name]) if name in before else one
+                  for name, one in self.problem.inputs.items()}  # fmt: skip
+        problem = replace(self.problem, duration=None, system=system, start=start, end=end, inputs=inputs)
         given = given_numbers(problem, system, values)
         lower, upper = (side.copy() for side in self._program.bounds)
         held = np.flatnonzero(np.isfinite(lower[: len(first)]))

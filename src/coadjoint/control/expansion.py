@@ -46,7 +46,8 @@ class Expanding:
         self.lower, self.upper, self.rate = (limits_of(transcription, name) for name in ("lower", "upper", "rate"))
         width = self.upper - self.lower
         self.scale = np.where(np.isfinite(width) & (width > 0), width / 2, 1.0)
-        self.rated = np.flatnonzero(np.isfinite(self.rate))
+        self.change_cost = limits_of(transcription, "change_cost")
+        self.rated = np.flatnonzero(np.isfinite(self.rate) | (self.change_cost > 0))
         self.tangents = Tangents(transcription)
         columns, self.width = self.tangents.columns(self.scale), self.tangents.width
         self._linear = LinearSteps(transcription, self.count, columns)
@@ -152,12 +153,24 @@ class Expanding:
         most = self.rate[rated] * self.h
         low = np.where(np.isnan(change), -np.inf, -most - change)
         high = np.where(np.isnan(change), np.inf, most - change)
+        self._add_changes(H, g, np.nan_to_num(change), ~np.isnan(change))
         limits = np.concatenate([s.C_limits[0], low], 1), np.concatenate([s.C_limits[1], high], 1)
         wide = [(0, more)]
         return s._replace(
             H=H, g=g, M=M, c=np.pad(s.c, [(0, 0), *wide]), C=C, C_limits=limits, last_H=np.pad(s.last_H, wide * 2),
             last_g=np.pad(s.last_g, wide), last_C=np.pad(s.last_C, [(0, 0), *wide]),
         )  # fmt: skip
+
+    def _add_changes(self, H: np.ndarray, g: np.ndarray, change: np.ndarray, known: np.ndarray) -> None:
+        """Add Σ c |u_k − v_k|²/h, from the changes of the plan (N, rated)."""
+        rated, units = self.rated, self.scale[self.rated]
+        cost = known * 2.0 * self.change_cost[rated] / self.h
+        v = self.width + np.arange(len(rated))
+        u = self.width + len(rated) + rated
+        for a, b, sign in ((v, v, 1.0), (u, u, 1.0), (u, v, -1.0), (v, u, -1.0)):
+            H[:, a, b] += sign * cost * units**2
+        g[:, u] += cost * units * change
+        g[:, v] -= cost * units * change
 
     def _with_slack(self, s: Stages) -> Stages:
         """With the slack variables of soft constraints as additional inputs, and of the last node."""
@@ -213,7 +226,7 @@ class Expanding:
 
 
 def limits_of(transcription: Transcription, name: str) -> np.ndarray:
-    """`lower`, `upper`, `rate` or `guess` of all inputs, (nu,)."""
+    """`lower`, `upper`, `rate`, `guess` or `change_cost` of all inputs, (nu,)."""
     return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
 
 

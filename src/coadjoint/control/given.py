@@ -12,9 +12,11 @@ from typing import Any
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import end_state, start_values
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.numbers import spread
+from coadjoint.control.problem_data import End, Input, ProblemData
 from coadjoint.control.stage import numbers_of
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Element
@@ -24,8 +26,21 @@ from coadjoint.mechanics.system import System
 
 
 def given_values(problem: ProblemData) -> dict[str, dict[str, PyTree]]:
-    """The values of the goal, with g⁻¹ for g, and those of the start that equations read, by their names."""
-    return {"goal": _goal_values(problem), "start": start_values(problem, problem.start)}
+    """The values of the goal, with g⁻¹ for g, the commands in force before the start, and the values of the start that
+    equations read, by their names."""
+    return {
+        "goal": _goal_values(problem),
+        "previous": previous_values(problem, {}),
+        "start": start_values(problem, problem.start),
+    }
+
+
+def previous_values(problem: ProblemData, given: Mapping[str, object]) -> dict[str, np.ndarray]:
+    """The commands in force before the start, of the inputs that have one; raises ArgumentError for others."""
+    known = {name: one for name, one in problem.inputs.items() if isinstance(one, Input) and one.previous is not None}
+    checks.mapping(given, "previous", "a dictionary of name → command")
+    checks.all_known(given, known, "input with `previous`", "The problem")
+    return {name: spread(given.get(name, one.previous), one.shape, "previous") for name, one in known.items()}
 
 
 def given_numbers(problem: ProblemData, system: System, values: PyTree) -> np.ndarray:

@@ -7,7 +7,7 @@ feedback control*, SIAM J. Control Optim. 43 (2005).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
-from coadjoint.control.given import Goals, changed, given_numbers, given_values
+from coadjoint.control.given import Goals, changed, given_numbers, given_values, previous_values
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.mpc_solution import MpcSolution, Record
@@ -83,6 +83,8 @@ class Controller(Remade):
         self._simulated, self._measured = Simulated(transcription), MeasuredState(transcription)
         self._judged = JudgedMotions(transcription, self._simulated) if problem.accuracy else None
         self._guess = limits_of(transcription, "guess")
+        known = [one.guess if one.previous is None else one.previous for _, one in transcription.inputs]
+        self._before = np.concatenate([np.ravel(one) for one in known])
         nx = expanding.width + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu + expanding.slack.size, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
@@ -116,7 +118,7 @@ class Controller(Remade):
 
     def _numbers(self) -> np.ndarray:
         """The given numbers, in the order of the model's functions."""
-        values = {"goal": self._goal, "start": {}}
+        values = {"goal": self._goal, "previous": previous_values(self.problem, {}), "start": {}}
         return given_numbers(self.problem, self.system, values)
 
     def prepare(self) -> float:
@@ -129,26 +131,34 @@ class Controller(Remade):
             self._prepare(self.steps)
         return time.perf_counter() - began
 
-    def __call__(self, state: State, velocities: bool = False) -> MpcSolution:
+    def __call__(
+        self, state: State, velocities: bool = False, previous: Mapping[str, object] | None = None
+    ) -> MpcSolution:
         """The command for a state, by one real-time iteration.
 
         state: of the problem's system, as `stepper.state`, a run or system.state(…) give it, of one member.
         velocities: whether ξ and ν of the state are taken, with the model's momenta for them, as when the vehicle has
-        other masses, or other water, than the model; by default the momenta of the state. Raises ArgumentError for
+        other masses, or other water, than the model; by default the momenta of the state.
+        previous: name → the command in force until now, of all inputs, from which rates and costs of changes count; by
+        default that of the last plan, at first `previous` of the inputs, or their guess. Raises ArgumentError for
         anything else; failures of the solver are part of the solution.
         """
         began = time.perf_counter()
         measured = self._measured(state, self.system.parameters, velocities)
         t, passed = float(state.t), self._passed(float(state.t))
+        row = None if previous is None else self._row(previous, "Argument `previous`")
         if passed is None:
             self.reset()
         preparing = time.perf_counter()
+        if row is not None and self._clock is not None and passed is not None:
+            self._clock.inputs[passed] = row
+            self._prepared = None
         if self._plan is not None and passed is not None and (self._prepared is None or self._prepared[0] != passed):
             self._prepare(passed)
         if self._prepared is not None:
             self._plan = self._prepared[1]
         preparation = time.perf_counter() - preparing
-        clock = self._now(t, passed or 0)
+        clock = self._now(t, passed or 0, self._before if row is None else row)
         reason = self._iterate(measured, clock)
         if self._judged is not None and self._plan is not None and not reason:
             self._judged.judge(t + self.delay * self.problem.dt, *self._plan, self._p)
@@ -189,11 +199,10 @@ class Controller(Remade):
             x[k + 1], z[k] = found
         return True
 
-    def _now(self, t: float, passed: int) -> Timeline:
+    def _now(self, t: float, passed: int, before: np.ndarray) -> Timeline:
         """The inputs until the plan begins; the rows of the plan follow if there are any."""
         if self._clock is None:
-            unknown = np.full((1, len(self._guess)), np.nan)
-            return Timeline(t, np.concatenate([unknown, np.tile(self._guess, (self.delay, 1))]))
+            return Timeline(t, np.tile(before, (1 + self.delay, 1)))
         acting = self._clock.inputs[passed : passed + 1 + self.delay]
         return Timeline(t, acting, self._clock.age + passed)
 
@@ -286,19 +295,21 @@ class Controller(Remade):
         """The inputs without a plan."""
         if self._fallback is None:
             return "guess", self._guess
-        return "fallback", self._row(self._fallback(state))
+        row = self._row(self._fallback(state), "The `fallback`")
+        return "fallback", np.clip(row, self._expanding.lower, self._expanding.upper)
 
-    def _row(self, command: PyTree) -> np.ndarray:
-        """Commands of a fallback as a row, within the inputs' bounds."""
+    def _row(self, command: PyTree, what: str) -> np.ndarray:
+        """Commands of all inputs as a row."""
         known = self._transcription.inputs
         if not isinstance(command, dict) or set(command) != {name for name, _ in known}:
             names = ", ".join(f"`{name}`" for name, _ in known)
-            raise ArgumentError(f"The `fallback` must return a dictionary of {names}, but returned {shown(command)}.")
+            verb, did = ("return", "returned") if what == "The `fallback`" else ("be", "is")
+            raise ArgumentError(f"{what} must {verb} a dictionary of {names}, but {did} {shown(command)}.")
         found = [
-            np.broadcast_to(checks.array(command[name], f"`{name}` of the `fallback`", (), given.shape), given.shape)
+            np.broadcast_to(checks.array(command[name], f"{what}, `{name}`,", (), given.shape), given.shape)
             for name, given in known
         ]
-        return np.clip(np.concatenate([one.ravel() for one in found]), self._expanding.lower, self._expanding.upper)
+        return np.concatenate([one.ravel() for one in found])
 
     def __str__(self) -> str:
         problem = self.problem

@@ -102,6 +102,7 @@ class Problem(WithOverview, ProblemData):
         start: State | None = None,
         goal: End | None = None,
         parameters: Mapping[str, object] | None = None,
+        previous: Mapping[str, object] | None = None,
         solver: str = "ipopt",
         tolerance: float = 1e-9,
         max_iterations: int = 500,
@@ -123,6 +124,7 @@ class Problem(WithOverview, ProblemData):
             start: another start, a state of the same system, by default that of the problem.
             goal: a `co.control.End` with the same names as `end`, by default that of the problem.
             parameters: name → value of parameters that `changing` names; by default those of the system.
+            previous: name → the command in force, of inputs with `previous`; by default that of the input.
             solver: "ipopt" (the default) or "fatrop".
             tolerance: of the solver's optimality and of the constraints, by default 1e-9.
             max_iterations: by default 500.
@@ -133,8 +135,8 @@ class Problem(WithOverview, ProblemData):
         LagrangianError for ill-posed problems.
         """
         settings = settings_of(solver, tolerance, max_iterations, verbose, options)
-        found = self._built.solved(self._built.case(start, goal, parameters, guess), settings)
-        if start is None and goal is None and not parameters:
+        found = self._built.solved(self._built.case(start, goal, parameters, previous, guess), settings)
+        if start is None and goal is None and not parameters and not previous:
             _ = found._flown
         return found
 
@@ -144,6 +146,7 @@ class Problem(WithOverview, ProblemData):
         goals: Sequence[End] | None = None,
         parameters: Sequence[Mapping[str, object]] | None = None,
         *,
+        previous: Sequence[Mapping[str, object]] | None = None,
         guesses: Sequence[Run | Optimum | str | None] | None = None,
         threads: int | None = None,
         solver: str = "ipopt",
@@ -156,15 +159,15 @@ class Problem(WithOverview, ProblemData):
             optima = problem.solve_each(starts=[body.state(xi=[w, 0, 0]) for w in speeds])
 
         Arguments:
-            starts, goals, parameters, guesses: n values each, as those of `solve`; by default those of the problem for
-                all.
+            starts, goals, parameters, previous, guesses: n values each, as those of `solve`; by default those of the
+                problem for all.
             threads: by default one for each processor. Results do not depend on it.
             solver, tolerance, max_iterations, options: as in `solve`.
 
         Raises ArgumentError for values that `solve` does not take.
         """
         settings = settings_of(solver, tolerance, max_iterations, False, options)
-        given = {"starts": starts, "goals": goals, "parameters": parameters, "guesses": guesses}
+        given = {"starts": starts, "goals": goals, "parameters": parameters, "previous": previous, "guesses": guesses}
         named = {name: one for name, one in given.items() if one is not None}
         counts = {name: len(checks.instance(one, name, (list, tuple), "a list")) for name, one in named.items()}
         if len(set(counts.values())) != 1:

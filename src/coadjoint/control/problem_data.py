@@ -34,6 +34,9 @@ class Input:
 
     shape: () for a number, (m,) for a vector; by default (). lower, upper: bounds, numbers or of this shape, by default
     none. rate: the largest |u_{k+1} − u_k|/h, by default none. guess: the start of the solver, by default 0.
+    change_cost: c, which adds Σ c |u_{k+1} − u_k|²/h to the cost, by default 0. previous: the command in force before
+    the start, from which `rate` and `change_cost` count the first change, and a linear course begins; by default the
+    first command is free, and a controller takes the guess.
     course: "held", u_k from node k to the next (the default), or "linear", from u_k at node k to u_{k+1} at the next.
 
     Raises ArgumentError for bounds other than numbers, or that no value satisfies.
@@ -45,6 +48,8 @@ class Input:
     rate: Any = math.inf
     guess: PyTree = 0.0
     course: str = "held"
+    change_cost: Any = field(default=0.0, kw_only=True)
+    previous: Any = field(default=None, kw_only=True)
 
     def __post_init__(self):
         checks.choice(self.course, "Argument `course` of an input", COURSES)
@@ -52,8 +57,12 @@ class Input:
         fits = isinstance(shape, tuple) and all(type(n) is int and n > 0 for n in shape) and (len(shape) <= 1)
         checks.expect(fits, self.shape, "Argument `shape` of an input", "() or (m,)")
         object.__setattr__(self, "shape", shape)
-        for name in ("lower", "upper", "rate", "guess"):
+        known = () if self.previous is None else ("previous",)
+        for name in ("lower", "upper", "rate", "guess", "change_cost", *known):
             object.__setattr__(self, name, spread(getattr(self, name), shape, name))
+        for name in ("change_cost", *known):
+            checks.expect(np.all(np.isfinite(getattr(self, name))), getattr(self, name), name, "finite numbers")
+        checks.expect(np.all(self.change_cost >= 0), self.change_cost, "change_cost", "numbers from 0 on")
         require_between(self.lower, self.upper, "an input")
         if np.any(self.rate <= 0):
             raise ArgumentError("Argument `rate` of an input must be positive: the largest change in a second.")

@@ -110,7 +110,11 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
         ]
         parts.append(ca.vec(ca.vertcat(*found)))
         blocks.append(Block(_inside(transcription), steps))
-    for rows_of, values, nodes in _of_inputs(transcription, u, h):
+    before = {
+        name: (transcription.given if numbers is None else numbers)[at] for name, at in transcription.previous.items()
+    }
+    f += _of_changes(transcription, u, h, before)
+    for rows_of, values, nodes in _of_inputs(transcription, u, h, before):
         parts.append(ca.vec(values))
         blocks.append(Block(rows_of, nodes))
     if transcription.start:
@@ -171,7 +175,26 @@ def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scal
     return found
 
 
-def _of_inputs(transcription: Transcription, u: Array, h: Scalar) -> list[tuple[Rows, Any, int]]:
+def _of_changes(transcription: Transcription, u: Array, h: Scalar, before: dict[str, Any]) -> PyTree:
+    """Σ c |u_{k+1} − u_k|²/h of all inputs with a cost of changes."""
+    ca, found = casadi(), 0.0
+    for name, given, begin, end in transcription.columns:
+        cost = np.ravel(given.change_cost)
+        if not np.any(cost):
+            continue
+        own = u[begin, :]
+        if begin != end:
+            change = u[end, :] - own
+        else:
+            own = ca.horzcat(before[name], own) if name in before else own
+            change = own[:, 1:] - own[:, :-1]
+        found += ca.sum2(ca.DM(cost).T @ change**2) / h
+    return found
+
+
+def _of_inputs(
+    transcription: Transcription, u: Array, h: Scalar, before: dict[str, Any]
+) -> list[tuple[Rows, Any, int]]:
     """Continuity of linear inputs, and the largest rates: rows, their values, and the number of nodes."""
     found, steps = [], transcription.problem.count
     for name, given, begin, end in transcription.columns:
@@ -179,11 +202,15 @@ def _of_inputs(transcription: Transcription, u: Array, h: Scalar) -> list[tuple[
         limited, linear = np.any(np.isfinite(rate)), begin != end
         if linear and steps > 1:
             found.append((Rows(f"the course of input `{name}`", zeros, zeros), u[begin, 1:] - u[end, :-1], steps - 1))
+        if linear and name in before:
+            found.append((Rows(f"the beginning of input `{name}`", zeros, zeros), u[begin, 0] - before[name], 1))
         of_rate = Rows(f"the rate of input `{name}`", -rate, rate)
         if limited and linear:
             found.append((of_rate, (u[end, :] - u[begin, :]) / h, steps))
         elif limited and steps > 1:
             found.append((of_rate, (u[begin, 1:] - u[begin, :-1]) / h, steps - 1))
+        if limited and not linear and name in before:
+            found.append((of_rate, (u[begin, 0] - before[name]) / h, 1))
     return found
 
 

@@ -25,7 +25,7 @@ from coadjoint.control.library import casadi
 from coadjoint.control.measured import Measured, Seen
 from coadjoint.control.penalty import Slack, slack_of
 from coadjoint.control.problem_data import End, Input, ProblemData
-from coadjoint.control.stage import Begun, StepGraph, step_graph
+from coadjoint.control.stage import Begun, StepGraph, numbers_of, step_graph
 from coadjoint.control.within_steps import with_points
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.expressions.expression import Expr
@@ -91,8 +91,8 @@ class Transcription:
     """A problem as functions of CasADi.
 
     live: the numbers of the state that are x. path, end: their rows. eta: the change of the start, if it is free. data:
-    name → measurements. given: the numbers that may change from one solution to the next. later: whether x_0 is the end
-    of another phase.
+    name → measurements. given: the numbers that may change from one solution to the next. previous: the places
+    of commands in force among them. later: whether x_0 is the end of another phase.
     """
 
     problem: ProblemData
@@ -106,6 +106,7 @@ class Transcription:
     eta: list[Expr]
     data: dict[str, Seen]
     given: np.ndarray
+    previous: dict[str, slice]
     later: bool = False
 
     @property
@@ -268,7 +269,14 @@ def transcribe(
     begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
     data = {name: _data(problem, name, one.space) for name, one in measured.items()}
     numbers = given_numbers(problem, problem.system, values)
-    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, numbers, later)
+    begin = len(numbers) - numbers_of(values["start"]).size - numbers_of(values["previous"]).size
+    previous = {}
+    for name in sorted(values["previous"]):
+        previous[name] = slice(begin, begin + values["previous"][name].size)
+        begin = previous[name].stop
+    return Transcription(
+        problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, numbers, previous, later
+    )
 
 
 class MeasuredDifference(NamedTuple):
