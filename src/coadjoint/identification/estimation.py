@@ -13,7 +13,6 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError
-from coadjoint.identification.arguments import require_arguments
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
 from coadjoint.identification.commands import lacks_current, require_commands, with_current
 from coadjoint.identification.diagnostics import likely_causes
@@ -32,6 +31,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.simulation.arguments import require_kinds
 from coadjoint.simulation.progress import Progress
 
 
@@ -192,3 +192,16 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
             raise ArgumentError(f"Argument `noise` names `{name}`, but the log holds none of {', '.join(known[name])}.")
         found.update(dict.fromkeys(parts, size))
     return found
+
+
+def require_arguments(system: System, log: object, start: PyTree, method: object) -> None:
+    """Raise ArgumentError unless these are a system, a log, a start of the system and a method."""
+    if isinstance(inner := getattr(system, "system", None), System):
+        raise ArgumentError(
+            f"Argument `system` must be a co.System, but is {type(system).__name__}: give its `system`, of "
+            f"{inner.name}."
+        )
+    checks.instance(
+        log, "log", Log, "a Log, as co.vehicles.logs.read_log(path) and co.identification.synthetic_log(run) make"
+    )
+    require_kinds(system, start, method)

@@ -10,10 +10,10 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
-from coadjoint.identification.observed_program import Observed
 from coadjoint.identification.process_noise import KNOT, MOST, Knots
 from coadjoint.identification.process_noise_model import Moved
 from coadjoint.identification.sampling import Between, samples, steps_between
@@ -29,11 +29,40 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_scalar
 from coadjoint.methods.method import Method
-from coadjoint.methods.program import StepProgram
+from coadjoint.methods.program import StepProgram, StepStage
 from coadjoint.simulation.simulate import simulate
 
 LONGEST_STEP = 0.05
 """The first step, s, which is then refined: the longest below this that leads from sample to sample."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """`program` with the numbers of `channels` at the node where a step starts as its record."""
+
+    program: StepProgram
+    channels: Channels
+
+    @property
+    def stages(self) -> tuple[ObservedStage, ...]:
+        return tuple(ObservedStage(stage, self.channels) for stage in self.program.stages)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.program, name)
+
+
+@dataclass(frozen=True)
+class ObservedStage:
+    """A stage with such a record."""
+
+    stage: StepStage
+    channels: Channels
+
+    def record(self, parameters: PyTree, state: PyTree, h: Scalar, z: Array) -> Any:
+        return self.channels.of(replace_parameters(self.stage.skeleton, parameters.system), state)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stage, name)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from tests.torpedo import start, torpedo
 
 import coadjoint as co
 from coadjoint.identification.channels import VEHICLE, Channels
-from coadjoint.identification.observed_program import Observed
+from coadjoint.identification.problem import Observed
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import batch, gradient
 from coadjoint.kernels.run.function import NativeFunction

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification import synthetic_log
 from coadjoint_vehicles import axes
 from coadjoint_vehicles.logs import inputs, inputs_from_csv, read_log
-from coadjoint_vehicles.logs.csv_file import read_csv
+from coadjoint_vehicles.logs.inputs import read_csv
 from coadjoint_vehicles.logs.records import VehicleRecords
 from coadjoint_vehicles.remus import remus_100, remus_start
 

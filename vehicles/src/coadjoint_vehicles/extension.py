@@ -89,7 +89,7 @@ NUMBERS = {"vehicle": "coadjoint_vehicles.missions.provenance:numbers"}
 """To reports."""
 
 FORMATS = {
-    ".csv": "coadjoint_vehicles.logs.saving:log_text",
+    ".csv": "coadjoint_vehicles.logs.columns:log_text",
     ".mcap": "coadjoint_vehicles.logs.bags.writing:mcap_bytes",
 }
 """To `run.save`."""

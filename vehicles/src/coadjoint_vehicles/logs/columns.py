@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.csv_tables import csv_text
 from coadjoint.units import ending
 from coadjoint_vehicles.logs.records import VehicleRecords
+
+if TYPE_CHECKING:
+    import xarray
 
 
 def columns(log: VehicleRecords, axes: str = "NED/FRD") -> dict[str, np.ndarray]:
@@ -57,3 +61,11 @@ def written(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
     if values.ndim == 1:
         return {f"{name}{end}": values}
     return {f"{name}[{i + 1}]{end}": column for i, column in enumerate(values.reshape(len(values), -1).T)}
+
+
+def log_text(dataset: xarray.Dataset, axes: str = "NED/FRD") -> str:
+    """Columns `time_s`, `north_m`, `east_m`, `depth_m`, …; with axes "ENU/FLU" of east, north, up.
+
+    Raises ArgumentError for a run without a vehicle.
+    """
+    return csv_text(columns(VehicleRecords(dataset), axes))

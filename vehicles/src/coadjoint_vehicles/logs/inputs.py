@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.clocks import Unsorted
-from coadjoint.errors import ArgumentError
+from coadjoint.clocks import Unsorted, clock
+from coadjoint.csv_tables import read_sheet
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.mechanics import Held, Linear
 from coadjoint.texts import Table
-from coadjoint_vehicles.logs.csv_file import CsvFile, read_csv
+from coadjoint_vehicles.logs.headers import loose
 
 MOST_ROWS = 100_000
 """The most rows of an input: they are looked up by bisection, and are constants in the code that is compiled."""
@@ -108,3 +110,43 @@ def _kept(time: np.ndarray, values: np.ndarray, between: str, every: float) -> n
         bins = np.floor((time[rows] - time[0]) / every)
         rows = rows[np.unique(bins, return_index=True)[1]]
     return rows
+
+
+TIME = "time"
+
+
+@dataclass(frozen=True)
+class CsvFile:
+    """The columns of a CSV file in SI units and rad, by their names without the unit."""
+
+    path: str
+    time: np.ndarray
+    columns: dict[str, np.ndarray]
+
+
+def read_csv(path: str | os.PathLike[str], unsorted: Unsorted = "refuse") -> CsvFile:
+    """The table in a CSV file: a line of column names that end in their units, `time_s` among them, then numbers.
+
+    unsorted: whether rows that are out of order are sorted. Raises FileError with file, line and column for a value
+    that is not a number, is missing, or is duplicated, and for times that do not increase or are not in seconds.
+    """
+    sheet = read_sheet(path)
+    known = [loose(name) for name in sheet.names]
+    columns: dict[str, np.ndarray] = {}
+    for place, found in enumerate(known):
+        if found.name in columns:
+            before = next(other.header for other in known if other.name == found.name)
+            raise FileError(
+                f"{path}, line {sheet.line}: `{found.name}` comes twice, as `{before}` and `{found.header}`."
+            )
+        columns[found.name] = sheet.numbers(place) * found.factor
+    at = next((place for place, found in enumerate(known) if found.name == TIME and found.unit == "s"), None)
+    if at is None:
+        raise FileError(
+            f"{path}, line {sheet.line}: there must be a column `time_s`, but there are {', '.join(sheet.names)}."
+        )
+    time = columns.pop(TIME)
+    where = f"column `{sheet.names[at]}`"
+    # Set points may well be an hour apart: they are held, and no sensor was read in between.
+    read = clock(time, lambda row: f"{path}, line {sheet.lines[row]}, {where}", None, unsorted)
+    return CsvFile(str(path), read.time, {name: values[read.order] for name, values in columns.items()})

@@ -19,8 +19,7 @@ from coadjoint.mechanics import InternalRule, NodeMotion, sampled, sampling
 from coadjoint.mechanics.members import Each, count_members, stacked
 from coadjoint.spaces import Named
 from coadjoint_vehicles.model.command_limits import clipped, command_range, require_in_range
-from coadjoint_vehicles.model.controller import Controller, Feedback
-from coadjoint_vehicles.model.controller_checks import require_declared
+from coadjoint_vehicles.model.controller import Controller, Feedback, require_declared
 from coadjoint_vehicles.model.controller_mistakes import called, steer
 from coadjoint_vehicles.model.energies import Surroundings
 from coadjoint_vehicles.model.faults import Fault, latched, remembered

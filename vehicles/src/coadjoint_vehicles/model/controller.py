@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
@@ -113,3 +115,19 @@ class Controller(Numbers, ABC):
         self, feedback: Feedback, memory: Named, own: Named, vehicle: Any
     ) -> tuple[dict[str, PyTree], dict[str, PyTree]]:
         """Commands by the names of the parts, and the next internal state; jax.numpy only."""
+
+
+def require_declared(controller: Controller) -> None:
+    """Raise ArgumentError unless a controller declares its set points and its memory by name."""
+    name, inputs, memory = type(controller).__name__, controller.inputs, controller.memory
+    fits = isinstance(inputs, Mapping) and all(isinstance(text, str) for pair in inputs.items() for text in pair)
+    checks.expect(
+        fits,
+        inputs,
+        f"`inputs` of the controller `{name}`",
+        "a dictionary of units by name, such as {'heading': 'rad'}",
+    )
+    if not callable(memory) or not isinstance(memory(), Mapping):
+        raise ArgumentError(
+            f"`memory` of the controller `{name}` must be a method that returns a dictionary, such as {{'total': 0.0}}."
+        )
