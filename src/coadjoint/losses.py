@@ -18,7 +18,6 @@ from scipy.special import erfc, gammainccinv
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown
 
 
 class Loss(ABC):
@@ -118,5 +117,4 @@ class Student(Loss):
 
 def require_loss(value: object, name: str) -> None:
     """Raise ArgumentError unless it is None or a Loss."""
-    if value is not None and not isinstance(value, Loss):
-        raise ArgumentError(f"{name} must be co.losses.Huber() or co.losses.Student(), but is {shown(value)}.")
+    checks.expect(value is None or isinstance(value, Loss), value, name, "co.losses.Huber() or co.losses.Student()")

@@ -20,6 +20,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from types import UnionType
 from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import choice, either, unknown
 from coadjoint.errors import ArgumentError
@@ -154,8 +155,7 @@ def read(kind: type[T], title: str, given: object, **more: object) -> T:
     Raises ArgumentError for a value that is not a table, for an unknown key, naming the nearest known one, for a unit
     of another dimension, for a value of another type, and for a key that is given twice or missing.
     """
-    if not isinstance(given, Mapping):
-        raise ArgumentError(f"[{title}] must be a section of a file, with keys, but is {given!r}.")
+    given = checks.instance(given, f"[{title}]", Mapping, "a section of a file, with keys")
     declared = {f.name: f for f in fields(kind) if _KEY in f.metadata}  # pyright: ignore[reportArgumentType]
     types = get_type_hints(kind)
     rest = next((name for name, f in declared.items() if _of(f).rest), None)

@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.measurements import semidefinite
 from coadjoint.estimation.numbers import numbers
@@ -68,11 +68,13 @@ def first_covariance(process: Process, row: np.ndarray, deviations: PyTree, cova
     if covariance is None:
         return process.admitted(row[None], process.first_covariance(row, deviations)[None])[0]
     P = numbers(covariance)
-    if P.shape != (process.width, process.width) or not semidefinite(P):
-        raise ArgumentError(
-            f"Argument `covariance` must be a symmetric matrix ({process.width}, {process.width}) without negative "
-            f"eigenvalues, of the errors {', '.join(process.error_sizes)}, but is {shown(covariance)}."
-        )
+    checks.expect(
+        P.shape == (process.width, process.width) and semidefinite(P),
+        covariance,
+        "covariance",
+        f"a symmetric matrix ({process.width}, {process.width}) without negative eigenvalues, of the errors "
+        f"{', '.join(process.error_sizes)}",
+    )
     return process.admitted(row[None], 0.5 * (P + P.T)[None])[0]
 
 

@@ -34,8 +34,12 @@ class FilterMeasurements:
     def readings(self, rows: PyTree, random: np.random.Generator | None) -> dict[str, np.ndarray]:
         """The values (…, m) at rows of the process (…, size), by name, with noise from `random` if there is one."""
         rows, size = np.asarray(rows), len(self._example)
-        if not np.issubdtype(rows.dtype, np.floating) or rows.shape[-1:] != (size,):
-            raise ArgumentError(f"Argument `rows` must be rows (…, {size}) of the process, but is {shown(rows)}.")
+        checks.expect(
+            np.issubdtype(rows.dtype, np.floating) and rows.shape[-1:] == (size,),
+            rows,
+            "rows",
+            f"rows (…, {size}) of the process",
+        )
         found: dict[str, np.ndarray] = {}
         for name, one in self.prepared.items():
             if name not in self._read:

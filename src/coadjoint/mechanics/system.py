@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import jax
 
+from coadjoint import checks
 from coadjoint.arrays import Coordinates, PyTree, Scalar
 from coadjoint.checks import known_arguments
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element, require_group
 from coadjoint.interrupts import deferred_interrupts
@@ -303,8 +304,9 @@ class System(ReducedFunctions, Portable, WithOverview):
         """
         if not self.constraints:
             raise ArgumentError("This system has no constraints to project a state onto.")
-        if not isinstance(state, State) or state.places != self.places:
-            raise ArgumentError(f"Argument `state` must be a state of `{self.name}`, but is {shown(state)}.")
+        checks.expect(
+            isinstance(state, State) and state.places == self.places, state, "state", f"a state of `{self.name}`"
+        )
         return projected(self, state)
 
 

@@ -25,8 +25,12 @@ class SystemSection:
             raise ArgumentError(
                 'Section [system] needs either `model`, a name of the catalogue, or `factory`, "file.py:function".'
             )
-        if self.factory and (self.factory.count(":") != 1 or not all(self.factory.split(":"))):
-            raise ArgumentError(f'[system] factory must be "file.py:function", but is {self.factory!r}.')
+        checks.expect(
+            not self.factory or (self.factory.count(":") == 1 and all(self.factory.split(":"))),
+            self.factory,
+            "[system] factory",
+            '"file.py:function"',
+        )
 
 
 @dataclass(frozen=True)

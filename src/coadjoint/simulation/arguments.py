@@ -15,7 +15,7 @@ from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.checks import MOST, array, positive, uneven, whole
 from coadjoint.checks import steps as whole_steps
-from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.constraints import Bound
@@ -167,8 +167,7 @@ def _check_signal(source: Signal, start: State) -> None:
     require_float64(getattr(source, "function", source), "The signal", (t,))
     with in_words("The signal"):
         value = evaluate(source, t)
-    if not np.all(np.isfinite(value)):
-        raise ArgumentError(f"A signal must be finite at the start, t = {t:g} s, but is {shown(value)}.")
+    checks.expect(np.all(np.isfinite(value)), value, "A signal", f"finite at the start, t = {t:g} s")
 
 
 SAFE = 1.0

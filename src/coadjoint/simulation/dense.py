@@ -7,6 +7,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.chunk import Chunk
@@ -106,11 +107,13 @@ def at_times(plan: Plan, records: State, times: object) -> State:
     nodes, forward = np.asarray(records.t), 1.0 if plan.h > 0 else -1.0
     slack = SLACK * abs(plan.h)
     inside = (forward * (wanted - nodes[0]) >= -slack) & (forward * (wanted - nodes[-1]) <= slack)
-    if wanted.ndim != 1 or not wanted.size or not np.all(inside):
-        raise ArgumentError(
-            f"Argument `times` must be one time, or a row of times, between {nodes[0]:g} and {nodes[-1]:g} s, the "
-            f"first and the last that the run saved, but is {times!r}."
-        )
+    checks.expect(
+        wanted.ndim == 1 and wanted.size and np.all(inside),
+        times,
+        "times",
+        f"one time, or a row of times, between {nodes[0]:g} and {nodes[-1]:g} s, the first and the last that the run "
+        "saved",
+    )
     before = np.clip(np.searchsorted(forward * nodes, forward * wanted, side="right") - 1, 0, len(nodes) - 1)
     rows = [_record(plan, _row(records, i), t) for i, t in zip(before, wanted, strict=True)]
     return jax.tree.map(lambda *leaves: np.stack(leaves), *rows)

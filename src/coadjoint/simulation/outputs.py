@@ -61,8 +61,8 @@ class Output:
             checks.positive(self.every, "every")
         if not (self.what is None or callable(self.what)):
             checks.texts((self.what,) if isinstance(self.what, str) else self.what, "what", WHAT)
-        if not (self.to is None or callable(self.to) or isinstance(self.to, (str, os.PathLike))):
-            raise ArgumentError(f"Argument `to` must be {TO}, but is {shown(self.to)}.")
+        fits = self.to is None or callable(self.to) or isinstance(self.to, (str, os.PathLike))
+        checks.expect(fits, self.to, "to", TO)
         if isinstance(self.to, (str, os.PathLike)) and self.what is not None:
             raise ArgumentError(
                 "An output to a folder holds records: leave out `what`; `system.watching({name: function})` adds a "

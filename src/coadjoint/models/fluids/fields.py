@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint import checks
+from coadjoint.errors import ArgumentError
 from coadjoint.models.fluids.euler import planetary, size_of
 from coadjoint.models.fluids.harmonics import coefficients_of, on_grid, power_spectrum
 
@@ -35,11 +36,12 @@ def fields(fluid: Any, run: Any, latitudes: int = 91, longitudes: int = 180) -> 
     import xarray
 
     size, dataset = size_of(fluid), getattr(run, "dataset", run)
-    if not isinstance(dataset, xarray.Dataset) or "mu" not in dataset or dataset["mu"].dims != ("time", "algebra"):
-        raise ArgumentError(
-            "Argument `run` must be one run of co.simulate, or of co.load, or the dataset of one, as "
-            f"ensemble.dataset.isel(member=0), but is {shown(run)}."
-        )
+    checks.expect(
+        isinstance(dataset, xarray.Dataset) and "mu" in dataset and dataset["mu"].dims == ("time", "algebra"),
+        run,
+        "run",
+        "one run of co.simulate, or of co.load, or the dataset of one, as ensemble.dataset.isel(member=0)",
+    )
     if dataset.sizes["algebra"] != size**2:
         raise ArgumentError(
             f"Argument `fluid` must be the one that ran, but has N = {size}, and the run N = "

@@ -75,11 +75,8 @@ def centerline(state: State) -> np.ndarray:
     state: a state or records of a rod, as `run.final` and `run.records`. Raises ArgumentError for others.
     """
     group = state.places.group if isinstance(state, State) and state.places is not None else None
-    if not isinstance(group, Power) or not isinstance(group.factor, (SE2, SE3)):
-        raise ArgumentError(
-            "Argument `state` must be a state or records of a rod, as run.final and run.records, but is "
-            f"{shown(state)}."
-        )
+    fits = isinstance(group, Power) and isinstance(group.factor, (SE2, SE3))
+    checks.expect(fits, state, "state", "a state or records of a rod, as run.final and run.records")
     g: Any = state.g
     return np.asarray(g[1])
 
