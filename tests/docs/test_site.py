@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element, fromstring
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.certificate_forms import MEANINGS
 
 ROOT = Path(__file__).parents[2]
 needs_sphinx = pytest.mark.skipif(
@@ -174,3 +175,9 @@ def test_titles_of_pages_differ_and_pictures_are_described() -> None:
     titles = Counter(text.splitlines()[0] for page, text in texts.items() if page.name not in ("README.md", "index.md"))
     assert [title for title, count in titles.items() if count > 1] == []
     assert [page.name for page, text in texts.items() if re.search(r"!\[\s*\]\(", text)] == []
+
+
+def test_the_glossary_explains_each_line_of_the_certificate_as_notebooks_and_reports_do() -> None:
+    page = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([^|]+) \| (.+) \|$", page.partition("## Lines of the certificate")[2], re.MULTILINE)
+    assert {line: meaning.replace("\\|", "|") for line, meaning in rows if line != "line"} == MEANINGS
