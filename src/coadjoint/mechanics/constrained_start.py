@@ -16,7 +16,7 @@ from coadjoint.mechanics.constraints import places
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.momentum_sizes import largest
-from coadjoint.mechanics.reactions import Independent, closing, kicked, node_rates, parts, rate, rows_of, site
+from coadjoint.mechanics.reactions import Independent, closing, count, kicked, node_rates, parts, rate, rows_of, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -101,14 +101,24 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
     sizes = [abs(by_n) @ (abs(at.n) + 1e-3) + abs(by_a) @ (abs(at.a) + 1e-3) for by_n, by_a in slopes]
     held = iter(zip(map(jnp.abs, found), sizes, strict=True))
     gaps = [next(held) if one.holonomic else (jnp.zeros(one.size), jnp.ones(one.size)) for one in system.constraints]
-    node = node_rates(system, state)
-    v = jnp.concatenate([node.velocities.xi, node.velocities.nu])
+    dim, m = system.group.dim, count(system)
 
-    def rates(v: Array) -> Array:
-        return rate(system, at, v[: system.group.dim], v[system.group.dim :])
+    def rates(v: Array) -> tuple[Array, Array]:
+        now = rate(system, at, v[:dim], v[dim:])
+        return now, now
 
-    size = jnp.abs(jax.jacfwd(rates)(v)) @ (jnp.abs(v) + 1e-3) + jnp.abs(rates(jnp.zeros_like(v)))
-    return {"places": gaps, "rate": (jnp.abs(node.rate), size), "mobility": node.mobility}
+    nothing = jnp.zeros(dim + len(state.n))
+    A, alone = jax.jacfwd(rates, has_aux=True)(nothing)
+
+    def velocities(impulse: Array) -> tuple[Array, Array]:
+        kick = A.T @ impulse
+        found = inverse_legendre.velocities(system, state.replace(mu=state.mu + kick[:dim], pi=state.pi + kick[dim:]))
+        v = jnp.concatenate([found.xi, found.nu])
+        return v, v
+
+    changes, v = jax.jacfwd(velocities, has_aux=True)(jnp.zeros(m))
+    size = jnp.abs(A) @ (jnp.abs(v) + 1e-3) + jnp.abs(alone)
+    return {"places": gaps, "rate": (jnp.abs(A @ v + alone), size), "mobility": A @ changes}
 
 
 def _surveyed_links(system: ReducedFunctions, state: State) -> Table:

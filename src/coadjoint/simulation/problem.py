@@ -98,11 +98,12 @@ class SimulationProblem:
 
     def _run(self, traces: Traced | None) -> Run:
         system, start = self._driven()
+        traces = {} if traces is None else traces
         reading = self._read(system, start)
         begun = setup_cache.found(reading)
         if begun is None:
             phase("Tracing the functions of %s.", system.name)
-            with functions_known(reading is not None and reading.own):
+            with functions_known(reading is not None and reading.own), tracing_once(traces):
                 begun = self._checked(system, start, reading)
             setup_cache.remember(reading, begun)
         state, warnings, program, watching = begun
