@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from inspect import isfunction
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.mechanics import constrained_start, reactions
+from coadjoint.methods import rattle
 from pinned import INERTIA, MASS, PIN, RATES, body, hold, pinned, reference, start
 
 QUIET = {"monitors": False, "accuracy": False}
@@ -248,3 +252,34 @@ def test_a_stepper_of_redundant_constraints_keeps_the_rows_of_its_start():
         stepper = co.Stepper(sleigh, sleigh.state(xi=[1.2, -0.5, 0]), dt=0.05)
     stepper.step(n=3)
     assert abs(stepper.state.xi[2]) < 1e-15 and stepper.state.xi[0] > 1.2
+
+
+def test_setting_up_a_pinned_body_traces_its_constraint_a_few_times():
+    calls = []
+
+    def counted(n, a, p):
+        calls.append(1)
+        return hold(n, a, p)
+
+    system = body(constraints={"pin": co.Holonomic(counted)})
+    begun = start(system)
+    calls.clear()
+    run(system, steps=2, start=begun)
+    assert len(calls) <= 9
+
+
+ALWAYS = ("constrained", "around", "kept", "redundancy")
+"""What asks whether a system has constraints."""
+
+
+def test_a_free_body_runs_none_of_the_code_of_constraints(monkeypatch):
+    def refused(*given, **named):
+        raise AssertionError
+
+    for module in (reactions, rattle, constrained_start):
+        for name, value in vars(module).copy().items():
+            if isfunction(value) and value.__module__ == module.__name__ and name not in ALWAYS:
+                monkeypatch.setattr(module, name, refused)
+    monkeypatch.setattr(rattle.Rattle, "__init__", refused)
+    free = body()
+    assert run(free, steps=2).good_steps == 2

@@ -20,6 +20,7 @@ from coadjoint.mechanics.coupling import rows_of_links
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.traced_once import traced_once
 
 Independent = tuple[int, ...] | None
 """Where rows follow from others, the places of those that are kept; None where none does."""
@@ -46,6 +47,7 @@ def parts(system: ReducedFunctions) -> Iterator[tuple[Bound, slice]]:
         first += one.size
 
 
+@traced_once
 def rate(system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
     """φ̇ and A·(ξ, ν) − b of all constraints, (m,). xi: (dim G,). nu: (ambient,)."""
     places = [one for one in system.constraints if one.holonomic]
@@ -55,6 +57,7 @@ def rate(system: ReducedFunctions, at: Site, xi: Array, nu: Array) -> Array:
     )
 
 
+@traced_once
 def reaction(system: ReducedFunctions, at: Site, strength: Array) -> tuple[Array, Array]:
     """The torque (dim G,) and the force (ambient,) of multipliers λ (m,): Aᵀλ."""
     places = [(one, strength[part]) for one, part in parts(system) if one.holonomic]
