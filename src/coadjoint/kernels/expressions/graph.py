@@ -32,10 +32,8 @@ class Graph:
         self.limit = limit
         self._table: dict[tuple, Expr] = {}
         self._count = 0
-        self.zero = self.constant(0.0)
-        self.one = self.constant(1.0)
-        self.true = self.constant(True)
-        self.false = self.constant(False)
+        self.zero, self.one = self.constant(0.0), self.constant(1.0)
+        self.true, self.false = self.constant(True), self.constant(False)
 
     def _node(self, op: str, args: tuple[Expr, ...] = (), value: Value = None) -> Expr:
         key = (op, value, type(value), *args)
@@ -279,9 +277,7 @@ class Graph:
         return a if a.op == "abs" else self._node("abs", (a,))
 
     def _cos(self, a: Expr) -> Expr:
-        if a.op == "const":
-            return self._fold("cos", a)
-        return self._node("cos", (a.args[0] if a.op == "neg" else a,))
+        return self._fold("cos", a) if a.op == "const" else self._node("cos", (a.args[0] if a.op == "neg" else a,))
 
     def _sin(self, a: Expr) -> Expr:
         if a.op == "const":
