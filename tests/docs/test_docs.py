@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,10 +16,7 @@ from markdown_it import MarkdownIt
 from printed import disagreement
 
 from coadjoint.cli.main import every_command
-from coadjoint.runs import run_file
-from coadjoint.sections import in_file, keys
-from coadjoint.sweeps.file import ResultsSection, SweepSection
-from coadjoint.sweeps.numbers import NormalSection, RangeSection, ValuesSection
+from coadjoint.sections import keys
 from coadjoint_vehicles.files.file import BodySection
 from coadjoint_vehicles.files.kinds import kinds
 
@@ -167,21 +163,11 @@ def test_every_dependency_has_its_reason() -> None:
     assert not missing, f"docs/installation.md gives no reason for {missing}."
 
 
-def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() -> None:
+def test_the_page_of_commands_names_every_command() -> None:
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     commands = [metadata.name for kind in get_args(every_command()) for metadata in kind.__metadata__]
-    keys = [key.name for kind in run_file.RunFile.SECTIONS.values() for key in fields(kind)]
     missing = [name for name in commands if f"    coadjoint {name} " not in page]
-    missing += [key for key in keys if f"`{key}`" not in page]
     assert not missing, f"docs/commands.md says nothing of {missing}."
-
-
-def test_the_page_of_sweeps_names_every_key_of_a_sweep_file() -> None:
-    page = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
-    kinds = (SweepSection, ResultsSection, RangeSection, ValuesSection, NormalSection)
-    names = [in_file(name) for kind in kinds for name in keys(kind)]
-    missing = [name for name in names if not re.search(rf"`{name}`|\b{name} = ", page)]
-    assert not missing, f"docs/sweeps.md says nothing of {missing}."
 
 
 def test_the_page_of_vehicles_names_every_key_of_a_body_and_of_each_kind_of_part() -> None:
