@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray
 
-from coadjoint_vehicles.missions.results import tilted
+from coadjoint_vehicles.missions.results import astray, tilted
 from coadjoint_vehicles.missions.summary import mission_summary, spread
 
 
@@ -96,3 +96,22 @@ def test_a_craft_that_turns_over_though_its_controller_keeps_level_has_a_warning
 def test_of_members_that_turn_over_the_count_and_the_worst_are_said():
     (said,) = tilted(rolled(np.array([[0.0, 10.0], [0.0, 80.0], [0.0, 120.0]])), Steered(True))
     assert said.startswith("2 of 3 members, member 2 the most, tilt by up to 120°")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"inputs_depth": 10.0}, ["`depth`: it is 8 m off in the mean, and 8 m at the end"]),
+        ({"inputs_speed": -1.0}, ["`speed`: it is 2 m/s off in the mean"]),
+        ({"inputs_speed": 1.3, "inputs_depth": 2.9}, []),
+    ],
+)
+def test_a_set_point_that_is_far_off_for_most_of_a_mission_has_a_warning(changes, said):
+    made = circle()
+    for name, value in changes.items():
+        made[name] = ("time", np.full(made.sizes["time"], value))
+    found = astray(made)
+    assert len(found) == len(said) and all(part in one for part, one in zip(said, found, strict=True))
+    turned = made.assign(inputs_heading=made.inputs_heading + np.pi)
+    assert any("`heading`: it is 179° off" in one for one in astray(turned))
+    assert astray(turned.assign_attrs(trial="{}")) == []

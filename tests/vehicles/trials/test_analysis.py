@@ -190,3 +190,13 @@ def test_a_track_that_cannot_be_judged_is_refused():
         Track("zigzag", time, zero, zero, zero, zero, zero, begin=9.0)
     with pytest.raises(ArgumentError, match="turning_circle"):
         Track("circle", time, zero, zero, zero, zero, zero, begin=1.0)
+
+
+def test_k_and_t_of_opposite_signs_which_no_vehicle_has_are_left_out():
+    time = np.arange(0.0, 60.0, 0.02)
+    after = np.maximum(time - 10.0, 0.0)
+    growing = 0.5 * np.exp(after / 20)
+    rate = np.where(time >= 10.0, K * DELTA * (1 + growing), 0.0)
+    heading = K * DELTA * (after + 20 * (growing - 0.5))
+    found = analyse(track("turning_circle", time, heading, np.where(time >= 10.0, DELTA, 0.0), rate=rate))
+    assert "K" not in found.values and "T" not in found.values and found["advance"] > 0

@@ -48,11 +48,16 @@ class MissionFile(MissionSections):
 
     def warnings(self, run: Run) -> list[str]:
         from coadjoint_vehicles.missions.electric import beyond_sheet
-        from coadjoint_vehicles.missions.results import left_water, tilted
+        from coadjoint_vehicles.missions.results import astray, left_water, tilted
 
         steered = getattr(run.system.internal, "controller", None)
         said = [fault.sentence(run.dataset) for fault in (*self.faults, *self.lost_sensors)]
-        found = [*left_water(run.dataset), *tilted(run.dataset, steered), *beyond_sheet(run.dataset)]
+        found = [
+            *left_water(run.dataset),
+            *tilted(run.dataset, steered),
+            *beyond_sheet(run.dataset),
+            *astray(run.dataset),
+        ]
         return [*found, *(sentence for sentence in said if sentence is not None)]
 
     def observe(self, run: Run) -> None:

@@ -154,6 +154,12 @@ class MissionSection:
                 _require_angles(name, values)
         for name in found:
             if name not in units:
+                if name in ("altitude", "pitch") and "depth" in units:
+                    bottom = " and bottom_m, the depth of the bottom" if name == "altitude" else ""
+                    raise ArgumentError(
+                        f"Section [mission] gives `{name}`, which the controller takes in place of `depth` with "
+                        f'[controller] vertical = "{name}"{bottom}.'
+                    )
                 known = [*units, *(name for name, one in keys(self).items() if not one.rest)]
                 raise ArgumentError(unknown(f"set point `{name}`", "Section [mission]", name, known))
         for name, point in self.set_points.items():

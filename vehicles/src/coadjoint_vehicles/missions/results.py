@@ -17,8 +17,9 @@ from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.texts import Table
 from coadjoint_vehicles.controllers.manoeuvres import TRIAL
 from coadjoint_vehicles.figures.declared import FIGURES
+from coadjoint_vehicles.logs.records import VehicleRecords
 from coadjoint_vehicles.missions.sensors import counts, logs
-from coadjoint_vehicles.missions.summary import mission_summary, spread
+from coadjoint_vehicles.missions.summary import missed, mission_summary, spread
 
 if TYPE_CHECKING:
     import xarray
@@ -91,6 +92,20 @@ def tilted(dataset: xarray.Dataset, controller: Controller | None) -> list[str]:
         f"{TILTED:g}°, though the controller keeps level: the actuators do not control roll or pitch, or the limits "
         "and the righting moment are too small."
     ]
+
+
+def astray(dataset: xarray.Dataset) -> list[str]:
+    """A warning for each set point that a vehicle does not follow; of members with their count. Not of trials."""
+    if TRIAL in dataset.attrs:
+        return []
+    if "member" not in dataset.dims:
+        return missed(VehicleRecords(dataset))
+    told = [missed(VehicleRecords(dataset.isel(member=k))) for k in range(min(dataset.sizes["member"], MOST_DRAWN))]
+    off = [k for k, sentences in enumerate(told) if sentences]
+    if not off:
+        return []
+    first = " ".join(told[off[0]])
+    return [f"{len(off)} of {len(told)} members do not follow their set points. Of member {off[0]}: {first}"]
 
 
 def results(output: MissionOutputSection, folder: Path, run: Run, reached: Callable[[Array], str]) -> Table:

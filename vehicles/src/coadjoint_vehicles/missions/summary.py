@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 LOST = "internal_controller_value_memory_lost"
 """What of the wanted wrench the limits of thrusters take away, at the nodes of a run."""
 
+FAR = 45.0
+"""°: an error of heading beyond it is that of a vehicle that does not follow."""
+MOSTLY = 2 / 3
+"""The part of the saved nodes at which a set point is far off, from which on a mission warns."""
+
 
 def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
     """The figures of a vehicle's run from its saved nodes: SI units, angles in degrees.
@@ -50,6 +55,14 @@ def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
 
 def tracking(log: VehicleRecords) -> dict[str, dict[str, float]]:
     """Root mean square and last value of the error of each set point that is a coordinate or a speed."""
+    return {
+        name: {"error_rms": float(np.sqrt(np.mean(error**2))), "error_final": float(error[-1])}
+        for name, error in errors(log).items()
+    }
+
+
+def errors(log: VehicleRecords) -> dict[str, np.ndarray]:
+    """Set point minus value at the nodes, (nodes,), of each set point that is a coordinate or a speed; degrees."""
     roll, pitch, heading = log.attitude.T
     reached = {
         "depth": log.depth,
@@ -66,8 +79,33 @@ def tracking(log: VehicleRecords) -> dict[str, dict[str, float]]:
         error = log.set_points[name][0] - values
         if name in ("heading", "pitch", "roll"):
             error = np.degrees(np.angle(np.exp(1j * error)))
-        error = np.linalg.norm(error, axis=1) if error.ndim > 1 else error
-        found[name] = {"error_rms": float(np.sqrt(np.mean(error**2))), "error_final": float(error[-1])}
+        found[name] = np.linalg.norm(error, axis=1) if error.ndim > 1 else error
+    return found
+
+
+def missed(log: VehicleRecords) -> list[str]:
+    """A sentence for each of depth, heading and speed that is far off at the end and for most of the time.
+
+    Far are FAR of a heading, half of the largest distance from the first depth, 1 m at least, and half of a speed.
+    """
+    found = []
+    for name, error in errors(log).items():
+        wanted = log.set_points[name][0]
+        if name == "heading":
+            far = FAR
+        elif name == "depth":
+            far = max(1.0, 0.5 * float(np.max(np.abs(wanted - log.depth[0]))))
+        elif name == "speed":
+            far = 0.5 * np.abs(wanted) + 0.1
+        else:
+            continue
+        if not (away := np.abs(error) > far)[-1] or np.mean(away) <= MOSTLY:
+            continue
+        unit = {"heading": "°", "depth": " m", "speed": " m/s"}[name]
+        found.append(
+            f"The vehicle does not follow `{name}`: it is {np.mean(np.abs(error)):.3g}{unit} off in the mean, and "
+            f"{abs(error[-1]):.3g}{unit} at the end."
+        )
     return found
 
 

@@ -202,11 +202,16 @@ def reached(time: np.ndarray, values: np.ndarray, level: float) -> float | None:
 
 
 def _response(track: Track) -> dict[str, Merit]:
-    """K and T of Nomoto, and how well the model follows."""
+    """K and T of Nomoto, and how well the model follows; nothing where their signs differ, as of no vehicle.
+
+    A T below the step of the track is none.
+    """
     i = track.first
     assert track.rate is not None
     held = track.manoeuvre == "turning_circle"
     found = nomoto(track.time[i:], track.heading[i:], track.rate[i:], track.rudder_integral[i:], held=held)
+    if found.gain * found.time_constant < 0 and abs(found.time_constant) > track.time[i] - track.time[i - 1]:
+        return {}
     return {
         "K": Merit(found.gain, "1/s", "rate of turn for each angle of the rudder, Nomoto"),
         "T": Merit(found.time_constant, "s", "time constant of turning, Nomoto; negative: unstable"),
