@@ -58,6 +58,7 @@ from coadjoint.theory.semidirect import (
     semidirect_link,
     semidirect_system,
 )
+from coadjoint.theory.shadow import ShadowEnergy, shadow_energy
 from coadjoint.theory.unreduced import (
     Configuration,
     UnreducedLagrangian,
@@ -83,6 +84,7 @@ __all__ = [
     "Residual",
     "SemidirectLagrangian",
     "SemidirectLink",
+    "ShadowEnergy",
     "Transforms",
     "UnreducedLagrangian",
     "Variation",
@@ -126,6 +128,7 @@ __all__ = [
     "semidirect_lagrangian",
     "semidirect_link",
     "semidirect_system",
+    "shadow_energy",
     "space_velocity",
     "tangent_to_constraints",
     "two_form",

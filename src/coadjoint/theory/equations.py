@@ -78,6 +78,11 @@ def printed_equations(
     the system; the forces are always the system's. Raises ArgumentError for compositions, and for records that are not
     consecutive.
     """
+    return equations_of(run.system, run.method, consecutive(run), run.dt, noether, unreduced)
+
+
+def consecutive(run: Any) -> State:
+    """The records of a run that kept every step, whole steps alone; raises ArgumentError for other ones."""
     if not hasattr(run, "plan"):
         raise ArgumentError(f"Argument `run` must be a run of co.simulate, but is {run!r}; equations_of takes states.")
     if not hasattr(run, "dt"):
@@ -90,7 +95,7 @@ def printed_equations(
     if len(records.t) > 1 and abs(records.t[-1] - records.t[-2] - run.dt) > 1e-6 * run.dt:
         # The part of a step that led to an event has another Λ.
         records = jax.tree.map(lambda leaf: leaf[:-2], records)
-    return equations_of(run.system, run.method, records, run.dt, noether, unreduced)
+    return records
 
 
 def equations_of(

@@ -1,0 +1,66 @@
+"""Shadow energies stay where the energy oscillates, and are refused where nothing is conserved."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.theory import shadow_energy
+
+INERTIA = np.diag([1.0, 2.0, 1.5])
+TOP = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ INERTIA @ xi - a[2] - 0.5 * a[0], advected=co.Defining(), name="top")
+START = TOP.state(xi=[0.3, 0.5, 1.0], a0=[0.2, 0, 1])
+
+
+def test_a_harmonic_oscillator_keeps_its_shadow_energy_of_the_closed_form():
+    """The midpoint rule turns by 2 arctan(h/2) a step: H̃ = H (2/h) arctan(h/2) for H = ½(p² + q²)."""
+    oscillator = co.System(
+        co.Translation(0), lambda xi, n, nu: 0.5 * nu @ nu - 0.5 * n @ n, additional=co.Trivial(1), name="oscillator"
+    )
+    h = 0.1
+    run = co.simulate(oscillator, oscillator.state(q=[1.0], qdot=[0.3]), dt=h, steps=40)
+    found = shadow_energy(run, points=13)
+    np.testing.assert_allclose(found.values, 0.5 * 1.09 * (2 / h) * np.arctan(h / 2), rtol=1e-11)
+    np.testing.assert_allclose(found.t, h * np.arange(6, 35))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("rule", [co.Midpoint, co.Trapezoidal, co.LeftRectangle, co.Simpson])
+def test_the_shadow_energy_of_a_top_stays_where_its_energy_oscillates(rule):
+    run = co.simulate(TOP, START, dt=0.02, duration=10, method=rule())
+    assert run.relative_change("energy") > 1e-4
+    assert shadow_energy(run).relative_change < 1e-10
+    assert shadow_energy(run, points=13).relative_change < 1e-13
+
+
+@pytest.mark.long
+def test_its_change_falls_with_the_order_of_the_polynomial_on_a_space_beside_the_group():
+    body = co.System(
+        co.SE3(),
+        lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu * (1 + 0.1 * xi[0] ** 2) - 0.3 * n @ n,
+        additional=co.spaces.Points(),
+    )
+    start = body.state(q=[1, 0.2, 0.3], qdot=[0, 0.5, 0.2], xi=[0.3, 0.2, 0.1, 0.2, 0.1, 0.3])
+    runs = [co.simulate(body, start, dt=h, duration=4) for h in (0.1, 0.05)]
+    coarse, fine = (shadow_energy(run, points=7).relative_change for run in runs)
+    assert 5.5 < np.log2(coarse / fine) < 7.5
+
+
+def test_other_runs_and_methods_raise():
+    run = co.simulate(TOP, START, dt=0.1, steps=12)
+    pushed = TOP.with_forces({"drag": lambda motion: co.Force(torque=-0.1 * motion.xi)})
+    composed = co.simulate(TOP, START, dt=0.1, steps=12, method=co.Suzuki4(co.Midpoint()))
+    cases = [
+        (lambda: shadow_energy(3), "must be a run of co.simulate"),
+        (lambda: shadow_energy(run, points=4), "`points` must be odd"),
+        (lambda: shadow_energy(run, points=15), "needs 16 records: 13 are few"),
+        (lambda: shadow_energy(composed), "one discrete Lagrangian a step, which Suzuki4"),
+        (lambda: shadow_energy(co.simulate(pushed, START, dt=0.1, steps=12)), "a motion that conserves energy"),
+    ]
+    for call, says in cases:
+        with pytest.raises(ArgumentError, match=says):
+            call()
+    assert jnp.isfinite(shadow_energy(run).relative_change)
