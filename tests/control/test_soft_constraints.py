@@ -50,6 +50,7 @@ def test_hard_bounds_leave_no_plan_for_a_state_outside_them():
     assert problem.controller()(problem.start).status == "guess"
 
 
+@pytest.mark.long
 def test_an_optimum_says_by_how_much_a_soft_constraint_is_violated():
     optimum = pushed(speed=2.5, limit=4.0, path=slow(Penalty(linear=100.0))).solve()
     over = np.maximum(np.abs(np.asarray(optimum.run.records.mu)) - 0.5, 0.0)

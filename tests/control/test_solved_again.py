@@ -96,6 +96,7 @@ def test_for_another_start_goal_and_parameter_nothing_is_traced_or_built_again(n
     again = once.solve(start=start, goal=goal, parameters=changed)
     assert once.solve(goal=turn(1.0)).cost == pytest.approx(first.cost, rel=1e-12) and again.build_seconds == 0.0
     assert again.cost == pytest.approx(TURNED_BACK, rel=1e-6)
+    assert once.solve_each(goals=[goal], starts=[start], parameters=[changed], threads=1)[0].cost == again.cost
     own = again.solution.problem
     assert own.start is start and own.end is goal and float(own.system.parameters.price) == 3.0
 
@@ -132,6 +133,8 @@ def test_a_guess_may_be_an_earlier_optimum_and_then_takes_fewer_iterations():
     near, far = once.solve(), once.solve(goal=turn(1.01), guess="simulate")
     warm = once.solve(goal=turn(1.01), guess=near)
     assert warm.cost == pytest.approx(far.cost, rel=1e-9) and warm.iterations <= far.iterations
+    with pytest.raises(co.errors.ArgumentError, match="the optimum of another problem"):
+        once.solve(guess=replace(once, duration=None, steps=2, end=None).solve())
 
 
 @pytest.mark.long
@@ -161,6 +164,7 @@ def test_a_free_start_and_a_chosen_parameter_move_with_the_given_start():
     assert again.cost == pytest.approx(fresh.cost, rel=1e-7, abs=1e-9)
 
 
+@pytest.mark.long
 def test_many_problems_in_one_call_have_the_optima_of_each_whatever_the_threads(once):
     starts = [BODY.state(xi=[rate, 0.0, 0.1]) for rate in (0.0, 0.2, 0.4)]
     goals = [turn(0.3), End(g=co.attitude.zyx(1.0, 0, 0), xi=[50.0, 0, 0]), turn(0.5)]
@@ -197,15 +201,12 @@ WRONG = {
     "a start that is an array": ({"start": np.zeros(3)}, "`start` must be a co.State"),
     "a start of another system": ({"start": CARRIED.state(q=[0, 0, 0], a0=[0, 0, 1])}, "another group or other spaces"),
     "a start of many members": ({"start": BODY.state(xi=co.each(np.ones((2, 3))))}, "`solve_each`"),
-    "an optimum of another problem": ({"guess": None}, "the optimum of another problem"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", WRONG)
 def test_what_cannot_be_solved_again_is_one_sentence(once, name):
     given, says = WRONG[name]
-    if "guess" in given:
-        given = {"guess": replace(once, duration=None, steps=2, end=None, cost=effort).solve()}
     with pytest.raises(co.errors.ArgumentError, match=says) as error:
         once.solve(**given)
     assert "\n" not in str(error.value)

@@ -15,7 +15,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.control.boundary_conditions import start_values
 from coadjoint.control.given import Goals, changed, given_numbers, previous_values
-from coadjoint.control.guess import Guesses
+from coadjoint.control.guess import Guesses, bent
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.problem_data import End, ProblemData
@@ -25,6 +25,9 @@ from coadjoint.control.transcription import Transcription, begun, transcribe
 from coadjoint.errors import ArgumentError, OptimumError
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.run import Run
+
+BENDS = 4
+"""The number of bent guesses that are tried where the straight one leads to no optimum."""
 
 Guess = Run | Optimum | str | None
 """The start of the solver."""
@@ -90,6 +93,34 @@ class BuiltProgram:
         found = found_by(self._solvers[key][1], case.program, case.guess, settings, case.transcription.given)
         return _optimum(case, found, built)
 
+    def solved_around(self, case: Case, settings: Settings) -> Optimum:
+        """The optimum; if the first guess leads to none past the constraints of a path, from guesses that are bent."""
+        try:
+            return self.solved(case, settings)
+        except OptimumError:
+            if not self.problem.path:
+                raise
+            for seed in range(BENDS):
+                found = self._attempt(case._replace(guess=bent(case.transcription, case.guess, seed)), settings, 0)
+                if isinstance(found, Optimum):
+                    return replace(found, solver=f"{found.solver}, from a bent guess")
+            raise
+
+    def best(self, case: Case, settings: Settings, count: int) -> Optimum:
+        """The optimum of least cost of several guesses; raises OptimumError if there is none."""
+        tried = {"first": self._attempt(case, settings, 0)}
+        if (around := self._guesses.other_way(case.transcription.problem, case.guess)) is not None and count > 2:
+            tried["the other way round"] = self._attempt(case._replace(guess=around), settings, 0)
+        for seed in range(count - len(tried)):
+            guess = bent(case.transcription, case.guess, seed)
+            tried[f"random {seed + 1}"] = self._attempt(case._replace(guess=guess), settings, 0)
+        found = {name: one for name, one in tried.items() if isinstance(one, Optimum)}
+        if not found and isinstance(error := tried["first"], OptimumError):
+            raise error
+        best = min(found.values(), key=lambda one: one.cost)
+        costs = {name: one.cost if isinstance(one, Optimum) else str(one) for name, one in tried.items()}
+        return replace(best, guesses=costs)
+
     def solved_each(self, cases: Sequence[Case], settings: Settings, threads: int) -> list[Optimum | OptimumError]:
         """The optimum of each, or its error, on threads."""
 
@@ -148,4 +179,5 @@ def threads_of(given: object, count: int) -> int:
 
 
 def _optimum(case: Case, found: FoundOptimum, built: float) -> Optimum:
-    return flown(case.transcription, case.program, found.numbers, found.iterations, (built, found.seconds), found.words)
+    seconds = built, found.seconds
+    return flown(case.transcription, case.program, found.numbers, found.iterations, seconds, found.words, found.minimum)

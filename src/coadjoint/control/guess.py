@@ -29,6 +29,9 @@ from coadjoint.methods.rattle import around
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
+BEND = 0.5
+"""The size of random bends of a guess, of its own extent."""
+
 ASIDE = -1e-3
 """The distance of a guess from half a turn, in 𝔤."""
 
@@ -76,17 +79,42 @@ class Guesses:
         before = jax.tree.map(lambda leaf: np.asarray(leaf)[:-1], states)
         return _joined(transcription, problem, x, self._z(problem, before), known)
 
-    def _interpolated(self, problem: ProblemData) -> State:
-        """The motion along a geodesic on the group and a line in q, at rest at both ends."""
+    def other_way(self, problem: ProblemData, w: np.ndarray) -> np.ndarray | None:
+        """The variables of the motion to the goal the other way round; None where the goal is no rotation.
+
+        w: the variables of the first guess, whose first node is taken.
+        """
+        group, Q = problem.system.group, problem.system.additional
+        if named(problem, None) != "interpolate" or (Q.dim(group) and not Q.flat):
+            return None
+        turn, (g, _) = self._turned(problem), goal_place(problem)
+        angle = float(np.linalg.norm(turn))
+        if not 1e-6 < angle < 2 * np.pi:
+            return None
+        back = turn * (1 - 2 * np.pi / angle)
+        there = evaluate(lambda a, xi: group.matrix(group.compose(a, group.exp(xi))), problem.start.g, back)
+        if np.max(np.abs(there - evaluate(group.matrix, g))) > 1e-9:
+            return None
+        first = self._transcription.split(w).x[0]
+        return self.of_motion(problem, self._interpolated(problem, back), {}, first)
+
+    def _interpolated(self, problem: ProblemData, turn: np.ndarray | None = None) -> State:
+        """The motion along a geodesic on the group, by a turn, and a line in q, at rest at both ends."""
         start, (group, Q, _) = problem.start, problem.system.places
         if Q.dim(group) and not Q.flat:
             raise ArgumentError('A curved space of q has no straight lines: take guess="simulate", or a run.')
-        g, q = goal_place(problem)
-        turn = self._turn(lambda a, b: group.log(group.compose(group.inverse(a), b)), start.g, g)
-        if not np.all(np.isfinite(turn)):
-            turn = _logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g))
+        turn = self._turned(problem) if turn is None else turn
+        q = goal_place(problem)[1]
         given = start.replace(memory=None), q, turn, problem.system.parameters
         return self._straight(partial(_straight, problem), *given)
+
+    def _turned(self, problem: ProblemData) -> np.ndarray:
+        """log g₀⁻¹g_N, (dim G,)."""
+        group, start, g = problem.system.group, problem.start, goal_place(problem)[0]
+        turn = self._turn(lambda a, b: group.log(group.compose(group.inverse(a), b)), start.g, g)
+        if np.all(np.isfinite(turn)):
+            return turn
+        return _logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g))
 
     def _z(self, problem: ProblemData, states: State) -> np.ndarray:
         """z of every step, (N, nz): the start of Newton's iteration in each stage."""
@@ -111,6 +139,20 @@ class Guesses:
             parts.x[k + 1], near = found
             parts.z[k] = near
         return transcription.joined(parts)
+
+
+def bent(transcription: Transcription, w: np.ndarray, seed: int) -> np.ndarray:
+    """Variables moved by random bends of the motion, which leave its ends, and by random constant inputs."""
+    generator, parts = np.random.default_rng(seed), transcription.split(w)
+
+    def moved(rows: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        size = BEND * (0.1 + np.ptp(rows, axis=0)) * generator.standard_normal(rows.shape[1])
+        return rows + np.sin(np.pi * tau)[:, None] * size
+
+    N = transcription.problem.count
+    x, z = moved(parts.x, np.linspace(0, 1, N + 1)), moved(parts.z, (np.arange(N) + 0.5) / N)
+    u = parts.u + BEND * (0.1 + np.ptp(parts.u, axis=0)) * generator.standard_normal(parts.u.shape[1])
+    return transcription.joined(parts._replace(x=x, u=u, z=z))
 
 
 class _Traced:

@@ -31,6 +31,9 @@ UNSTABLE = (
     "the run leaves the optimum by more than ten times the sum of the violations of all steps: the motion is unstable, "
     "or the tolerance too large"
 )
+SADDLE = (
+    "the solver ended where the cost is stationary but no minimum: a motion nearby costs less; `guesses=4` looks for it"
+)
 STATIONARY = (
     "the solver ended at its initial guess, where the cost is stationary: another guess shows whether that is a minimum"
 )
@@ -47,8 +50,10 @@ class Optimum:
     for gaps. costates: (N, nx), the multipliers of x_{k+1} = Φ, in the order of `names`. violation: the largest
     violation of the constraints. difference: the largest |x − x of the run| of any number of the state. iterations, and
     seconds of building, solving: of the solver. violated: name → the violation of each soft constraint at its nodes,
-    (N + 1, rows), "end g" and so on of the end, (1, rows). within: name → the largest violation of a constraint of the
-    path between the nodes of the run, the violated bound, and its time.
+    (N + 1, rows), "end g" and so on of the end, (1, rows). minimum: whether the solver saw a strict minimum there, by
+    the inertia of its last step. guesses: name of each guess of `solve(guesses=n)` → the cost it led to, or why it led
+    to none. within: name → the largest violation of a constraint of the path between the nodes of the run, the violated
+    bound, and its time.
     """
 
     inputs: dict[str, np.ndarray]
@@ -65,6 +70,8 @@ class Optimum:
     solver: str
     solution: SolvedProgram
     violated: dict[str, np.ndarray]
+    minimum: bool
+    guesses: dict[str, float | str]
     _fly: Callable[[], OptimalMotion] | None = field(repr=False)
 
     @cached_property
@@ -136,9 +143,21 @@ class Optimum:
         steps = len(self.run.records.t) - 1
         if self.difference > 10 * steps * max(self.violation, ROUND_OFF):
             rows.append(("warning", UNSTABLE))
+        if self.guesses:
+            rows.append(("guesses", guesses_line(self.guesses)))
+        if not self.minimum:
+            rows.append(("warning", SADDLE))
         if self.iterations == 0:
             rows.append(("warning", STATIONARY))
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
+
+
+def guesses_line(guesses: dict[str, float | str]) -> str:
+    """The spread of the optima that several guesses led to."""
+    costs = {name: one for name, one in guesses.items() if isinstance(one, float)}
+    best = min(costs, key=costs.__getitem__)
+    found = f"{len(costs)} of {len(guesses)} led to an optimum"
+    return f"{found}, costs {costs[best]:.9g} (`{best}`) to {max(costs.values()):.9g}"
 
 
 def soft_lines(violated: dict[str, np.ndarray], begin: float, duration: float) -> list[tuple[str, str]]:
@@ -210,7 +229,7 @@ def violation(program: NonlinearProgram, g: np.ndarray) -> float:
 
 def flown(
     transcription: Transcription, program: NonlinearProgram, numbers: dict[str, np.ndarray], iterations: int,
-    seconds: tuple[float, float], solver: str,
+    seconds: tuple[float, float], solver: str, minimum: bool,
 ) -> Optimum:  # fmt: skip
     """The optimum from the solution of the solver: x, f, g and the multipliers lam_g."""
     problem, parts = transcription.problem, transcription.split(numbers["x"])
@@ -226,7 +245,8 @@ def flown(
         _residuals(transcription, parts), equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
         violation(program, numbers["g"]), iterations, *seconds, solver,
-        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]), transcription.violated(parts), fly,
+        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]),
+        transcription.violated(parts), minimum, {}, fly,
     )  # fmt: skip
 
 

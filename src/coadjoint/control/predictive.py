@@ -30,6 +30,10 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
 from coadjoint.portable import Remade
 
+STILL, SHAKEN = 1e-9, 1e-2
+"""The largest change of inputs by a first program that counts as none, and the random change that follows, of the unit
+of each input."""
+
 VIOLATED = 1e-5
 """The largest violation of the constraints of a program by a solution."""
 
@@ -212,6 +216,7 @@ class Controller(Remade):
         if first is None:
             self._prepared = None
             return "the model has no step from this state"
+        new = self._plan is None
         if self._plan is None:
             self._begin(first, clock)
         for _ in range(self.iterations):
@@ -223,7 +228,28 @@ class Controller(Remade):
             reason = self._step(plan, expansion, first)
             if reason:
                 return reason
+            if new and self._plan is not None and np.max(np.abs(self._plan.u - plan.u), initial=0.0) < STILL:
+                self._shake(self._plan, first, clock)
+            new = False
         return ""
+
+    def _shake(self, still: MotionPlan, first: np.ndarray, clock: Timeline) -> None:
+        """Leave a first plan that is stationary but no minimum, as half a turn away from the goal: iterate from random
+        inputs about it, and stay where these lead back."""
+        expanding, generator, violated = self._expanding, np.random.default_rng(0), self._violated
+        u = still.u + SHAKEN * expanding.scale * generator.uniform(0.5, 1.0, still.u.shape[1])
+        x, u, z = still.x.copy(), np.clip(u, expanding.lower, expanding.upper), still.z.copy()
+        begun = moved = float(np.max(np.abs(u - still.u), initial=0.0))
+        self._plan, good = MotionPlan(x, u, z), self._follow(x, u, z, 0)
+        while good and 0.5 * begun < moved < 10 * begun:
+            self._prepare_again(clock)
+            assert self._prepared is not None and self._plan is not None
+            (_, plan, expansion), self._prepared = self._prepared, None
+            good = not self._step(plan, expansion, first)
+            last, moved = moved, float(np.max(np.abs(self._plan.u - still.u), initial=0.0)) if good else 0.0
+            good = good and abs(moved - last) > 1e-3 * begun
+        if not (good and moved >= 10 * begun):
+            self._plan, self._violated = still, violated
 
     def _prepare_again(self, clock: Timeline) -> None:
         assert self._plan is not None

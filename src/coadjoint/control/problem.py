@@ -103,6 +103,7 @@ class Problem(WithOverview, ProblemData):
         goal: End | None = None,
         parameters: Mapping[str, object] | None = None,
         previous: Mapping[str, object] | None = None,
+        guesses: int = 1,
         solver: str = "ipopt",
         tolerance: float = 1e-9,
         max_iterations: int = 500,
@@ -124,6 +125,9 @@ class Problem(WithOverview, ProblemData):
             start: another start, a state of the same system, by default that of the problem.
             goal: a `co.control.End` with the same names as `end`, by default that of the problem.
             parameters: name → value of parameters that `changing` names; by default those of the system.
+            guesses: the number of guesses, by default 1: after the first one the other way round, where the end is a
+                rotation, and random ones about it, the same in every call. The result has the least cost, and
+                `optimum.guesses` all.
             previous: name → the command in force, of inputs with `previous`; by default that of the input.
             solver: "ipopt" (the default) or "fatrop".
             tolerance: of the solver's optimality and of the constraints, by default 1e-9.
@@ -135,7 +139,11 @@ class Problem(WithOverview, ProblemData):
         LagrangianError for ill-posed problems.
         """
         settings = settings_of(solver, tolerance, max_iterations, verbose, options)
-        found = self._built.solved(self._built.case(start, goal, parameters, previous, guess), settings)
+        case = self._built.case(start, goal, parameters, previous, guess)
+        if whole(guesses, "guesses") > 1:
+            found = self._built.best(case, settings, guesses)
+        else:
+            found = (self._built.solved if guess is not None else self._built.solved_around)(case, settings)
         if start is None and goal is None and not parameters and not previous:
             _ = found._flown
         return found

@@ -48,12 +48,13 @@ class Settings(NamedTuple):
 
 class FoundOptimum(NamedTuple):
     """The solution of a solver: x, f, g and the multipliers lam_g, lam_x; iterations, seconds, and its line in the
-    summary."""
+    summary; minimum: whether its last step needed no regularisation, as at a strict minimum."""
 
     numbers: dict[str, np.ndarray]
     iterations: int
     seconds: float
     words: str
+    minimum: bool = True
 
 
 def settings_of(
@@ -96,7 +97,9 @@ def found_by(
         _explain(program if given is None else program.at(given), found, stats, settings.tolerance, first)
     numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g", "lam_x")}
     words = f"{solver}, to an acceptable level only" if stats.get("return_status") == ACCEPTABLE else solver
-    return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words)
+    shifts = stats.get("iterations", {}).get("regularization_size", [])
+    minimum = not shifts or shifts[-1] == 0.0
+    return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words, minimum)
 
 
 def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, PyTree]:
