@@ -137,7 +137,7 @@ def test_the_page_has_the_verdict_the_tables_and_the_figures(tmp_path):
     assert [path.relative_to(tmp_path).as_posix() for path in figures] == [f"figures/{n}" for n in (ORDERS, ENERGY)]
     assert all(path.stat().st_size > 1000 for path in figures)
     text = page.read_text()
-    assert "Written by `coadjoint audit`" in text and "Not every claim was shown:\n\n- Galerkin has shown" in text
+    assert "`coadjoint audit` writes it." in text and "Not every claim was shown:\n\n- Galerkin has shown" in text
     assert "- Galerkin over Cayley on curved: It needs a flat space" in text and "a system of your own" in text
     assert markdown(COLUMNS, rows(Audit((watched, lost), 1.0))) in text and f"figures/{ENERGY}" in text
     assert json.loads(numbers.read_text())["failures"] == Audit((watched, lost), 1.0).failures

@@ -181,3 +181,8 @@ def test_the_glossary_explains_each_line_of_the_certificate_as_notebooks_and_rep
     page = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| ([^|]+) \| (.+) \|$", page.partition("## Lines of the certificate")[2], re.MULTILINE)
     assert {line: meaning.replace("\\|", "|") for line, meaning in rows if line != "line"} == MEANINGS
+
+
+def test_every_page_begins_with_what_its_reader_can_do_afterwards() -> None:
+    pages = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "theorems").glob("*.md"))]
+    assert [page.name for page in pages if "After this page" not in page.read_text(encoding="utf-8")[:1200]] == []
