@@ -77,10 +77,10 @@ def test_angles_go_on_over_turns_and_failed_members_are_nan():
     def observer(records):
         return {"euler_angles": ((), next(nodes))}
 
-    here = SimpleNamespace(t=np.zeros(2))
+    here = SimpleNamespace(t=np.zeros(2), internal=None)
     kept = Reduction(observer, here, False, False)  # pyright: ignore[reportArgumentType]
     for t in ([0.0, 0.0], [1.0, np.nan], [2.0, np.nan]):
-        kept.take(SimpleNamespace(t=np.array(t)))  # pyright: ignore[reportArgumentType]
+        kept.take(SimpleNamespace(t=np.array(t), internal=None))  # pyright: ignore[reportArgumentType]
     found = kept.results(np.array([False, True]))
     on = np.array([3.0, 2 * np.pi - 3.1, 2 * np.pi - 2.0])
     assert found["final_euler_angles"][0] == pytest.approx(on[-1])

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError, FileError, GroupError
 from coadjoint.report.folder import UNFINISHED
+from coadjoint.simulation.result import Result
 from coadjoint.sweeps import store, task
 from coadjoint.sweeps.call import _file
 from coadjoint.sweeps.local import LIVES, _called, _require_life
-from coadjoint.sweeps.reduction import Reduction
+from coadjoint.sweeps.reduction import KEPT, Reduction
 from coadjoint.sweeps.results import facts, gathered
 from coadjoint.sweeps.sketch import Sketch
-from coadjoint.sweeps.task import REFUSED, _courses, _joined
+from coadjoint.sweeps.task import REFUSED, _courses, _joined, _of_all
 
 NAN = np.nan
 DEPTHS = np.array([[1.0, 5.0, 9.0], [4.0, 2.0, NAN], [3.0, NAN, NAN]])
@@ -29,7 +30,7 @@ def reduced(courses: bool = True, whole: bool = True) -> Reduction:
     states: Any = SimpleNamespace(t=np.zeros(3))
     found = Reduction(lambda records: {"depth": ((), next(nodes))}, states, courses, whole)  # pyright: ignore
     for depths in DEPTHS:
-        found.take(SimpleNamespace(t=np.where(np.isnan(depths), NAN, 0.0)))  # pyright: ignore[reportArgumentType]
+        found.take(SimpleNamespace(t=np.where(np.isnan(depths), NAN, 0.0), internal=None))  # pyright: ignore[reportArgumentType]
     return found
 
 
@@ -228,3 +229,19 @@ def test_a_folder_that_holds_another_sweep_by_now_has_none_of_its_tasks(tmp_path
     (tmp_path / task.RUN_FILE).write_text("[sweep]\n")
     with pytest.raises(FileError, match="holds another sweep by now: this task does not belong to it"):
         task.read(str(tmp_path), "x")
+
+
+def test_a_warning_about_members_names_the_worst_of_the_sweep_and_counts_them():
+    said = "Of member 1, and of 2 others of 4, `jets` is at its limits."
+    assert _of_all(said, np.array([10, 12, 13, 15])) == (said.replace("member 1", "member 12"), 3)
+    assert _of_all("The water is cold.", np.arange(4)) == ("The water is cold.", 4)
+
+
+def test_a_reduction_keeps_internal_states_of_a_bounded_number_of_nodes_to_its_end():
+    made = Reduction(cast(Any, None), cast(Any, SimpleNamespace(t=np.zeros(2))), False, False)
+    for node in range(1000):
+        made._keep({"jets": np.full((2, 3), float(node))})
+    nodes = np.concatenate([one["jets"] for one in made.internal])
+    assert nodes.shape[1:] == (2, 3) and 32 <= len(nodes) <= KEPT
+    assert set(np.diff(nodes[:, 0, 0])) == {16.0} and nodes[-1, 0, 0] >= 984
+    assert Result.internal_states(cast(Any, SimpleNamespace(memory=made))) == made.internal

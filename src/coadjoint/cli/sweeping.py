@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from coadjoint.sweeps.results import SweepResults
 
 
+SHOWN = 5
+"""The most warnings of a sweep that are printed."""
+
+
 @dataclass(frozen=True)
 class Sweep:
     """Run a sweep file, or its missing members: `coadjoint sweep masses.toml --out masses`."""
@@ -110,8 +114,11 @@ def show(made: SweepResults) -> None:
     finals = [str(name) for name in made.statistics.data_vars if str(name).startswith("final_")]
     labels = [str(label) for label in made.statistics.statistic.values]
     terminal.table(("result", *labels), [row for name in finals for row in _rows(made.statistics[name])])
-    for sentence, count in plan["warnings"].items():
-        terminal.line(f"Warning, of tasks with {count:,} members: {sentence}")
+    warned = sorted(plan["warnings"].items(), key=lambda row: -row[1])
+    for sentence, count in warned[:SHOWN]:
+        terminal.line(f"Warning, of {count:,} members: {sentence}")
+    if len(warned) > SHOWN:
+        terminal.line(f"{len(warned) - SHOWN} more warnings are in summary.json.")
     for member, sentence in list(plan["refusals"].items())[:3]:
         terminal.line(f"Member {member} was refused: {sentence}")
     terminal.line(f"Results: {made.folder}/")

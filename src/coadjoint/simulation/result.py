@@ -273,7 +273,7 @@ class Result(Recording):
 
     def internal_states(self) -> list[PyTree]:
         """The internal states at the saved nodes, in consecutive stretches with leading axes (nodes, [members,] …)."""
-        found = [part.internal for part in getattr(self.memory, "records", [])]
+        found = [part.internal for part in getattr(self.memory, "records", [])] or getattr(self.memory, "internal", [])
         return [part for part in found if part is not None]
 
     @cached_property

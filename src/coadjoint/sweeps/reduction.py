@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.groups.attitude import UNIT
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters, replaced
@@ -31,6 +32,8 @@ COURSE_CENTROIDS = 64
 """The number of centroids that a shard keeps for each number at each node."""
 BLOCK_BYTES = 64 << 20
 """The memory for nodes of all members that are evaluated together."""
+KEPT = 64
+"""The most nodes whose internal states are kept."""
 TOGETHER = 64
 """Members that are evaluated together. Always this many, so that no value depends on the division of members."""
 
@@ -113,6 +116,8 @@ class Reduction(Memory):
         self.nodes: dict[str, list[Any]] = {}
         self.rows: dict[str, list[np.ndarray]] = {}
         self.taken = np.zeros(len(states.t))
+        self.internal: list[Any] = []
+        self._seen, self._every = 0, 1
         size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(states))
         self._length = max(int(BLOCK_BYTES // size), 1)
 
@@ -130,6 +135,7 @@ class Reduction(Memory):
     def take(self, records: State) -> None:
         """Process one node of all members; failed or ended members are NaN."""
         good = np.isfinite(records.t)
+        self._keep(records.internal)
         found = self.observer(records)
         for name, (_, values) in found.items():
             self._member_values(name, values, good)
@@ -140,6 +146,14 @@ class Reduction(Memory):
             if self.whole:
                 self.rows.setdefault(name, []).append(values)
         self.taken = self.taken + good
+
+    def _keep(self, internal: PyTree) -> None:
+        """Keep the internal states of at most KEPT nodes, evenly spaced, by which the rule judges the run."""
+        if internal is not None and self._seen % self._every == 0:
+            self.internal.append(jax.tree.map(lambda rows: np.asarray(rows)[None], internal))
+            if len(self.internal) > KEPT:
+                self.internal, self._every = self.internal[::2], 2 * self._every
+        self._seen += 1
 
     def _member_values(self, name: str, values: np.ndarray, good: np.ndarray) -> None:
         """Angles continue over turns."""

@@ -45,6 +45,8 @@ REFUSED = -2
 """The code of a member that cannot be set up, such as one of a negative mass."""
 
 
+_WORST = re.compile(r"Of member (\d+), and of (\d+) others of \d+, ")
+"""How a warning about several members begins: the worst, by its number within those that are set up together."""
 _OF_MEMBER = re.compile(r"^Of member \d+: ")
 """A member number within those that are set up together, which means nothing for a single one."""
 
@@ -279,10 +281,19 @@ def _joined(task: Task, pieces: list[_Piece]) -> Shard:
     )
     for piece in run_pieces:
         for sentence in piece.run.warnings:
-            shard.warnings[sentence] = shard.warnings.get(sentence, 0) + len(piece.places)
+            said, members = _of_all(sentence, task.first + piece.places)
+            shard.warnings[said] = shard.warnings.get(said, 0) + members
     if run_pieces and run_pieces[0].reduction.whole:
         shard.nodes = _nodes(task, run_pieces)
     return shard
+
+
+def _of_all(sentence: str, members: np.ndarray) -> tuple[str, int]:
+    """A warning with the number of its worst member in the sweep, and how many members it is about."""
+    found = _WORST.match(sentence)
+    if found is None:
+        return sentence, len(members)
+    return f"Of member {members[int(found[1])]}{sentence[found.end(1) :]}", int(found[2]) + 1
 
 
 def _courses(pieces: list[_Piece]) -> dict[str, list[Sketch]]:
