@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.interrupts import deferred_interrupts
@@ -19,7 +18,6 @@ from coadjoint.sweeps.sweep import execute
 from coadjoint.texts import Table, read_table
 
 
-@checks.known_arguments("co.sweep")
 @deferred_interrupts()
 def sweep(
     run: object,
