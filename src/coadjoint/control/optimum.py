@@ -238,12 +238,12 @@ def flown(
         run = flight(transcription, parts).run
         return OptimalMotion(run, difference(transcription, run, parts), worst_within(problem, run))
 
-    nx, _, nz, _ = transcription.sizes
+    (nx, _, nz, _), names = transcription.sizes, transcription.graph.names()
     equations = numbers["lam_g"][: problem.count * (nx + nz)].reshape(problem.count, -1)
     return Optimum(
         transcription.taken(parts), float(numbers["f"][0]), parts.h * problem.count, transcription.chosen(parts),
         _residuals(transcription, parts), equations[:, nz:],
-        [transcription.graph.names()[i] for i in transcription.live],
+        [names[i] for i in transcription.live],
         violation(program, numbers["g"]), iterations, *seconds, solver,
         SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]),
         transcription.violated(parts), minimum, {}, fly,
