@@ -53,6 +53,27 @@ def test_a_search_begins_again_from_the_parameters_at_which_it_got_stuck_a_few_t
     assert len(asked) == min(stuck + 1, fitting.ATTEMPTS) and abs(asked[1][0]) > 0.1, "not from where it began"
 
 
+def test_an_unstable_motion_is_fitted_on_segments_that_are_short_enough_to_keep_their_start():
+    """v̇ = 3v + u under feedback: over segments of 10 s an error of the start grows by e³⁰, over 2.5 s by e⁷·⁵."""
+    grows, h, t = 3.0, 0.1, 0.1 * np.arange(400)
+    slider = co.System(
+        co.Translation(1),
+        lambda xi, p: 0.5 * xi @ xi,
+        parameters={"drag": -grows},
+        forces=lambda motion, p: co.Force(torque=motion.inputs.u - p.drag * motion.xi),
+    )
+    random = np.random.default_rng(6)
+    goal, v, speeds, inputs = np.repeat(random.normal(size=40), 10), 0.0, [], []
+    for k in range(len(t)):
+        speeds.append(v)
+        inputs.append(-5.0 * v + goal[k])
+        v = ((1 + grows * h / 2) * v + h * inputs[-1]) / (1 - grows * h / 2)
+    log = Log(t, {"speed": np.array(speeds) + 1e-4 * random.normal(size=len(t))}, {"u": np.array(inputs)[:, None]})
+    given: Any = {"parameters": ["drag"], "measured": {"speed": lambda s: s.xi[0]}, "dt": h, "between": "held"}
+    found = identify(slider.replace(drag=-2.0), log, start=slider.state(xi=[0.0], inputs={"u": [0.0]}), **given)
+    assert found.segments > 10 and found["drag"].covers(-grows)
+
+
 @pytest.mark.long
 def test_a_search_that_is_stuck_begins_again_and_comes_to_the_truth():
     vehicle = vehicles.load("bluerov2_heavy_von_benzon")

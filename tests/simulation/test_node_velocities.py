@@ -83,6 +83,20 @@ def test_quantities_and_observations_see_the_node(backend):
         np.testing.assert_allclose(stepper.observation["xi"], run.dataset.xi[1], atol=1e-15)
 
 
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
+def test_events_are_where_the_velocities_of_the_nodes_cross(backend):
+    """Where ω₁ vanishes so does μ₁ = I₁ω₁, and not half a step earlier."""
+    functions = {"velocity": lambda s: s.xi[0], "momentum": lambda s: s.mu[0]}
+    found = simulated(events=functions, backend=backend).events
+    assert len(found["momentum"].t) == 2
+    np.testing.assert_allclose(found["velocity"].t, found["momentum"].t, rtol=1e-12)
+    if backend == "native":
+        steppers = [co.Stepper(BODY, BODY.state(xi=START), dt=0.1, until=f, accuracy=False) for f in functions.values()]
+        for stepper in steppers:
+            stepper.step(n=50)
+        assert steppers[0].t == steppers[1].t
+
+
 def test_additional_velocities_and_the_space_frame_are_of_the_node():
     inertia, mass = np.array([1.0, 2.0, 3.0]), np.array([1.0, 3.0, 2.0])
     system = co.System(
@@ -152,5 +166,6 @@ def test_the_equations_that_several_observations_read_are_traced_once():
         co.Stepper(body, body.state(xi=START), dt=0.1, observe=observe, accuracy=False)
         return len(calls)
 
-    reads(1)  # what is traced once in a process
+    reads(3)  # what is traced once in a process
+    reads(1)
     assert reads(3) == reads(1)

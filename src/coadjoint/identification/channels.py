@@ -56,7 +56,11 @@ class Channels:
         """The simulated measurements at a node."""
         known = dict(vehicle(system, state)) if self.vehicle else {}
         known |= self._elsewhere(system, state, known)
-        values = [known[name] for name in self.vehicle] + [jnp.asarray(f(state), float) for _, f in self.own]
+        node = state
+        if self.own:
+            xi, nu = velocities(system, state)
+            node = state.replace(xi=xi, nu=nu)
+        values = [known[name] for name in self.vehicle] + [jnp.asarray(f(node), float) for _, f in self.own]
         if self.rotation:
             values += list(jnp.ravel(_rotation(system, state)))
         return jnp.stack(values)

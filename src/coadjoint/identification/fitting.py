@@ -34,6 +34,9 @@ SAME_WEIGHT = 0.05
 SHIFT = 0.1
 """The intended largest shift of a parameter by the step size, in standard errors; twice that is accepted."""
 
+LEAST_SEGMENT = 2.5
+"""s, below which segments are not shortened."""
+
 SEGMENT = 10.0
 """The length of segments, s, where none is given."""
 
@@ -67,7 +70,8 @@ class Fitted(NamedTuple):
 def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[str, float]) -> Fitted:
     """The fit; unless the step is fixed, on one that shifts no parameter by much more than SHIFT standard errors.
 
-    segment: s; "auto" is SEGMENT, or one run where a segment would hand what depends on the motion to the next.
+    segment: s; "auto" is SEGMENT, or one run where a segment would hand what depends on the motion to the next. Where
+    "auto" finds no solution, segments of a quarter are tried: over a long time an unstable motion loses its start.
 
     The rule is of an order r, so from h to h/2 parameters shift by 1 − 2⁻ʳ of their shift at h.
     """
@@ -76,6 +80,7 @@ def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[
     open_ = np.array([name not in given for name in names])
     h, left = asked.longest, FINEST
     shooting = asked.shooting(h, SEGMENT if segment == "auto" else segment, "new")
+    auto = segment == "auto"
     if segment == "auto":
         segment = None if shooting.handed else SEGMENT
         shooting = shooting if segment else asked.shooting(h, segment, "new")
@@ -97,6 +102,9 @@ def fitted(asked: Setting, segment: float | Literal["auto"] | None, given: dict[
             fit.times = np.zeros(len(sigma))
             stuck = found.solution.place.shared
             near = np.where(np.abs(stuck) > FAR, 0.0, stuck)
+            if auto and segment is not None and segment > LEAST_SEGMENT:
+                segment = segment / 4
+                fit = Fit(asked.shooting(fit.shooting.samples.h, segment, "new"), asked, sigma)
             place = fit.at(_begun(asked, fit.shooting.samples.h, segment, sigma, near))
             fit.wander = None
             fit.find_process_noise(place)

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.identity import identity
+from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.identity import OPAQUE, parts
@@ -87,6 +88,13 @@ def as_read(version: str) -> Generator[None]:
         yield
     finally:
         _current.reset(token)
+
+
+def value_at_node(system: System, function: Callable[[State], PyTree], state: State) -> PyTree:
+    """A function of the state at a node, whose velocities, where it reads them, are those of the momenta there."""
+    read = jax.tree.unflatten(jax.tree.structure(state), depends(function, state))
+    moving = any(jax.tree.leaves((read.xi, read.nu)))
+    return function(at_node(system, state) if moving else state)
 
 
 @dataclass(frozen=True)
@@ -176,7 +184,8 @@ class StepProgram:
         for monitor in self.observed:
             found.update(monitor(system, step, record, fraction * h, parameters.monitors))
         if self.events:
-            found[EVENTS] = jnp.stack([jnp.asarray(event(record), dtype=float) for event in self.events])
+            values = [value_at_node(system, event, record) for event in self.events]
+            found[EVENTS] = jnp.stack([jnp.asarray(value, dtype=float) for value in values])
         return found
 
     @property
@@ -189,7 +198,8 @@ class StepProgram:
         It may start from zero.
         """
         assert self.until is not None
-        here, there = self.until(before), self.until(after)
+        system = replace_parameters(self.skeleton, parameters.system)
+        here, there = (value_at_node(system, self.until, state) for state in (before, after))
         crossed = (here != 0) & (jnp.sign(here) != jnp.sign(there))
         if self.direction != "both":
             crossed &= there > here if self.direction == "rising" else there < here

@@ -16,6 +16,7 @@ from coadjoint.checks import float64, whole
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
 from coadjoint.mechanics.inputs import Command, Inputs, inputs_from
 from coadjoint.mechanics.internal_rule import declared
@@ -25,7 +26,7 @@ from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.program import Constants, StepProgram, value_at_node
 from coadjoint.methods.rattle import redundancy
 from coadjoint.simulation import setup_cache
 from coadjoint.simulation.arguments import inputs_held, require_forward, with_inputs
@@ -222,7 +223,8 @@ def ending(plan: Plan, event: Event, state: State, first: bool) -> tuple[State, 
     Raises StepError if a part of the step cannot be solved.
     """
     free = replace(plan, program=replace(plan.program, until=None))
-    value = tabulate(event.function, state)
+    system = replace_parameters(plan.program.skeleton, plan.constants.system)
+    value = tabulate(partial(value_at_node, system, event.function), state)
 
     def after(theta: float) -> State:
         return sound(part_of_step(free, state, theta)).final

@@ -269,7 +269,11 @@ class Stepper(Stepping):
 
     @property
     def state(self) -> State:
-        """A copy of the current state, for `restore` and as a start of `co.simulate` and `co.trajectory`."""
+        """A copy of the current state, for `restore` and as a start of `co.simulate` and `co.trajectory`.
+
+        Its velocities are those of the step that ended there, from which Newton's iteration goes on; a function of
+        `observe` sees those of the node.
+        """
         with self._turn.reading():
             return self._beginning.state.unpack(self._of_members(of_lanes(self._buffers.state)))
 
