@@ -76,6 +76,23 @@ def test_a_trajectory_inside_a_transformation_traces_its_steps_once():
     assert again <= 2 < min(first, reads())
 
 
+def test_the_gradient_by_the_start_of_an_advected_system_by_machine_code_compiles():
+    """∂μ₁/∂w of a heavy top, whose transposed call of the host XLA cannot compile within a compiled call."""
+    with co.float64():
+        top = co.System(
+            co.SO3(), lambda xi, a, p: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi) - p.w * a[2],
+            advected=co.Defining(), parameters={"w": 1.0},
+        )  # fmt: skip
+        start = top.state(mu=[1.0, 4.0, 9.0], a0=[0.0, 0.6, 0.8])
+
+        def momentum(scale):
+            begun = top.state(g=start.g, mu=scale * start.mu, a0=[0.0, 0.6, 0.8])
+            return co.trajectory(top, begun, dt=0.05, steps=2, accuracy=False).final.mu[0]
+
+        slope = float(jax.jit(jax.grad(momentum))(1.0))
+        assert slope == pytest.approx((momentum(1.0 + 1e-4) - momentum(1.0 - 1e-4)) / 2e-4, rel=1e-6)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("kind", [jax.grad, jax.vmap], ids=["grad", "vmap"])
 def test_values_and_gradients_follow_a_global_number_that_has_changed(kind):

@@ -24,6 +24,7 @@ from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.run.interruptible import Cut
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.kernels.trace.jaxprs import traced_by_kinds
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import OPAQUE, version
 from coadjoint.mechanics.inputs import Given
@@ -151,7 +152,7 @@ def trajectory(
 
 
 def _kept(program: StepProgram, maker: Any) -> Any:
-    """A cached maker of compiled functions, or the maker alone where it is unknown what the program computes.
+    """A cached maker of traced functions, or the maker alone where it is unknown what the program computes.
 
     Programs with the same version compute the same, so that the trace of one serves all that are equal to it.
     """
@@ -170,7 +171,7 @@ def _from_start(
         begun = with_ledger(system, program.method.begin(system, start, h), False)
         return computed(program, Constants(parameters, None), begun, h, blocks, backend, last=True)
 
-    return jax.jit(found)
+    return traced_by_kinds(found)
 
 
 @lru_cache(maxsize=64)
@@ -186,7 +187,7 @@ def _from_begun(
             return _scan(program, constants, begun, h, blocks, last)
         return _by_native_code(program, constants, begun, h, blocks, last)
 
-    return jax.jit(found)
+    return traced_by_kinds(found)
 
 
 def _require_float64() -> None:
@@ -216,8 +217,8 @@ def computed(
     _require_room(begun, blocks)
     if inside:
         _require_float64()
-        compiled = _kept(program, _from_begun)(program, blocks, backend, last)
-        return compiled(constants, begun, jnp.asarray(h, float))
+        replayed = _kept(program, _from_begun)(program, blocks, backend, last)
+        return replayed(constants, begun, jnp.asarray(h, float))
     begun = in_records(begun) if backend == "native" else begun
     chosen = _choose(program, constants, begun, backend, False)
     if chosen == "xla":

@@ -245,3 +245,27 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
         return primitive.bind(*constants, x, push=push, pull=pull, shapes=tuple(shapes))
 
     return bind
+
+
+def traced_by_kinds(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
+    """A pure function of PyTrees of arrays that JAX traces once for each structure, shape and type of its arguments.
+
+    Its operations are those of the caller's transformation: unlike jax.jit it puts no compiled call around them, in
+    whose transpose XLA cannot compile calls of the host.
+    """
+    known: dict[object, tuple[Callable[..., Any], Any]] = {}
+
+    def replayed(*arguments: PyTree) -> PyTree:
+        leaves, structure = jax.tree.flatten(arguments)
+        leaves = [jnp.asarray(leaf) for leaf in leaves]
+        key = structure, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        if key not in known:
+            kinds = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves]
+            jaxpr, like = jax.make_jaxpr(lambda *leaves: function(*structure.unflatten(leaves)), return_shape=True)(
+                *kinds
+            )
+            known[key] = core.jaxpr_as_fun(jaxpr), jax.tree.structure(like)
+        run, result = known[key]
+        return result.unflatten(run(*leaves))
+
+    return replayed
