@@ -55,7 +55,6 @@ MECHANICS: dict[str, Case] = {
     "a keyword of a run": (lambda: co.simulate(BARE, BARE.state(), dt=0.1, step=3), "do you mean `steps`"),
     "a keyword of a trajectory": (lambda: co.trajectory(BARE, BARE.state(), h=0.1), "no argument `h`: it takes system"),
     "a keyword of a stepper": (lambda: co.Stepper(BARE, BARE.state(), dt=0.1, input=()), "do you mean `inputs`"),
-    "a keyword of a sweep": (lambda: co.sweep("run.toml", schedule=3), "do you mean `scheduler`"),
     "a time of several numbers": (lambda: BODY.state(t=[0.0, 1.0]), "`t` must be one number, but has shape"),
     "members of several times": (lambda: BODY.state(t=co.each([0.0, 1.0])), "one time axis"),
     "q without a space": (lambda: BODY.state(q=[1.0]), "no additional dynamics: leave out `q`"),

@@ -25,10 +25,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def run_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Run a script as a user does, in an empty folder; returns its variables."""
 
-    def run(name: str, duration: float, *more: float) -> dict[str, Any]:
+    def run(name: str, duration: float, *more: float, folder: Path = EXAMPLES) -> dict[str, Any]:
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, (duration, *more))])
-        found = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+        found = runpy.run_path(str(folder / f"{name}.py"), run_name="__main__")
         matplotlib.pyplot.close("all")
         return found
 
@@ -69,7 +69,7 @@ def test_a_falling_rod_keeps_its_energy_and_hangs_below_its_wall(run_example):
 
 @pytest.mark.long
 def test_a_network_in_the_lagrangian_of_a_top_learns_a_magnet_and_keeps_the_momentum(run_example):
-    found = run_example("learned_top", 40)
+    found = run_example("learned_top", 40, folder=EXAMPLES.parent / "docs" / "figures")
     rows, test = found["rows"], found["test"]
     error = {name: np.max(np.abs(found[:41, 3:] - test[:41, 3:])) for name, found in rows.items()}
     drift = {name: np.ptp(np.sum(found[:, :3] * found[:, 3:], axis=1)) for name, found in rows.items()}

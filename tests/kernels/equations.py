@@ -48,3 +48,6 @@ class Still:
 
     def monitors(self, p, record, h):
         return {}
+
+    def linked(self, state):
+        return None

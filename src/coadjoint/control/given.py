@@ -83,7 +83,7 @@ def goal_place(problem: ProblemData) -> tuple[Element, np.ndarray]:
     there = start.g if g is None else _element(start.g, g)
     if not Q.dim(group):
         return there, np.zeros(0)
-    return there, np.asarray(start.q) if q is None else Q.point(group, q, "q")
+    return there, np.asarray(start.q if q is None else Q.point(group, q, "q"))
 
 
 def _element(like: Element, g: Any) -> Element:

@@ -114,7 +114,7 @@ class Guesses:
         turn = self._turn(lambda a, b: group.log(group.compose(group.inverse(a), b)), start.g, g)
         if np.all(np.isfinite(turn)):
             return turn
-        return _logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g))
+        return np.asarray(_logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g)))
 
     def _z(self, problem: ProblemData, states: State) -> np.ndarray:
         """z of every step, (N, nz): the start of Newton's iteration in each stage."""

@@ -46,7 +46,8 @@ class FilterSample:
             return None
         some = _judged_members(len(rows))
         rows = self._process.with_inputs(rows, inputs)[some]
-        return self.judge(rows, *(np.diagonal(one[some], axis1=1, axis2=2) for one in (P, after)), h, steps.count - 1)
+        before, then = (np.diagonal(one[some], axis1=1, axis2=2) for one in (P, after))
+        return self.judge(rows, before, then, h, steps.count - 1)
 
     def of_log(self, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, full: bool) -> str | None:
         """The warning about steps of a log, from its saved nodes in `output`; full: all of P is there."""

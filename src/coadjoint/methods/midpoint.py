@@ -67,13 +67,10 @@ class Midpoint(Method, HalfStepSquared):
         n = Q.act(group, group.inverse(half), point.n + 0.5 * h * point.nu)
         transported = Q.pull(group, half, n, Q.pull(group, half, start, record.pi) + h * at.force)
         return record.later(
-            h,
-            g=group.compose(record.g, group.compose(half, half)),
-            n=n,
-            a=V.act(group, group.inverse(half), point.a),
+            h, g=group.compose(record.g, group.compose(half, half)), n=n, a=V.act(group, group.inverse(half), point.a),
             mu=group.Ad_dual(half, group.Ad_dual(half, record.mu) + h * at.torque),
             pi=Q.momentum(group, n, transported, Q.pull(group, half, n, at.pi + 0.5 * h * at.force)),
-        )
+        )  # fmt: skip
 
     def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """⟨Ad_{H⁻¹}𝒦_k, hΔ⟩ = ⟨𝒦_k, Ad*_{H⁻¹} hΔ⟩."""

@@ -147,7 +147,7 @@ def trajectory(
         chosen = _choose(program, constants, begun, backend, False)
         plan = Plan(chosen, program, constants, float(h), steps, save_every, False)
         if sentence := unresolved_records(plan, found.records):
-            warn(sentence, stacklevel=3)
+            warn(sentence, stacklevel=4)
     return found
 
 

@@ -78,7 +78,8 @@ def printed_equations(
     the system; the forces are always the system's. Raises ArgumentError for compositions, and for records that are not
     consecutive.
     """
-    return equations_of(run.system, run.method, consecutive(run), run.dt, noether, unreduced)
+    records = consecutive(run)
+    return equations_of(run.system, run.method, records, run.dt, noether, unreduced)
 
 
 def consecutive(run: Any) -> State:

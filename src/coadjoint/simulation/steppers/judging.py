@@ -81,7 +81,7 @@ class StepperWarnings:
 
     # The accuracy of its steps.
 
-    def _begin_sample(self, parts: PartsOfSteps, depth: int = 3) -> None:
+    def _begin_sample(self, parts: PartsOfSteps, depth: int = 4) -> None:
         """Judge the step from here, and some of those that will be taken, and warn once.
 
         parts: their comparison. depth: how many calls below the user's this one is.

@@ -150,7 +150,7 @@ class Stepper(Stepping):
         one, first = first_member(system, start)
         begun, version, warnings = checked(one, first, method, h, event)
         for sentence in warnings:
-            warn(sentence, stacklevel=3)
+            warn(sentence, stacklevel=4)
         skeleton = replace_parameters(system, None)
         self._watch, seen = watch(one, observe, begun)
         self._program = program_of(skeleton, method, event, version)

@@ -1,6 +1,6 @@
 """A heavy top with an unknown magnet: a small network inside ℓ learns the missing energy from noisy motions.
 
-Run as: python examples/learned_top.py [iterations, 120]
+Run as: python docs/figures/learned_top.py [iterations, 120]
 It prints the errors along a motion that was not in the data, of the known Lagrangian, of the Lagrangian with the
 network, and of a plain neural ODE with a network of the same width, with the drift of the conserved vertical momentum.
 
