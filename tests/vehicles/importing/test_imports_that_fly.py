@@ -289,3 +289,12 @@ def test_a_torpedo_whose_thruster_has_no_limit_is_told_that_cruise_flies_it_with
     body = {"mass": 20.0, "inertia": (1, 5, 5), "added_mass": (1, 20, 20, 0.1, 5, 5)}
     (said,) = doubts(Vehicle(name="torpedo", **body, parts=(*fins, screw)))  # pyright: ignore[reportArgumentType]
     assert said == "The files give `screw` no limit: add `limit` in the vehicle file, then cruise, attitude can fly it."
+
+
+def test_a_static_model_is_a_warning_and_not_counted_as_looks(tmp_path: Path):
+    text = model(of={}).replace('<model name="rov">', '<model name="rov"><static>true</static>')
+    said = str(import_vehicle(written(tmp_path / "rov.sdf", text)).report).splitlines()
+    assert said[2] == (
+        "Warning: rov.sdf:1: <static> is true, so that the model does not move in the simulator; here it moves."
+    )
+    assert "elements of looks" not in said[1]

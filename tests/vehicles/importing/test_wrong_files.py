@@ -78,6 +78,12 @@ TORPEDO = {
     "a pose of five": ("<pose>1.43162 0 0 0 0 0</pose>", "<pose>1.43162 0 0 0 0</pose>", "must hold 6 numbers"),
     "a mass below zero": ("<mass>147.0671", "<mass>-1", "must not be negative"),
     "a fin about its chord": ("<xyz>0 0 1</xyz>", "<xyz>1 0 0</xyz>", "turns about an axis"),
+    "an axis in the parent's axes": (
+        "<xyz>-1 0 0</xyz>",
+        '<xyz expressed_in="base_link">1 0 0</xyz>',
+        "expressed in 'base_link', but a direction is read only in the axes of its joint, of its child link",
+    ),
+    "an axis of no length": ("<xyz>-1 0 0</xyz>", "<xyz>0 0 0</xyz>", "has the direction 0 0 0"),
     "a propeller on nothing": (
         "<parent>base_link</parent><child>propeller<",
         "<parent>propeller</parent><child>propeller<",

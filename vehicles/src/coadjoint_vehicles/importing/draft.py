@@ -19,7 +19,7 @@ from coadjoint_vehicles.parts.part import Part
 FILE, GIVEN = "FILE", "IMPORT"
 NOTICED, REFUSED = 1e-9, 0.1
 """|M_ij − M_ji|/√(M_ii M_jj) from which an asymmetry is reported, and from which it is too large for rounding."""
-LOOKS = ("visual", "material", "mesh", "camera", "light", "self_collide", "enable_wind", "static")
+LOOKS = ("visual", "material", "mesh", "camera", "light", "self_collide", "enable_wind")
 
 
 @dataclass

@@ -40,6 +40,11 @@ def read_gazebo(root: Element, world: Element | None, folder: Path, draft: Draft
     if world is not None:
         read_gravity(world, draft)
     draft.name = model.get("name") or draft.name
+    static = model.first("static")
+    if static is not None and flag_in(model, "static", False):
+        draft.report.held = (
+            f"{static.place}: <static> is true, so that the model does not move in the simulator; here it moves."
+        )
     links = links_of(model, draft)
     joints = joints_of(model, links)
     held = [holder for holder in (model, root, root.first("world"), world) if holder is not None]

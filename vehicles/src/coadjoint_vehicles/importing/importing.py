@@ -128,7 +128,7 @@ def _finished(draft: Draft, xacro: Xacro) -> Imported:
         vehicle = vehicle_from_text(text, draft.name)
     report.missing = report_missing(xacro.missing)
     begun = replace(vehicle, volume=vehicle.volume + sum(report.starts.values()))
-    first = [report.missing] if report.missing else []
+    first = [sentence for sentence in (report.missing, report.held) if sentence]
     report.flies, report.doubts = flies(vehicle), [*first, *doubts(vehicle), *begun.warnings]
     return Imported(vehicle, text, report)
 

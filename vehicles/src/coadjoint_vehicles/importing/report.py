@@ -49,6 +49,8 @@ class Report:
     """Its actuators, and the controllers that fit."""
     doubts: list[str] = field(default_factory=list)
     """Warnings about the vehicle."""
+    held: str = ""
+    """A sentence on a model that does not move there; empty for one that does."""
     missing: str = ""
     """A sentence on included files and macros that are not there; empty without them."""
     starts: dict[str, float] = field(default_factory=dict)

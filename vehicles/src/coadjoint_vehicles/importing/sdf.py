@@ -258,8 +258,13 @@ def _joint(element: Element, links: dict[str, DescribedLink]) -> DescribedJoint:
     direction = np.array([0.0, 0.0, 1.0]) if xyz is None else numbers(xyz, xyz.text, (3,), "<xyz>")
     expressed = "" if xyz is None else xyz.get("expressed_in") or ""
     turn = {"": own.R, child: np.eye(3), "__model__": links[child].pose.R.T}.get(expressed)
-    if turn is None or not np.any(direction):
-        raise axis.fail("must be a direction in its joint, its child or the model.")
+    if turn is None:
+        raise axis.fail(
+            f"has an <xyz> expressed in {expressed!r}, but a direction is read only in the axes of its joint, of its "
+            f"child link {child!r} or of the model: leave out expressed_in, or give {child!r} or '__model__'."
+        )
+    if not np.any(direction):
+        raise axis.fail("has the direction 0 0 0, but must point somewhere: give <xyz> a length above 0.")
     made.axis = turn @ direction / np.linalg.norm(direction)
     limit = axis.first("limit")
     if limit is not None:
