@@ -208,6 +208,15 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": ["bottom"]}}, "needs `bottom`"),
         ({"mission": {"way_points_m": [[1, 2]], "speed": 1}}, "must hold \\[north, east, depth\\]"),
         ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "depth": 3}}, "no set point `depth`"),
+        (
+            {"mission": {"depth": 3, "heading": 0, "speed": -1}},
+            "speed of -1 m/s, but the controller of REMUS 100 drives ahead only",
+        ),
+        ({"mission": {**TO_A_POINT, "speed": [1, -2], "time_s": [0, 5]}}, "speed of -2 m/s, but"),
+        (
+            {"mission": {**TO_A_POINT, "ends": "last way point", "acceptance_m": 200}},
+            "from \\[initial\\], within 200 m",
+        ),
         ({"mission": {"look_ahead_m": 3, "depth": 3, "heading": 0, "speed": 1}}, "belongs to `way_points_m`"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": "last way point"}}, "needs `way_points`"),
         ({"initial": {"position_m": [0, 0]}}, "position"),
@@ -230,7 +239,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"mission": {**LEVEL, "axes": "ENU/FLU"}}, "above all sections"),
         ({"axes": "ENU/FLU", "initial": {}, "mission": LEVEL}, "heading belongs to NED/FRD"),
         ({"parameters": {"mass": -3}}, "`parameters.mass` must be positive"),
-        ({"parameters": {"rudder": {"lift_slope": 0}}}, "`lift_slope` of the fin `rudder` must be positive"),
+        ({"parameters": {"rudder": {"lift_slope": 0}}}, "`parameters.lift_slope` of the fin `rudder` must be positive"),
         ({**FLEET, "perturb": {"mass": "200 %"}}, r"Of member \d+: Argument `mass` must be positive"),
         ({**FLEET, "perturb": {"mass": 0.1}, "mission": {**LEVEL, "ends": "surface"}}, "ends would end each"),
         ({**FLEET, "perturb": {"mass": "nan %"}}, "must be finite"),
@@ -244,7 +253,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"parameters": {"rudder_limit_deg": 9}}, "`rudder_limit_deg` is called `rudder.limit`"),
         ({"parameters": {"pilot_period": 0.1}}, "`pilot_period` is called `controller.period`"),
         ({"parameters": {"rudder": 0.1}}, "rudder is several numbers"),
-        ({"parameters": {"rudder": {"lag": -0.1}}}, "`lag` of the fin `rudder` must be at least 0"),
+        ({"parameters": {"rudder": {"lag": -0.1}}}, "`parameters.lag` of the fin `rudder` must be at least 0"),
         (
             {"run": {"dt": 0.05, "duration": 5, "members": 4}, "perturb": {"rudder": {"lag": 9.0}}},
             "Of member .: .*`lag` of the fin `rudder`",

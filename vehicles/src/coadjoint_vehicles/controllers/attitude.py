@@ -99,6 +99,10 @@ class Attitude(Controller):
         return {**super().parameters(), **({} if self.model is None else {"model": self.model._asdict()})}
 
     @property
+    def ahead_only(self) -> bool:
+        return True
+
+    @property
     def inputs(self) -> dict[str, str]:
         return {"attitude": "1", "speed": "m/s"}
 

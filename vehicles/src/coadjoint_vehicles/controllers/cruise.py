@@ -82,6 +82,10 @@ class Cruise(Controller):
         return {self.vertical: "rad" if self.vertical == "pitch" else "m", "heading": "rad", "speed": "m/s"}
 
     @property
+    def ahead_only(self) -> bool:
+        return True
+
+    @property
     def keeps_level(self) -> bool:
         return True
 

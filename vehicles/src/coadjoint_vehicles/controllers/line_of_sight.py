@@ -126,6 +126,10 @@ class LineOfSight(Controller):
         return {name: unit for name, unit in taken.items() if name not in ("heading", "depth", "pitch")}
 
     @property
+    def ahead_only(self) -> bool:
+        return self.helm is not None and self.helm.ahead_only
+
+    @property
     def keeps_level(self) -> bool:
         return self.helm is not None and self.helm.keeps_level
 

@@ -22,7 +22,7 @@ from coadjoint.units import in_si as in_si_units
 from coadjoint_vehicles.figures.shapes import BOTTOM, GEOMETRY, geometry
 from coadjoint_vehicles.logs.headers import inside
 from coadjoint_vehicles.missions.electric import supply
-from coadjoint_vehicles.missions.mission_section import arrival, require_unit
+from coadjoint_vehicles.missions.mission_section import arrival, require_to_go, require_unit
 from coadjoint_vehicles.missions.perturb import perturbed, seeds
 from coadjoint_vehicles.missions.results import require_room
 from coadjoint_vehicles.missions.water import bottom, water
@@ -54,6 +54,8 @@ def set_up(file: MissionSections) -> Setup:
     controller = legs.following(_controller(file.controller, vehicle), place)
     # Report mistakes in the file before proposing gains, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
+    if controller is not None and controller.ahead_only:
+        _require_ahead(inputs["speed"], vehicle)
     faulty = [fault.fault(vehicle) for fault in file.faults]
     for lost in file.lost_sensors:
         lost.require_sensor(vehicle)
@@ -76,6 +78,8 @@ def set_up(file: MissionSections) -> Setup:
         assert system.parameters is not None
         craft.replace(**system.parameters.asdict())  # refuses a member that cannot be
     legs.require_start_before_end(start.q, members)
+    if "last way point" in legs.ends:
+        require_to_go(craft.controller, start.q)
     arrived = arrival(craft.controller) if len(legs.points) else None
     told = {"vehicle_length": float(vehicle.length or 1.0)}
     told |= {"way_points": legs.points.ravel().tolist()} if len(legs.points) else {}
@@ -103,6 +107,16 @@ def _inputs(file: MissionSections, vehicle: PyTree, commands: dict[str, str], wa
             f"Section [mission] needs {', '.join(lacking)}: the controller of {vehicle.name} takes them."
         )
     return inputs
+
+
+def _require_ahead(speed: PyTree, vehicle: PyTree) -> None:
+    """Raise ArgumentError for a set point of the speed, or one of its values, below 0."""
+    least = float(np.min(np.asarray(getattr(speed, "values", speed), dtype=float)))
+    if least < 0:
+        raise ArgumentError(
+            f"[mission] asks for a speed of {least:.4g} m/s, but the controller of {vehicle.name} drives ahead only: "
+            "give 0 or more, or command the actuators."
+        )
 
 
 def _controller(section: Mapping[str, Any], vehicle: PyTree) -> PyTree:

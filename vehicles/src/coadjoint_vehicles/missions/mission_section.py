@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -297,3 +298,17 @@ def arrival(controller: Any) -> Any:
         return jnp.where(state.internal.controller.value.memory.leg < last, acceptance + 1.0, left)
 
     return last_way_point
+
+
+def require_to_go(controller: Any, start: PyTree) -> None:
+    """Raise ArgumentError where a way-point controller takes all way points as reached from its start, (3,) m."""
+    import jax.numpy as jnp
+
+    from coadjoint_vehicles.controllers.line_of_sight import arrived, leg
+
+    here, points = jnp.asarray(start), jnp.asarray(controller.way_points)
+    if all(arrived(here, leg(here, a, b), b, controller.acceptance) for a, b in pairwise(points)):
+        raise ArgumentError(
+            f'[mission] ends at the "last way point", but each way point counts as reached from [initial], within '
+            f"{float(controller.acceptance):g} m: give a smaller acceptance_radius_m, or way points further off."
+        )

@@ -85,6 +85,11 @@ class Controller(Numbers, ABC):
         return False
 
     @property
+    def ahead_only(self) -> bool:
+        """Whether it never drives astern, so that a set point `speed` below 0 is an error; by default not."""
+        return False
+
+    @property
     def inputs(self) -> dict[str, str]:
         """The set points that a run must give, and their units."""
         return {}
