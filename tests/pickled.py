@@ -56,6 +56,10 @@ def drag(motion, p):
     return co.Force(torque=-0.1 * motion.xi)
 
 
+def turned(g, x):
+    return g @ x
+
+
 def spin(state):
     return state.mu[2]
 
@@ -100,7 +104,7 @@ def cheap() -> dict[str, Callable[[], Any]]:
         "methods": lambda: [one.make(co.Cayley()) for one in SHIPPED],
         "motions": lambda: [top.motion_at(start), top.motion(start.xi, start.n, start.nu, start.a, 0.0)],
         "signals": lambda: [co.Held([0, 1], [1, 2]), co.Linear([0, 1], [1, 2]), co.mechanics.Signal(sine),
-            co.Event(spin)],
+            co.Event(spin), co.Output(every=1, what=spin)],
         "values": lambda: [co.Parameters(a=1.0), co.Force(np.zeros(3), np.zeros(0)), co.mechanics.Course(1.0)],
         "groups": lambda: [co.Power(co.SO3(), 3), co.spaces.RelativePoses(((0, 1),)), co.spaces.GroupItself()],
         "spaces": lambda: [co.spaces.ByInverse(co.Defining()), co.spaces.Links(co.Defining())],
@@ -115,9 +119,12 @@ def cheap() -> dict[str, Callable[[], Any]]:
         "fault": lambda: vehicles.model.Fault("rudder", 0.0, time=1.0),
         "tasks": lambda: [getattr(environments, name)() for name in TASKS],
         "ends": lambda: environments.End(spin),
+        "ship": lambda: list(vehicles.load("kvlcc2").parts),
         "payload": lambda: parts.Payload("load", mass=1.0, position=(0, 0, 0)),
         "function": lambda: controllers.FunctionController(function=hover),
-        "controllers": lambda: [getattr(controllers, name)() for name in ("Attitude", "Cruise", "Hover", "Pose")],
+        "controllers": lambda: [
+            getattr(controllers, name)() for name in ("Attitude", "Cruise", "Hover", "Pose", "Trial")
+        ],
         "manoeuvre": lambda: controllers.Manoeuvre(),
         "line": lambda: controllers.LineOfSight(way_points=[[0, 0, 1], [9, 9, 1]]),
         "sawtooth": lambda: controllers.Sawtooth(volume=1e-4, pitch=0.3),
@@ -132,6 +139,8 @@ def cheap() -> dict[str, Callable[[], Any]]:
         "strapdown": lambda: co.estimation.StrapdownProcess(),
         "log": lambda: co.identification.Log(np.arange(3.0), {"a": np.arange(3.0)}),
         "equations": lambda: co.theory.Equations((_filled("theory", "Residual"),)),
+        "shadow": lambda: co.theory.ShadowEnergy(np.zeros(3), np.ones(3)),
+        "action": lambda: co.spaces.Action(turned, dim=3),
         "theory": lambda: [
             co.theory.ContinuousLagrangian(co.SO3(), kinetic), co.theory.UnreducedLagrangian(co.SO3(), unreduced),
             co.theory.SemidirectLagrangian(top), co.theory.PoissonLagrangian(co.SO3(), co.Defining(), kinetic),

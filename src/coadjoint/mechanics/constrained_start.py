@@ -271,7 +271,7 @@ def _least_motion(system: ReducedFunctions, state: State) -> tuple[Array, Array]
 
 
 def moved(system: ReducedFunctions, state: State, eta: Array, w: Array) -> State:
-    """The state after a motion (η, w) of its place, with its momenta."""
+    """The state after a motion (η, w) of its place, (dim G,) and (ambient,), with its momenta."""
     group, Q, V = system.places
     F = group.exp(eta)
     back = group.inverse(F)

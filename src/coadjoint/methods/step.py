@@ -198,7 +198,7 @@ class Step(ABC):
         """(Δ⁻, Δ⁺) ∈ 𝔤*, (dim G,) each, in frames k and k+1: I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
 
     def sources_to(self, system: System, record: State, h: Scalar, after: State) -> tuple[Array, Array]:
-        """`sources` of a step that ends at a known node."""
+        """`sources`, (dim G,) each, of a step that ends at a known node; h: one number."""
         return self.sources(system, record, h)
 
     def chart(self, system: System, record: State, h: Scalar) -> Array | float:
@@ -241,7 +241,7 @@ class Step(ABC):
         return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind), initial=0.0))
 
     def certificate(self, system: System, record: State, h: Scalar, after: State) -> dict[str, Array]:
-        """`balance` and `newton_residual` by their names."""
+        """`balance` and `newton_residual` by their names, one number each."""
         return {
             "balance": self.balance(system, record, h, after),
             "newton_residual": self.newton_residual(system, record, h, after),

@@ -177,7 +177,7 @@ def csv_table(dataset: xarray.Dataset) -> str:
 def table_columns(dataset: xarray.Dataset) -> dict[str, np.ndarray]:
     """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one row per node.
 
-    Columns are `time` and the name of every variable, followed by its indices if it is an array: mu_0, g_0_2.
+    Columns (rows,) are `time` and the name of every variable, followed by its indices if it is an array: mu_0, g_0_2.
     """
     leading = [name for name in ("member", "time") if name in dataset.dims]
     count = int(np.prod([dataset.sizes[name] for name in leading]))
@@ -310,13 +310,16 @@ class Result(Recording):
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
     def sizes(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, ([members]), to which its changes are relative; 0 if they are larger."""
+        """|X₀| of a monitored X, one number or (members,), to which its changes are relative; 0 if they are larger."""
         low, high, first = self._bounds(name)
         size, change = np.linalg.norm(first, axis=-1), np.linalg.norm(_widest(low, high, first), axis=-1)
         return np.where(size > change, size, 0.0)
 
     def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| of a monitored X, ([members]), over good steps; absolute where that passes 1."""
+        """max_k |X_k − X₀| / |X₀| of a monitored X, one number or (members,), over good steps.
+
+        It is absolute where that passes 1.
+        """
         widest = _widest(*self._bounds(name))
         change, size = np.linalg.norm(widest, axis=None if self.members is None else 1), self.sizes(name)
         return change / np.where(size > 0, size, 1.0)
