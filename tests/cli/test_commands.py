@@ -101,6 +101,7 @@ def test_a_folder_with_a_run_is_refused_with_status_2(tmp_path, capsys):
         (["info", "nowhere"], "There is no folder or file nowhere."),
         (["info", "."], "holds no results of coadjoint"),
         (["info", "top.py"], "is not a netCDF file"),
+        (["plot", ".", "energy", "."], "`plot` draws one folder, but . is another: `coadjoint compare . . --out DIR`"),
         (["plot", "."], "holds no results of coadjoint: there are no trajectories"),
         (["audit", "--out", "top.py"], "The folder top.py cannot be made"),
         (["models", "heavy_toop"], "did you mean `heavy_top`?"),

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.cli.comparing import show
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
-from coadjoint.report.comparison import compare
+from coadjoint.report.comparison import compare, merits
 
 
 def body(omega=(0.3, 0.0, 1.0), dt=0.1, method=None, duration=2.0, save_every=1, group=None):
@@ -61,6 +63,39 @@ def test_what_only_one_of_the_runs_conserves_is_shown_for_that_one(coarse):
     assert compare(coarse.dataset, other).conserved["energy_error_max"] == (error, None)
     assert compare(other, coarse.dataset).conserved["energy_error_max"] == (None, error)
     assert "energy_error_max" not in compare(other, other).conserved
+
+
+def test_figures_of_missions_and_trials_are_side_by_side(coarse, capsys):
+    trial = {"manoeuvre": "zigzag", "period": 6.2}
+    first = {"mission": {"duration": 120.0, "times_real_time": 9e3, "position_final": [1.0, 2.0], "trial": trial}}
+    second = {"mission": {"duration": 100.0, "ended_by": "surface", "tracking": {"depth": {"error_rms": 0.25}}}}
+    found = merits(first, second)
+    assert list(found)[:2] == ["trial.manoeuvre", "trial.period"]
+    assert found == {
+        "trial.manoeuvre": ("zigzag", None),
+        "trial.period": (6.2, None),
+        "duration": (120.0, 100.0),
+        "position_final.0": (1.0, None),
+        "position_final.1": (2.0, None),
+        "ended_by": (None, "surface"),
+        "tracking.depth.error_rms": (None, 0.25),
+    }
+    assert merits({}, {}) == {}
+    compared = replace(compare(coarse.dataset, coarse.dataset), merits=found)
+    assert compared.summary()["mission"]["trial.period"] == [6.2, None]
+    show(compared)
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["mission", "first", "second"] in rows and ["duration", "120", "100"] in rows
+
+
+def test_the_command_reads_the_figures_of_both_folders(coarse, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name, period in (("a", 6.2), ("b", 4.7)):
+        Path(name).mkdir()
+        coarse.save(f"{name}/run.nc")
+        Path(name, "summary.json").write_text(json.dumps({"mission": {"trial": {"period": period}}}))
+    assert main(["compare", "a", "b", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["mission"] == {"trial.period": [6.2, 4.7]}
 
 
 def test_angles_are_compared_within_half_a_turn(coarse):

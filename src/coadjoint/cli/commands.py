@@ -125,7 +125,8 @@ class Plot:
     BEGINS: ClassVar[str] = "Reading {source}."
 
     source: Annotated[tyro.conf.Positional[Path], called("DIR|FILE")]
-    """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
+    """A folder that `run` or `reproduce` wrote, or a file of a run. Several runs in one folder come into the same
+    figures; `coadjoint compare DIR DIR --out DIR` draws those of two folders together."""
     figures: Annotated[tyro.conf.Positional[tuple[str, ...]], called("[FIGURE …]")] = ()
     """The figures to draw, by default those that the run file lists, or all; `animation` shows the motion."""
     out: Annotated[Path | None, called("DIR")] = None
@@ -137,9 +138,15 @@ class Plot:
 
     def __call__(self) -> int:
         from coadjoint.cli.results_folder import figures_asked, recordings
+        from coadjoint.errors import ArgumentError
         from coadjoint.plotting.plots import save_figures
         from coadjoint.report.folder import make
 
+        if others := [name for name in self.figures if Path(name).is_dir()]:
+            raise ArgumentError(
+                f"`plot` draws one folder, but {others[0]} is another: `coadjoint compare {self.source} {others[0]} "
+                "--out DIR` draws the figures of two together."
+            )
         found = recordings(self.source)
         folder = self.out or (self.source if self.source.is_dir() else self.source.parent)
         make(folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare two runs: their settings, their conserved quantities, the distance between them; figures of both with
-    --out."""
+    """Compare two runs: settings, conserved quantities, figures of missions and sea trials, the distance between them;
+    figures of both with --out."""
 
     BEGINS: ClassVar[str] = "Reading {first} and {second}."
 
@@ -37,7 +37,7 @@ class Compare:
         from coadjoint.cli.results_folder import recordings
         from coadjoint.disk import write_text
         from coadjoint.plotting.plots import save_figures
-        from coadjoint.report.comparison import compare
+        from coadjoint.report.comparison import compare, merits
         from coadjoint.report.folder import make
         from coadjoint.report.summary import to_json
 
@@ -46,6 +46,7 @@ class Compare:
             make(self.out)
         names = _names(self.first, self.second)
         found = compare(datasets[0], datasets[1], names)
+        found = replace(found, merits=merits(_summary(self.first), _summary(self.second)))
         if self.json:
             terminal.text(to_json(found.summary()))
         else:
@@ -64,6 +65,14 @@ def _one(found: Table, source: Path) -> Any:
     return next(iter(found.values()))
 
 
+def _summary(source: Path) -> Table:
+    """The numbers that a run left in its folder; of a file alone none."""
+    from coadjoint.cli import results_folder
+    from coadjoint.report.folder import SUMMARY
+
+    return results_folder.summary(source) if (source / SUMMARY).is_file() else {}
+
+
 def _names(first: Path, second: Path) -> tuple[str, str]:
     """Labels that distinguish the two: the names of the folders or files, or their full paths."""
     names = first.stem or str(first), second.stem or str(second)
@@ -71,12 +80,15 @@ def _names(first: Path, second: Path) -> tuple[str, str]:
 
 
 def show(found: Comparison) -> None:
-    """The comparison as three tables."""
+    """The comparison as tables."""
     terminal.table(("", *found.names), [(key, *map(_text, pair)) for key, pair in found.setting.items()])
     terminal.line("")
     rows = [(key.replace("_", " "), *map(_text, pair)) for key, pair in found.conserved.items()]
     terminal.table(("kept", *found.names), rows)
     terminal.line("")
+    if found.merits:
+        terminal.table(("mission", *found.names), [(key, *map(_text, pair)) for key, pair in found.merits.items()])
+        terminal.line("")
     rows = [
         (name, f"{found.final[name]:.3e}", f"{found.largest[name]:.3e}", found.units[name])
         for name in sorted(found.largest, key=_order)

@@ -223,8 +223,7 @@ def available(dataset: Any, films: bool = False) -> list[str]:
 def common(datasets: Sequence[Any]) -> list[str]:
     """The names of the figures, films aside, that can be drawn of these datasets together."""
     held = [available(dataset) for dataset in datasets]
-    found = [name for name in figure_names(films=False) if all(name in names for names in held)]
-    return [name for name in found if len(datasets) == 1 or name not in ADDED or not ADDED[name].single]
+    return [name for name in figure_names(films=False) if all(name in names for names in held)]
 
 
 def save_figures(

@@ -18,7 +18,7 @@ class AddedFigure:
     draw: "module:function", (runs, **options) → Figure; of a `film`, (runs, path, **options) → the path written.
     fits: "module:function", a dataset → whether it has the variables of the figure. doc: its description, for help.
     rank: its place in a report, the smallest first; the library's own have 10 and more. caption: its description for
-    readers of a report, by default `doc`. single: of one run alone; several runs together are drawn without it.
+    readers of a report, by default `doc`.
     """
 
     draw: str
@@ -27,7 +27,6 @@ class AddedFigure:
     film: bool = False
     rank: int = 5
     caption: str = ""
-    single: bool = False
 
 
 ADDED: Registry[AddedFigure] = Registry("FIGURES")

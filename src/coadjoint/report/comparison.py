@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ CONSERVED = (
 )
 """Numbers of the certificate that measure the conservation of mechanical quantities."""
 SET = ("system", "group", "method", "dt", "steps")
+Merits = tuple[float | str | None, float | str | None]
+"""A figure of both runs; None of the one that lacks it."""
 LEFT_OUT = ("internal_controller_sample", "internal_controller_release", "internal_controller_pending")
 
 
@@ -31,7 +33,8 @@ class Comparison:
     """Two runs: `setting` and `conserved` numbers of both, and the differences of variables.
 
     `final`, `largest`: |x_a − x_b| at the last common time, and over all common times, of every variable that both
-    have, with its unit; `common`: the number of common times, `last` the latest of them (s).
+    have, with its unit; `common`: the number of common times, `last` the latest of them (s). `merits`: figures of both
+    by name (`merits`), such as those of missions and sea trials.
     """
 
     names: tuple[str, str]
@@ -42,6 +45,7 @@ class Comparison:
     units: dict[str, str]
     common: int
     last: float
+    merits: dict[str, Merits] = field(default_factory=dict)
 
     def summary(self) -> Table:
         """All of it as plain numbers."""
@@ -50,6 +54,7 @@ class Comparison:
             "runs": [a, b],
             "setting": {key: list(pair) for key, pair in self.setting.items()},
             "conserved": {key: list(pair) for key, pair in self.conserved.items()},
+            "mission": {key: list(pair) for key, pair in self.merits.items()},
             "common_times": self.common,
             "last_common_time": self.last,
             "difference_final": self.final,
@@ -95,6 +100,25 @@ def compare(first: Any, second: Any, names: tuple[str, str] = ("first", "second"
         len(here),
         float(a["time"][-1]),
     )
+
+
+def merits(first: Table, second: Table) -> dict[str, Merits]:
+    """The figures of `mission` in two summaries side by side, those of a sea trial first; "trial.period" joins keys."""
+    a, b = (_figures(summary.get("mission", {})) for summary in (first, second))
+    names = sorted({**a, **b}, key=lambda name: not name.startswith("trial."))
+    return {name: (a.get(name), b.get(name)) for name in names}
+
+
+def _figures(value: PyTree, name: str = "") -> dict[str, float | str]:
+    """The numbers and words in nested tables and lists by their joined names, without computing times."""
+    if isinstance(value, (dict, list)):
+        inner = value.items() if isinstance(value, dict) else enumerate(value)
+        return {
+            key: one
+            for part, held in inner
+            for key, one in _figures(held, f"{name}.{part}" if name else str(part)).items()
+        }
+    return {name: value} if isinstance(value, (int, float, str)) and name != "times_real_time" else {}
 
 
 def _require_one_system(first: Any, second: Any, names: tuple[str, str]) -> None:

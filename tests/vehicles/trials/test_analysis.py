@@ -9,6 +9,7 @@ from scipy.integrate import quad
 
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.trials import Track, analyse
+from coadjoint_vehicles.trials.page import TrialCurve, page_of_several
 
 K, T, DELTA, U = 0.2, 4.0, np.radians(10.0), 1.5
 
@@ -88,6 +89,24 @@ def test_a_page_shows_track_rudder_and_table(made):
         {"advance", "transfer", "tactical diameter", "rate of turn"} if made is None else {"heading", "order"}
     )
     assert ("tactical diameter" if made is None else "first overshoot") in panels[2].texts[0].get_text()
+
+
+def test_a_page_of_several_trials_shows_their_courses_and_figures_side_by_side():
+    time = np.arange(0.0, 100.0, 0.1)
+    circle = track("turning_circle", time, 0.1 * time, np.full(len(time), DELTA), begin=0.0)
+    zigzag = nomoto_zigzag(20.0, 0.05)
+
+    def panels(*tracks):
+        found = [TrialCurve(f"run {k}", one, analyse(one).merits, {"color": f"C{k}"}) for k, one in enumerate(tracks)]
+        return page_of_several(found).axes
+
+    left, middle, right = panels(circle, zigzag)
+    assert [line.get_label() for line in left.get_lines()] == ["run 0", "run 1"]
+    assert len(middle.get_lines()) == 2 and middle.get_ylabel() == "rate of turn (°/s)"
+    table = {line[:23].strip(): line[23:].split() for line in right.texts[0].get_text().splitlines()[1:]}
+    assert table["advance"][1] == table["first overshoot"][0] == "–"
+    assert float(table["first overshoot"][1]) == pytest.approx(analyse(zigzag)["first_overshoot"], rel=1e-3)
+    assert panels(zigzag, zigzag)[1].get_ylabel() == "change of heading (°)"
 
 
 def test_a_turn_that_ends_early_has_no_tactical_diameter():

@@ -44,9 +44,8 @@ FIGURES = {
     "trial": AddedFigure(
         "coadjoint_vehicles.trials.analysis:trial",
         "coadjoint_vehicles.trials.track:of_trial",
-        "A standard manoeuvre: track, course over time and its figures of merit.",
+        "A standard manoeuvre, or several: tracks, courses over time and their figures of merit.",
         rank=1,
-        single=True,
     ),
 }
 """By the names that `run.plot` has them under."""

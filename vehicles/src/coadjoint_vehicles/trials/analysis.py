@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.trials import merits
 from coadjoint_vehicles.trials.merits import Merit
 from coadjoint_vehicles.trials.track import Track
@@ -100,7 +99,12 @@ def analyse(recorded: PyTree) -> TrialResult:
 
 
 def trial(runs: Sequence[Entry]) -> Figure:
-    """The page of one run of a mission with the controller `trial`."""
-    if len(runs) != 1:
-        raise ArgumentError(f"The page of a trial is of one run, but was given {len(runs)}.")
-    return analyse(runs[0].dataset).plot()
+    """The page of a run of a mission with the controller `trial`, or of several of them together."""
+    from coadjoint_vehicles.trials.page import TrialCurve, page_of_several
+
+    found = [analyse(run.dataset) for run in runs]
+    if len(found) == 1:
+        return found[0].plot()
+    return page_of_several(
+        [TrialCurve(run.label, one.track, one.merits, run.look) for run, one in zip(runs, found, strict=True)]
+    )

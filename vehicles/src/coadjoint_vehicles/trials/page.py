@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coadjoint.plotting.style import COLOURS, PAGE, WANTED, canvas
+from coadjoint.texts import Table
 from coadjoint_vehicles.trials.merits import Merit, steady_rates
 from coadjoint_vehicles.trials.track import Track
 
@@ -38,6 +40,60 @@ def page(track: Track, merits: Mapping[str, Merit], table: Sequence[tuple[str, s
     right.text(0.0, 1.0, "\n".join(lines), family="monospace", fontsize=6.3, va="top", linespacing=1.7)
     figure.suptitle(track.manoeuvre.replace("_", " "), fontsize=9)
     return figure
+
+
+class TrialCurve(NamedTuple):
+    """A trial among several in one figure. look: the style of its curves."""
+
+    label: str
+    track: Track
+    merits: Mapping[str, Merit]
+    look: Table
+
+
+def page_of_several(trials: Sequence[TrialCurve]) -> Figure:
+    """Tracks, courses over the time since the first execute, and figures of merit of several manoeuvres."""
+    figure = canvas(PAGE, 3.4)
+    left, middle, right = figure.subplots(1, 3, width_ratios=[1.0, 1.15, 0.95])
+    kinds = sorted({one.track.manoeuvre.replace("_", " ") for one in trials})
+    kind = kinds[0] if len(kinds) == 1 else ""
+    for label, track, _, look in trials:
+        along, aside = track.ahead_and_aside[track.travelled >= -0.25 * max(track.travelled[-1], 1e-9)].T
+        left.plot(aside, along, label=label, **look)
+        assert track.rate is not None
+        if kind == "spiral":
+            middle.plot(*(np.degrees(part) for part in steady_rates(track)), marker="o", markersize=3, **look)
+        else:
+            answers = {"zigzag": np.degrees(track.turned), "stop": track.speed}
+            middle.plot(track.time - (track.begin or 0.0), answers.get(kind, np.degrees(track.rate)), **look)
+    left.set(xlabel="to starboard (m)", ylabel="along the course (m)")
+    left.set_aspect("equal", adjustable="datalim")
+    left.margins(0.08)
+    xlabel = "rudder order (°)" if kind == "spiral" else "time since the execute (s)"
+    ylabels = {"zigzag": "change of heading (°)", "stop": "speed ahead (m/s)", "spiral": "steady rate of turn (°/s)"}
+    middle.set(xlabel=xlabel, ylabel=ylabels.get(kind, "rate of turn (°/s)"))
+    left.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2, fontsize=6.5)
+    right.axis("off")
+    size = 6.3 * min(1.0, 3 / len(trials))
+    right.text(0.0, 1.0, _side_by_side(trials), family="monospace", fontsize=size, va="top", linespacing=1.7)
+    figure.suptitle(", ".join(kinds), fontsize=9)
+    return figure
+
+
+def _side_by_side(trials: Sequence[TrialCurve]) -> str:
+    """A line for each figure of merit that one of the trials has, with a dash for those that lack it."""
+    rows = [f"{'':<23}" + "".join(f"{_short(one.label):>11}" for one in trials)]
+    for name in _TABLE:
+        found = [one.merits.get(name) for one in trials]
+        unit = next((one.unit for one in found if one is not None), None)
+        if unit is not None:
+            values = "".join(f"{'–' if one is None else format(one.value, '.4g'):>11}" for one in found)
+            rows.append(f"{name.replace('_', ' '):<23}{values} {'' if unit == '1' else unit}".rstrip())
+    return "\n".join(rows)
+
+
+def _short(label: str) -> str:
+    return label if len(label) <= 10 else f"…{label[-9:]}"
 
 
 def _draw_track(axes: Axes, track: Track, merits: Mapping[str, Merit]) -> None:
