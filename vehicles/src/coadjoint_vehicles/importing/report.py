@@ -49,14 +49,14 @@ class Report:
     """Its actuators, and the controllers that fit."""
     doubts: list[str] = field(default_factory=list)
     """Warnings about the vehicle."""
+    current: tuple[float, ...] = ()
+    """North, east, down, m/s, that the description gives; empty without one."""
     held: str = ""
     """A sentence on a model that does not move there; empty for one that does."""
     missing: str = ""
     """A sentence on included files and macros that are not there; empty without them."""
     starts: dict[str, float] = field(default_factory=dict)
     """The volumes of ballast at the start of the simulation, m³, beyond neutral, where they are not 0, by part."""
-    current: tuple[float, ...] = ()
-    """North, east, down, m/s, that the description gives; empty without one."""
 
     def summary(self) -> Table:
         """All of it for JSON."""
