@@ -1,6 +1,7 @@
 """The certificate tells runs that dt resolves from those that it does not, and how accurate a step is."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -182,6 +183,35 @@ def test_steps_at_which_the_motion_changes_most_are_judged_however_few_they_are(
     run = case.simulate()
     fast = np.argmax(np.linalg.norm(np.diff(run.records.pi, axis=0), axis=1))
     assert np.min(np.abs(run.accuracy.steps - fast)) <= 1
+
+
+def test_the_step_at_which_a_momentum_is_largest_is_judged_though_it_changes_least_there():
+    """Errors are relative to the largest momentum, which a spring at resonance has at t ≈ 8 of 10."""
+    system, _, arguments = driven(1.0, explicit=True, steps=200)()
+    for members in ({}, {"q": co.each([[0.0], [0.01]])}):
+        run = co.simulate(system, system.state(**{"q": [0.0], **members}), **arguments)
+        sizes = np.linalg.norm(run.records.pi, axis=-1)
+        largest = sizes.argmax() % sizes.shape[-1]
+        assert 150 < largest < 170 and largest in run.accuracy.steps
+
+
+def test_the_dt_named_for_a_force_of_a_lagging_actuator_is_the_largest_power_of_two_that_resolves():
+    """u̇ = −10u and a force u³: a step takes the force at the mean of u, which depends on its length."""
+
+    def rule(motion, h):
+        return {"thrust": motion.internal.thrust * jnp.exp(-10 * h)}
+
+    def forces(motion):
+        return co.Force(force=motion.internal.thrust**3 * np.array([1.0]))
+
+    def lagrangian(xi, n, nu):
+        return 0.5 * xi @ xi + 0.5 * nu @ nu
+
+    system = co.System(co.SO2(), lagrangian, additional=co.Trivial(1), forces=forces, internal=rule)
+    start = system.state(q=[0.0], internal={"thrust": 1.0})
+    coarse = co.simulate(system, start, dt=0.1, steps=20)
+    fine = co.simulate(system, start, dt=2 * coarse.accuracy.resolving, steps=20)
+    assert coarse.accuracy.resolving == 0.0125 and fine.accuracy.worst > 0.025
 
 
 def test_held_inputs_stay_over_a_judged_step_and_lags_do_not():

@@ -200,14 +200,16 @@ class PartsOfSteps:
             if number:
                 rows = np.array(rows)
                 rows[:, memory] = begun[:, memory]
-            if due is not None and part != 1.0:
-                rows = self._followed(rows, h * part, members)
+            if part != 1.0:
+                rows = self.followed(rows, h * part, members)
             rows, _, code = self.probe(rows, h * part, 1, members)
             good &= code == 0
         return rows, good
 
-    def _followed(self, rows: np.ndarray, h: np.ndarray, members: PyTree) -> np.ndarray:
+    def followed(self, rows: np.ndarray, h: np.ndarray, members: PyTree) -> np.ndarray:
         """The rows as records of steps of h, with the rule applied to numbers that follow the motion or a command."""
+        if self.course.due is None:
+            return rows
         due, kept = self.course.due, np.array(rows)
         if self._following:
             kept[:, due] = 1.0

@@ -47,7 +47,7 @@ def judged_run(run: Result, sampler: Sampler) -> Accuracy | None:
     kept = sampler.chosen(NODES_OF_MEMBERS if many else alone)
     if kept is None:
         return None
-    kept = with_steps_between(kept, sampler.largest, run.plan, run.one[1], sampler.members)
+    kept = with_steps_between(kept, sampler.changing, run.plan, run.one[1], sampler.members)
     doubling = Doubling(run.plan, run.one[1])
     steps, rows, members = _finite(kept, sampler.members, np.ravel(doubling.places.xi))
     if not len(rows):

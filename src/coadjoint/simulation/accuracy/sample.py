@@ -24,6 +24,15 @@ CHANGING = ("xi", "nu", "mu", "pi")
 """For each of these, the sample keeps the record from which the change to the next one is largest."""
 
 
+MOMENTA = ("mu", "pi")
+"""For each of these, the sample keeps the record where it is largest: local errors are relative to its size there, and
+to displacements over a step, which are large where it is."""
+
+
+KINDS = (*CHANGING, *(f"largest {field}" for field in MOMENTA))
+"""The extrema that the sample follows."""
+
+
 BLOCK = 4096
 """Chunks of fewer records, those of all members counted, wait for others."""
 
@@ -47,9 +56,9 @@ class Before(NamedTuple):
 
 
 class Largest(NamedTuple):
-    """The largest change of a field from a record to the next: how large, and from which step."""
+    """The largest change of a field from a record to the next, or the largest size of a momentum, and its step."""
 
-    change: float
+    size: float
     step: int
 
 
@@ -94,7 +103,10 @@ class Sampler:
         place = place[inside]
         index = {*place[steps[place] == self._wanted[inside]].tolist()}
         for field in CHANGING:
-            index |= self._changing(field, steps, [self._values(records, field) for _, records in chunks])
+            parts = [self._values(records, field) for _, records in chunks]
+            index |= self._changing(field, steps, parts)
+            if field in MOMENTA:
+                index |= self._extreme(f"largest {field}", steps, _lengths(np.concatenate(parts)))
         if -1 in index and self._before is not None:
             self._keep(np.array([self._before.step]), self._before.records, np.array([-1]))
         here, start = np.array(sorted(index - {-1}), int), 0
@@ -114,16 +126,20 @@ class Sampler:
             parts = [self._values(self._before.records, field)[-1:], *parts]
         values = np.concatenate(parts)
         change = values[1:] - values[:-1]
-        if not change.size:
+        return self._extreme(field, steps, np.abs(change, out=change), before)
+
+    def _extreme(self, kind: str, steps: np.ndarray, sizes: np.ndarray, before: int = 0) -> set[int]:
+        """The record with the largest of `sizes` (k, …), if larger than any earlier; `before`: those before `steps`."""
+        if not sizes.size:
             return set()
-        change = np.abs(change, out=change).ravel()
-        if not np.isfinite(change[largest := int(change.argmax())]):
-            largest = int((change := np.nan_to_num(change)).argmax())
-        if field in self._largest and change[largest] <= self._largest[field].change:
+        flat = sizes.ravel()
+        if not np.isfinite(flat[largest := int(flat.argmax())]):
+            largest = int((flat := np.nan_to_num(flat)).argmax())
+        if kind in self._largest and flat[largest] <= self._largest[kind].size:
             return set()
-        index = largest // values[0].size - before
+        index = largest // sizes[0].size - before
         at = self._before.step if index < 0 and self._before is not None else steps[index]
-        self._largest[field] = Largest(float(change[largest]), int(at))
+        self._largest[kind] = Largest(float(flat[largest]), int(at))
         return {index}
 
     def _values(self, records: State, field: str) -> np.ndarray:
@@ -143,20 +159,20 @@ class Sampler:
         """Keep each of the records that are wanted once, in their order, as one part."""
         steps = np.concatenate([kept.steps for kept in self._kept])
         rows = np.concatenate([kept.rows for kept in self._kept])
-        changing = [largest.step for largest in self._largest.values()]
+        extreme = [largest.step for largest in self._largest.values()]
         once, index = np.unique(steps, return_index=True)
-        index = index[np.isin(once, np.concatenate([self._wanted, changing]))]
+        index = index[np.isin(once, np.concatenate([self._wanted, extreme]))]
         self._kept = [Kept(steps[index], rows[index])]
 
     def chosen(self, limit: int) -> Kept | None:
-        """About `limit` of the kept records: the first ones, the most changing, the others evenly; None of none."""
+        """About `limit` of the kept records: the first, the most changing and the largest, then others evenly."""
         self._flush()
         if not self._kept:
             return None
         self._drop()
         steps, rows = self._kept[0]
-        changing = [largest.step for largest in self._largest.values()]
-        always = np.isin(steps, np.concatenate([self._first, changing]))
+        extreme = [largest.step for largest in self._largest.values()]
+        always = np.isin(steps, np.concatenate([self._first, extreme]))
         others = np.flatnonzero(~always)
         room = min(max(limit - int(always.sum()), 0), len(others))
         some = others[np.linspace(0, len(others) - 1, room).astype(int)] if room else others[:0]
@@ -164,7 +180,7 @@ class Sampler:
         return Kept(steps[index], rows[index])
 
     @property
-    def largest(self) -> list[int]:
+    def changing(self) -> list[int]:
         """The distinct steps of the records after which the momenta, then the velocities, change most."""
         fields = [field for field in reversed(CHANGING) if field in self._largest]
         return list(dict.fromkeys(self._largest[field].step for field in fields))
@@ -177,15 +193,15 @@ class Sampler:
         if not self._kept or self._before is None:
             return {}
         self._drop()
-        largest = [self._largest.get(field, (-1.0, -1)) for field in CHANGING]
+        largest = [self._largest.get(kind, (-1.0, -1)) for kind in KINDS]
         steps, rows = self._kept[0]
         return {"steps": steps, "rows": rows, "largest": np.array(largest), "before": np.array(self._before.step)}
 
     def _go_on(self, numbers: Mapping[str, np.ndarray], last: State) -> None:
         """Continue the sample of a checkpoint; `last` is the record before it."""
         self._kept = [Kept(numbers["steps"], numbers["rows"])]
-        found = zip(CHANGING, numbers["largest"], strict=True)
-        self._largest = {field: Largest(float(x), int(step)) for field, (x, step) in found if step >= 0}
+        found = zip(KINDS, numbers["largest"], strict=False)  # earlier checkpoints hold changes alone
+        self._largest = {kind: Largest(float(x), int(step)) for kind, (x, step) in found if step >= 0}
         self._before = Before(int(numbers["before"]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], last))
 
     def checkpoint(self, position: AnyPosition) -> None:
@@ -196,6 +212,11 @@ class Sampler:
 
     def release(self) -> None:
         """Nothing."""
+
+
+def _lengths(values: np.ndarray) -> np.ndarray:
+    """The norms of vectors along the last axis."""
+    return np.sqrt(np.sum(values**2, axis=-1))
 
 
 SHARE = 0.05

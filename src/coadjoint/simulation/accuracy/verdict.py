@@ -147,7 +147,8 @@ def _resolving(parts: PartsOfSteps, row, h, member, limit: float, sizes: dict[st
     well = 0
     for halving in range(1, HALVINGS):
         step = h / 2**halving
-        errors, _ = parts.errors(row, step, member, _local_sizes(sizes, halving), at_least=True)
+        begun = parts.followed(row, step, member)
+        errors, _ = parts.errors(begun, step, member, _local_sizes(sizes, halving), at_least=True)
         well = well + 1 if errors.good.all() and errors.largest[0] < 0.5 * limit else 0
         if well == 2:
             return float(abs(2 * step[0]))
