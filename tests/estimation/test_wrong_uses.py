@@ -56,6 +56,12 @@ WRONG = {
         lambda: ModelProcess(system(), start(), method=co.methods.VariableStep(co.Midpoint())),
         "a method of fixed steps",
     ),
+    "a discrete Lagrangian": (
+        lambda: ModelProcess(
+            (only := co.System(co.SO3(), discrete_lagrangian=lambda xi, h: h * xi @ xi)), only.state()
+        ),
+        "has only a discrete Lagrangian: give co.System `lagrangian` as well",
+    ),
     "noise": (lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"drag": 1.0}), "no part `drag`"),
     "negative noise": (
         lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"force": -1.0}),

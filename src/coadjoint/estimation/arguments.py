@@ -32,6 +32,11 @@ def require_fit(method: Method, system: System, start: State, error: str) -> Non
     checks.choice(error, f"Argument `error` of {WHOSE}", ("left", "right"))
     if method.variable or any(step.tolerant for step, _ in method.pattern):
         raise ArgumentError(f"A filter takes a method of fixed steps, such as co.Midpoint(), not {method.title}.")
+    if not system.continuous:
+        raise ArgumentError(
+            "A filter's errors of velocities need their momenta by ℓ or ℋ, but this system has only a discrete "
+            "Lagrangian: give co.System `lagrangian` as well."
+        )
     if method.start == "velocity":
         raise ArgumentError(
             f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."

@@ -11,15 +11,11 @@ import jax.numpy as jnp
 from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import SE3, SO3
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.kernels.trace.jaxprs import depends
-from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Defining
 from coadjoint.spaces.charts import roll_pitch_yaw
-
-TRIPS = 3
-"""Newton's iterations for velocities from momenta where ℓ is not quadratic in them, from those of the step before."""
 
 POSITION, ATTITUDE = ("north", "east", "depth"), ("roll", "pitch", "heading")
 VELOCITY, RATES = ("u", "v", "w"), ("p", "q", "r")
@@ -56,10 +52,7 @@ class Channels:
         """The simulated measurements at a node."""
         known = dict(vehicle(system, state)) if self.vehicle else {}
         known |= self._elsewhere(system, state, known)
-        node = state
-        if self.own:
-            xi, nu = velocities(system, state)
-            node = state.replace(xi=xi, nu=nu)
+        node = at_node(system, state) if self.own else state
         values = [known[name] for name in self.vehicle] + [jnp.asarray(f(node), float) for _, f in self.own]
         if self.rotation:
             values += list(jnp.ravel(_rotation(system, state)))
@@ -89,33 +82,13 @@ def is_vehicle(system: System) -> bool:
 
 def vehicle(system: System, state: State) -> Mapping[str, Array]:
     """Position, Euler angles ZYX, body velocity and rates at a node, by their names."""
-    xi, nu = velocities(system, state)
+    node = at_node(system, state)
+    xi, nu = node.xi, node.nu
     if isinstance(system.group, SO3):
         R, q, omega, v = state.g, system.additional.act(system.group, state.g, state.n), xi, nu
     else:
         (R, q), omega, v = state.g, xi[:3], xi[3:]
     return dict(zip(VEHICLE, (*q, *roll_pitch_yaw(R), *v, *omega), strict=True))
-
-
-def velocities(system: System, state: State) -> tuple[Array, Array]:
-    """(ξ, ν) at a node, from its momenta: ∂_ξℓ = μ, ∂_νℓ = π, solved by Newton's method, in one step where ℓ is
-    quadratic."""
-    count = system.group.dim
-    momenta = jnp.concatenate([state.mu, state.pi])
-
-    def momentum(z):
-        return jnp.concatenate(
-            legendre(system, z[:count], state.n, z[count:], state.a, state.t, state.inputs, state.internal)
-        )
-
-    mass = jax.jacfwd(momentum)
-    guess = jnp.concatenate([state.xi, state.nu])
-    (used,) = depends(mass, guess)
-    quadratic = not used
-    z = jnp.zeros_like(guess) if quadratic else guess
-    for _ in range(1 if quadratic else TRIPS):
-        z = z + jnp.linalg.solve(mass(z), momenta - momentum(z))
-    return z[:count], z[count:]
 
 
 def seen(system: System, records: State, names: tuple[str, ...]) -> dict[str, PyTree]:

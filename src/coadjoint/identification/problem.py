@@ -113,7 +113,8 @@ class Setting:
         require_free(self.unknowns.system, "Estimated starts of segments")
         template = self.method.begin(self.unknowns.system, self.start, h)
         if template.memory is not None or self.method.variable:
-            raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")
+            remedy = "co.Midpoint()" if self.unknowns.system.continuous else "Λ in algebra form and co.Variational"
+            raise ArgumentError(f"{self.method.title} remembers steps before: take {remedy}.")
         rows = cut.rows[:, 0]
         begun = {name: self.log.actual.get(name, values)[rows] for name, values in self.log.inputs.items()}
         reference = self._reference(cut.starts, h)
@@ -140,11 +141,11 @@ class Setting:
                 return Reference(pose.R, pose.q, pose.omega, pose.v)
             nothing = np.zeros((len(times), 0))
             return Reference((pose.R, pose.q), nothing, np.concatenate([pose.omega, pose.v], axis=1), nothing)
-        if len(times) == 1:
+        if len(times) == 1 and (system.continuous or start.from_velocities):
             records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], start)
             return Reference(records.g, start.q[None], records.xi, records.nu)
         steps = int(np.ceil((times[-1] - times[0]) / h)) + 1
-        run = simulate(system, start, dt=h, steps=steps, monitors=False, progress=False)
+        run = simulate(system, start, dt=h, steps=steps, method=self.method, monitors=False, progress=False)
         records = jax.tree.map(lambda rows: rows[np.rint((times - times[0]) / h).astype(int)], run.records)
         return Reference(records.g, records.q, records.xi, records.nu)
 

@@ -2,6 +2,7 @@
 
 The start of a segment is a reference, g₀ exp(δ_g), q₀ + δ_q, ξ₀ + δ_ξ, ν₀ + δ_ν, with momenta by the Legendre transform
 with the current parameters, and with actuators in the states to which their commands have brought them (`actuators`).
+Of a system with only a discrete Lagrangian the velocities are those of the first step, and the transform is discrete.
 Derivatives of the simulated measurements, by δ and by the parameters, are exact, except through internal states that
 the motion moves.
 """
@@ -31,6 +32,8 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import momenta_of_step
 from coadjoint.methods.program import Constants
 from coadjoint.spaces.named import Named
 
@@ -178,7 +181,8 @@ class Shooting:
     def begin(self) -> NativeFunction:
         """(δ, active parameters, `inner`), the data of a segment ↦ the numbers of the state at its start."""
         one = jax.tree.map(lambda leaf: leaf[0], self._known(self.held))
-        key = self.program, layout(self.template), layout(one), self.active, self.inner
+        step = None if self.unknowns.system.continuous else self.samples.h
+        key = self.program, layout(self.template), layout(one), self.active, self.inner, step
         if key not in _starts:
             x = np.zeros(self.size + len(self.active) + len(self.inner))
             _starts[key] = NativeFunction(self._starting(one), x, pack(one)[1])
@@ -219,11 +223,19 @@ class Shooting:
             n, a, xi = Q.act(group, back, q), V.act(group, back, a0), at.xi + spin
             nu = at.nu + Q.tangent(group, n, speed) if len(speed) else at.nu
             here = replace_parameters(system, shape.views(numbers))
-            mu, pi = legendre(here, xi, n, nu, a, t, template.inputs, internal)
-            state = template.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal)
+            state = template.replace(t=t, g=g, n=n, a=a, xi=xi, nu=nu, internal=internal)
+            mu, pi = self._momenta(here, state)
+            state = state.replace(mu=mu, pi=pi)
             return flattened(state)
 
         return start
+
+    def _momenta(self, system: System, state: State) -> tuple[Array, Array]:
+        """(μ, π) of the velocities at a start, with the parameters of the system."""
+        if not system.continuous:
+            step, fraction = self.program.method.recorded
+            return momenta_of_step(system, state, step, fraction, self.samples.h)
+        return legendre(system, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
 
     def predict(
         self, coordinates: np.ndarray, own: np.ndarray, internal: PyTree = None, delays: np.ndarray | None = None

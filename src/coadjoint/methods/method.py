@@ -181,22 +181,26 @@ class Method(ABC):
 
 
 def velocity_start(system: System, state: State, step: Step, fraction: float, h: Scalar) -> State:
-    """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""
-    group, Q, _ = system.places
+    """The state with the momenta of `momenta_of_step`, as a start of the method."""
 
     def momenta(state: State, parameters: PyTree, h: Scalar) -> tuple[Array, Array]:
-        here = replace_parameters(system, parameters)
-        over = advanced(here, state.replace(mu=None), h)
-        state = state.with_course(over.internal, over.internal_mean, over.internal_end, over.internal_due)
-        z = step.guess(here, state, fraction * h)
-
-        def mismatch(p: Array) -> Array:
-            pi = Q.tangent(group, state.n, p[group.dim :])
-            return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), fraction * h, z)
-
-        p = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
-        p = p - jacobian_solve(here.places, mismatch, p, mismatch(p))
-        return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
+        return momenta_of_step(replace_parameters(system, parameters), state, step, fraction, h)
 
     mu, pi = evaluate(momenta, state, system.parameters, h)
     return state.replace(mu=mu, pi=pi, from_velocities=False)
+
+
+def momenta_of_step(system: System, state: State, step: Step, fraction: float, h: Scalar) -> tuple[Array, Array]:
+    """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""
+    group, Q, _ = system.places
+    over = advanced(system, state.replace(mu=None), h)
+    state = state.with_course(over.internal, over.internal_mean, over.internal_end, over.internal_due)
+    z = step.guess(system, state, fraction * h)
+
+    def mismatch(p: Array) -> Array:
+        pi = Q.tangent(group, state.n, p[group.dim :])
+        return step.residual(system, state.replace(mu=p[: group.dim], pi=pi), fraction * h, z)
+
+    p: Array = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
+    p = p - jacobian_solve(system.places, mismatch, p, mismatch(p))
+    return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])

@@ -95,6 +95,17 @@ def test_the_allocation_of_an_x_tail_turns_about_one_axis_and_about_no_other():
     assert np.all(np.diag(turns) > 0) and np.abs(mixed.matrix).max() == pytest.approx(1.0)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_mode_that_stays_is_not_damped_and_depth_needs_gains_of_pitch():
+    assert design.damping_ratio(np.diag([0.0, -1.0])) == 0.0
+    motion = under_way(co.vehicles.load("remus_100"), 1.5)
+    mixed = allocation(motion)
+    gains = {pitch: design.diving(motion, mixed, np.array([pitch, 0.0, 2 * pitch]), 0.2) for pitch in (0.0, 1.0)}
+    assert not gains[0.0].any() and gains[1.0][0] > 0.01
+    no_gain = np.zeros(3)
+    np.testing.assert_array_equal(design.damped(motion, mixed, "heading", no_gain, 0.2), no_gain)
+
+
 def test_pitch_and_heading_have_the_poles_that_their_gains_are_placed_for():
     """k_p = (ω² + a_θ)/b, k_d = (2ζω + a_q)/b: s² + (b k_d − a_q)s + b k_p − a_θ has frequency ω and damping ζ."""
     turn = design.Turn(rate=-0.5, stiffness=0.4, effect=3.0)

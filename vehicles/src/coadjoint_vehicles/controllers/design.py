@@ -186,7 +186,7 @@ def reach(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, fin
 
 def damped(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, late: float) -> np.ndarray:
     """The gains with the least k_d that damps the modes of (slip, rate, angle, δ) well, or as well as can be."""
-    if not mixed.matrix[:, PLANES[axis][0]].any():
+    if gains[0] == 0 or not mixed.matrix[:, PLANES[axis][0]].any():
         return gains
     found = []
     for more in np.linspace(0.0, 3.0, 61):
@@ -211,7 +211,7 @@ def placed(turn: Turn, wanted: float, fin: float) -> np.ndarray:
 
 def diving(motion: UnderWay, mixed: Allocation, pitch: np.ndarray, late: float) -> np.ndarray:
     """(k_p, k_i, k_d) of depth: the fastest that leave every mode about as well damped as those of pitch alone."""
-    if not mixed.matrix[:, 1].any():
+    if pitch[0] == 0 or not mixed.matrix[:, 1].any():
         return np.zeros(3)
     U = motion.speed
     alone = damping_ratio(depth_loop(motion, mixed, np.zeros(3), pitch, late)[:4, :4])
@@ -224,9 +224,9 @@ def diving(motion: UnderWay, mixed: Allocation, pitch: np.ndarray, late: float) 
 
 
 def damping_ratio(A: np.ndarray) -> float:
-    """The least −Re s/|s| of the modes of ẋ = Ax."""
+    """The least −Re s/|s| of the modes s of ẋ = Ax, 0 of a mode that stays, s = 0."""
     modes = np.linalg.eigvals(A)
-    return float(np.min(-modes.real / np.abs(modes)))
+    return float(np.min(-modes.real / np.where(modes == 0, 1.0, np.abs(modes))))
 
 
 def depth_loop(motion: UnderWay, mixed: Allocation, depth: np.ndarray, pitch: np.ndarray, late: float) -> np.ndarray:
