@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -36,3 +38,16 @@ def write(folder: Path, text: str, name: str = "top.toml") -> Path:
     file = folder / name
     file.write_text(text)
     return file
+
+
+def rewritten(path, target, of="stepper", **changes):
+    """The file of a stepper or a filter with other members; of `header`, some entries."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    header = {**json.loads(parts[f"{of}.json"]), **changes.pop("header", {})}
+    parts = {**parts, f"{of}.json": json.dumps(header).encode(), **changes}
+    with zipfile.ZipFile(target, "w") as archive:
+        for name, content in parts.items():
+            if content is not None:
+                archive.writestr(name, content)
+    return target

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import pickle
 import subprocess
 import sys
@@ -16,6 +15,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError, StepError
 from coadjoint.simulation.steppers.stepping import opened
+from files import rewritten
 
 STEPS = 25
 TOP = co.System(
@@ -46,19 +46,6 @@ def saved(top, tmp_path_factory):
     body = top.clone()
     body.step({"torque": [0.1, 0.0, -0.2]}, n=3)
     return body.save(tmp_path_factory.mktemp("saved") / "top.step"), body
-
-
-def rewritten(path, target, **changes):
-    """The file with other members; of `header`, some entries."""
-    with zipfile.ZipFile(path) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    header = {**json.loads(parts["stepper.json"]), **changes.pop("header", {})}
-    parts = {**parts, "stepper.json": json.dumps(header).encode(), **changes}
-    with zipfile.ZipFile(target, "w") as archive:
-        for name, content in parts.items():
-            if content is not None:
-                archive.writestr(name, content)
-    return target
 
 
 @pytest.mark.cases(1)

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from coadjoint.estimation.filter import Filter as Filter
     from coadjoint.estimation.filtered import Consistency as Consistency
     from coadjoint.estimation.filtered import Filtered as Filtered
-    from coadjoint.estimation.filtered import Innovation as Innovation
     from coadjoint.estimation.inertial_state import InertialState as InertialState
+    from coadjoint.estimation.innovation import Innovation as Innovation
     from coadjoint.estimation.measurements import Measurement as Measurement
     from coadjoint.estimation.model import ModelProcess as ModelProcess
     from coadjoint.estimation.process import Process as Process
+    from coadjoint.estimation.saved_filter import SavedFilter as SavedFilter
+    from coadjoint.estimation.saved_filter import load_filter as load_filter
     from coadjoint.estimation.smoother import smoothed as smoothed
     from coadjoint.estimation.strapdown import StrapdownProcess as StrapdownProcess
 

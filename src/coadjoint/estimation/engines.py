@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.errors import StepError
+from coadjoint.estimation.innovation import FilterMemory, failed_order, require_finite
 from coadjoint.estimation.prepared import PreparedMeasurement
 from coadjoint.estimation.process import Process
 from coadjoint.kernels.emit.filter_correction import INFLATE, RESET, STOP, SURE, TINY, TRIPS
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
-from coadjoint.kernels.run.kalman import Filters, MeasurementCode, OneFilter
+from coadjoint.kernels.run.kalman import Filters, MeasurementCode, Model, OneFilter
 
 
 def predicted(P: np.ndarray, Phi: np.ndarray, Q: np.ndarray) -> np.ndarray:
@@ -64,13 +64,11 @@ def robust(A: np.ndarray, R: np.ndarray, nu: np.ndarray, loss: tuple[float, floa
     return w
 
 
-class FilterMemory(NamedTuple):
-    """What filters hold: rows (members, size), P (members, n, n), and counts of the values in a row beyond the gates of
-    the measurements, (members, count)."""
+class CodedFilter(NamedTuple):
+    """A filter as machine code: its model and its measurements."""
 
-    rows: np.ndarray
-    P: np.ndarray
-    rejected: np.ndarray
+    model: Model
+    measurements: list[MeasurementCode]
 
 
 class FilterEngine:
@@ -79,14 +77,18 @@ class FilterEngine:
     def __init__(self, process: Process, measurements: Sequence[PreparedMeasurement]):
         self._process, self._measurements = process, list(measurements)
         model, functions = process.native(), [one.function.native for one in measurements]
-        self._filters = None
+        self._filters, self.coded = None, None
         if model is not None and None not in functions:
             seen = [
                 MeasurementCode(one.function.native, one.covariance, one.gate, one.space.size, one.loss, one.recovery)
                 for one in measurements
                 if one.function.native
             ]
+            self.coded = CodedFilter(model, seen)
             self._filters = Filters(model, seen)
+
+    coded: CodedFilter | None
+    """The filter as machine code, None where it has none."""
 
     @cached_property
     def _alone(self) -> OneFilter | None:
@@ -109,20 +111,8 @@ class FilterEngine:
         if one(order, number):
             self._fail(one.row[0], np.array([order, number]), one.rejected[0])
         if not math.isfinite(one.flat.dot(one.flat)):
-            self._require_finite(one.row)
+            require_finite(one.row, self._process.time)
         return FilterMemory(one.row.copy(), one.P.copy(), one.rejected.copy()), one.output
-
-    def _require_finite(self, rows: np.ndarray) -> None:
-        """Raise StepError where an estimate is not finite, with the first time at which one was."""
-        bad = ~np.all(np.isfinite(rows), axis=1)
-        if np.any(bad):
-            times = self._process.time(rows[bad])
-            first = np.min(times, where=np.isfinite(times), initial=np.inf)
-            when = f" up to t = {first:g} s" if np.isfinite(first) else ""
-            raise StepError(
-                f"The estimate does not stay finite{when}: a measurement is too far from its expectation; `gate` of "
-                "its Measurement leaves such values out."
-            )
 
     def follow(
         self, rows: np.ndarray, P: np.ndarray, rejected: np.ndarray, orders: np.ndarray, data: np.ndarray,
@@ -134,28 +124,20 @@ class FilterEngine:
         """
         if self._filters is None:
             self._by_arrays(rows, P, rejected, orders, data, output)
-            self._require_finite(rows)
+            require_finite(rows, self._process.time)
             return
         for i in range(len(rows)):
             failed = self._filters.follow(rows[i], P[i], rejected[i], orders, data[i % len(data)], output[i])
             if failed >= 0:
                 self._fail(rows[i], orders[failed], rejected[i])
-        self._require_finite(rows)
+        require_finite(rows, self._process.time)
 
     def _fail(self, row: np.ndarray, orders: np.ndarray, rejected: np.ndarray) -> None:
         t, order = float(self._process.time(row)), int(orders[0])
-        one = self._measurements[int(orders[1])] if order == CORRECT else None
-        if one is not None and one.recovery[1] == STOP and rejected[orders[1]] >= one.recovery[0]:
-            raise StepError(
-                f"The filter stopped at t = {t:g} s: {one.recovery[0]} values of `{one.name}` in a row are beyond its "
-                "gate. Check the sensor, its units and axes, and the noise of the process, or let "
-                '`after_rejections` be "inflate" or "reset".'
-            )
-        what = "the model has no step from the estimate" if order == PREDICT else "a measurement has no finite NIS"
-        raise StepError(
-            f"The filter failed at t = {t:g} s: {what}, or the covariance is not finite. A shorter dt, or deviations "
-            "and noise closer to those of the measurements, may help."
-        )
+        if order == PREDICT:
+            raise failed_order(t, order, "", (0, 0), 0)
+        one = self._measurements[int(orders[1])]
+        raise failed_order(t, order, one.name, one.recovery, int(rejected[orders[1]]))
 
     def _by_arrays(
         self, rows: np.ndarray, P: np.ndarray, rejected: np.ndarray, orders: np.ndarray, data: np.ndarray,

@@ -7,22 +7,26 @@ Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with App
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import truth
-from coadjoint.errors import warn
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.estimation.arguments import array, first_covariance, inputs_of_step
-from coadjoint.estimation.engines import FilterEngine, FilterMemory
+from coadjoint.estimation.engines import CodedFilter, FilterEngine
 from coadjoint.estimation.filter_measurements import FilterMeasurements, all_series
-from coadjoint.estimation.filtered import Filtered, Innovation, filtered
+from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
+from coadjoint.estimation.innovation import FilterMemory, Innovation
 from coadjoint.estimation.measurements import Measurement
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample
+from coadjoint.estimation.saved_filter import FilterInterface, to_bytes
 from coadjoint.estimation.timetable import (
     SAME,
     Timetable,
@@ -34,6 +38,8 @@ from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.mechanics.state import State
 from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.portable import Remade
+from coadjoint.simulation.steppers.code_archive import save
+from coadjoint.simulation.steppers.fields import Fields
 
 
 class Filter(WithOverview, Remade):
@@ -243,6 +249,35 @@ class Filter(WithOverview, Remade):
             nis, used = output[0].tolist()
             return Innovation(nis, used > 0, used > 1)
         return Innovation(output[:, 0], output[:, 1] > 0, output[:, 1] > 1)
+
+    # Leaving the process.
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write it to a file, such as `remus.filter`, from which `co.estimation.load_filter` continues without JAX.
+
+        Raises FileError rather than replace a file, ArgumentError for many members and for functions without machine
+        code.
+        """
+        return save(
+            path, overwrite, lambda _: to_bytes(self._face("saved"), *self._coded("saved"), self._held), "filter"
+        )
+
+    def _coded(self, done: str) -> CodedFilter:
+        """The machine code of a single filter."""
+        if self._engine.coded is None or self.members is not None:
+            why = "runs without machine code" if self.members is None else f"has {self.members} members"
+            raise ArgumentError(f"A filter that {why} cannot be {done}: only native code of one can leave the process.")
+        return self._engine.coded
+
+    def _face(self, done: str) -> FilterInterface:
+        """Names and shapes of its numbers."""
+        process = self.process
+        row, inputs = Fields.of(process.row_shapes), {name: (size,) for name, size in process.input_sizes.items()}
+        if "t" not in row.names:
+            raise ArgumentError(f"A {type(process).__name__} names no numbers of its rows, so it cannot be {done}.")
+        measured = Fields.of({name: (size,) for name, size in self._measured.sizes.items()})
+        title = f"{type(process).__name__} with {', '.join(measured.names) or 'no measurements'}"
+        return FilterInterface(title, row, Fields.of(inputs), measured, process.names, tuple(sorted(self._awaited)))
 
     def _follow(self, orders: np.ndarray, data: np.ndarray, size: int) -> np.ndarray:
         """Execute orders; returns their output, (members, size). If one fails, the filter is unchanged."""

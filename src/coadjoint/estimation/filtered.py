@@ -40,17 +40,6 @@ class Consistency(NamedTuple):
     recovered: np.ndarray | None = None
 
 
-class Innovation(NamedTuple):
-    """The innovation of a measurement: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured.
-
-    used: whether it was used. recovered: whether `after_rejections` let it be. Of many members all are (members,).
-    """
-
-    nis: Any
-    used: Any
-    recovered: Any = False
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Filtered:
     """The estimates of a filter at the nodes of a log; `print` shows the measurements used and their mean NIS.

@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.engines import FilterMemory
+from coadjoint.estimation.innovation import FilterMemory
 from coadjoint.estimation.timetable import SAME
 
 

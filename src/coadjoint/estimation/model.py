@@ -124,6 +124,10 @@ class ModelProcess(ConstrainedErrors):
     def example(self) -> np.ndarray:
         return self._first
 
+    @property
+    def row_shapes(self) -> dict[str, tuple[int, ...]]:
+        return {**shapes_of(self._begun), **{name: (size,) for name, size in self._drifts.sizes.items()}}
+
     # Rows and states.
 
     def row(self, state: PyTree) -> np.ndarray:
@@ -260,7 +264,7 @@ class ModelProcess(ConstrainedErrors):
         return Model(
             len(self._first), model.size, np.array(self.substeps), self.unknowns, kernel.record.size, model.p[0],
             self._spread_places, kernel.function, kernel.row, self.between, tangent, self.densities, moving, carrying,
-            self.commanded, self.width, projector,
+            self.commanded, self.width, model.assembly, projector,
         )  # fmt: skip
 
     @property

@@ -83,6 +83,11 @@ class Process(Remade, ABC):
     def example(self) -> np.ndarray:
         """A row, (size,)."""
 
+    @property
+    def row_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Name → shape of the numbers of a row, in their order; `t` is the time, s."""
+        return {"row": self.example.shape}
+
     @abstractmethod
     def retract(self, row: Array, e: Array) -> Array:
         """The row (size,) of the state that differs from another by e (n,)."""

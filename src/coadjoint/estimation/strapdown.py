@@ -114,6 +114,11 @@ class StrapdownProcess(Process):
     def example(self) -> np.ndarray:
         return self._first
 
+    @property
+    def row_shapes(self) -> dict[str, tuple[int, ...]]:
+        moving = {"t": (), "rotation": (3, 3), "velocity": (3,), "position": (3,), "imu": (6,)}
+        return {**moving, **dict.fromkeys(self._drifts.sizes, (3,))}
+
     # Rows, t, R, v, q, y, θ, and states.
 
     def row(self, state: PyTree) -> np.ndarray:
@@ -257,6 +262,7 @@ class StrapdownProcess(Process):
         return Model(
             len(self._first), 22, np.ones(1), 0, 0, np.zeros(0), np.zeros(self.drifting, int), parts[0].code, 0,
             self.width, parts[1], self.densities, parts[2], parts[3], self.commanded, self.width,
+            parts[0].assembly,
         )  # fmt: skip
 
     def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:

@@ -13,7 +13,8 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.groups.group import Array
 from coadjoint.kernels import packing
-from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.emit.plan import plan, specialised
+from coadjoint.kernels.emit.stepping import assemble
 from coadjoint.kernels.lanes import in_lanes, of_lanes
 from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.packing import Layout, flattened, pack
@@ -112,12 +113,20 @@ class StepModel:
     def kernel(self, width: int) -> native.Kernel:
         """The machine code for lanes of that width; raises Untraceable where the step cannot be traced."""
         if width not in self._kernels:
-            same = self.p[0] if self.axes is None else np.where(np.all(self.p == self.p[:1], axis=0), self.p[0], np.nan)
-            kinds = tuple(2 if place in self._free else kind for place, kind in enumerate(specialised(same)))
-            variant = native.Variant(self._shape, self.layout, kinds, self.monitors, width, self._course)
+            variant = native.Variant(self._shape, self.layout, self._kinds(), self.monitors, width, self._course)
             constants = self._shape.unpack(self.p[0])
             self._kernels[width] = native.kernel_for(self.program, constants, self._begun, variant)
         return self._kernels[width]
+
+    def _kinds(self) -> tuple[int, ...]:
+        """Which constants are compiled in, as `specialised` says it."""
+        same = self.p[0] if self.axes is None else np.where(np.all(self.p == self.p[:1], axis=0), self.p[0], np.nan)
+        return tuple(2 if place in self._free else kind for place, kind in enumerate(specialised(same)))
+
+    def assembly(self) -> str:
+        """The LLVM assembly of the kernel of one lane, traced now: kernels keep their machine code alone."""
+        planned = plan(self.program, self._shape.unpack(self.p[0]), self._begun, self._kinds(), self.monitors)
+        return assemble(planned.with_course() if self._course else planned)
 
     def step(
         self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Sequence[int] | None = None,

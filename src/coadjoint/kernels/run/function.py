@@ -28,17 +28,14 @@ class NativeFunction:
     """
 
     def __init__(self, function: Callable[[PyTree, PyTree], PyTree], x: np.ndarray, y: np.ndarray) -> None:
-        tracer = Tracer()
-        symbols = tracer.symbols("x", x), tracer.symbols("y", y)
-        value = flat(tracer.trace(function, *symbols))
-        rows = forward(tracer.graph, value, flat(symbols[0]))
-        m = x.size
-        slopes = {i * m + j: node for i, row in enumerate(rows) for j, node in row.items()}
-        self.shape = len(value), m
-        given = [(nodes, len(nodes)) for nodes in map(flat, symbols)]
-        found = [(dict(enumerate(value)), len(value)), (slopes, len(value) * m)]
-        self._machine = machine(assembled(given, found))
+        self._traced = function, x, y
+        assembly, self.shape = _assembly(function, x, y)
+        self._machine = machine(assembly)
         self.code = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
+
+    def assembly(self) -> str:
+        """Its LLVM assembly, of which it keeps the machine code alone."""
+        return _assembly(*self._traced)[0]
 
     def __call__(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (rows, n) and Jacobians (rows, n, m) at x (rows, m), y (rows, k)."""
@@ -46,6 +43,21 @@ class NativeFunction:
         value, slopes = np.zeros((len(x), self.shape[0])), np.zeros((len(x), *self.shape))
         self.code(*(a.ctypes.data for a in (x, y, value, slopes)), len(x))
         return value, slopes
+
+
+def _assembly(
+    function: Callable[[PyTree, PyTree], PyTree], x: np.ndarray, y: np.ndarray
+) -> tuple[str, tuple[int, int]]:
+    """The module of a function with its derivatives by x, and the shape of these."""
+    tracer = Tracer()
+    symbols = tracer.symbols("x", x), tracer.symbols("y", y)
+    value = flat(tracer.trace(function, *symbols))
+    rows = forward(tracer.graph, value, flat(symbols[0]))
+    m = x.size
+    slopes = {i * m + j: node for i, row in enumerate(rows) for j, node in row.items()}
+    given = [(nodes, len(nodes)) for nodes in map(flat, symbols)]
+    found = [(dict(enumerate(value)), len(value)), (slopes, len(value) * m)]
+    return assembled(given, found), (len(value), m)
 
 
 def assembled(given: Sequence[tuple[list[PyTree], int]], found: Sequence[tuple[Mapping[int, Any], int]]) -> str:

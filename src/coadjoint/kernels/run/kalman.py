@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit import kalman
 from coadjoint.kernels.emit.filter_memory import FIELDS
-from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.run.machine import Machine, machine
+
+
+class FilterFunction(Protocol):
+    """A function of machine code, code(x, y, value, J, rows), as `kernels.run.function.NativeFunction`."""
+
+    @property
+    def code(self) -> Any:
+        """The function of ctypes."""
+        ...
+
+    def assembly(self) -> str:
+        """Its LLVM assembly."""
+        ...
 
 
 class Model(NamedTuple):
@@ -25,7 +37,7 @@ class Model(NamedTuple):
     unknowns a function of (row, h). scratch: the size of its record with the course. between: the count of errors
     between parts, the first of them e. tangent: (unknowns, errors, w), (row, row after, length, h, first, last) of a
     part ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e). carry:
-    (e, (row, row moved by e)) ↦ the error about the second.
+    (e, (row, row moved by e)) ↦ the error about the second. step_assembly: returns the LLVM assembly of `step`.
     projector: (e, row) ↦ the error that is left of e on constraints; None without them.
     """
 
@@ -39,13 +51,14 @@ class Model(NamedTuple):
     step: Any
     scratch: int
     between: int
-    tangent: NativeFunction
+    tangent: FilterFunction
     densities: np.ndarray
-    retract: NativeFunction
-    carry: NativeFunction
+    retract: FilterFunction
+    carry: FilterFunction
     inputs: np.ndarray
     errors: int
-    projector: NativeFunction | None = None
+    step_assembly: Callable[[], str]
+    projector: FilterFunction | None = None
 
 
 class MeasurementCode(NamedTuple):
@@ -53,7 +66,7 @@ class MeasurementCode(NamedTuple):
     many numbers y has, and (a, b, c) of its loss, with the weight min(1, a/d), or a/(b + d²) where c is 1.
     recovery: the number of values in a row beyond the gate after which something is done, and what, 0 for nothing."""
 
-    function: NativeFunction
+    function: FilterFunction
     covariance: np.ndarray
     gate: float
     numbers: int
@@ -61,11 +74,66 @@ class MeasurementCode(NamedTuple):
     recovery: tuple[int, int]
 
 
+class FilterTable(NamedTuple):
+    """The memory of a filter apart from its row, P, counts, status, functions and covariances, by names of `FIELDS`.
+
+    scratch: how many numbers of working memory. constants: arrays, of which a step writes `parameters`. sizes:
+    integers.
+    """
+
+    scratch: dict[str, int]
+    constants: dict[str, np.ndarray]
+    sizes: dict[str, int]
+
+
+def table(M: Model, seen: Sequence[MeasurementCode]) -> FilterTable:
+    """The memory of filters of a model with measurements."""
+    n, size, u, w, k, among = M.errors, M.size, M.unknowns, len(M.densities), M.size - M.state, M.between
+    most = max([one.covariance.shape[0] for one in seen], default=1)
+    scratch = {
+        "after": size + 1, "x": u + among + w, "y": 2 * size + 4,
+        "value": u + among + 2 * k, "J": (u + among + 2 * k) * (u + among + w),
+        "Phi": among**2, "chain": among**2, "turned": n * max(n, most), "W": max(n * max(n, most), among**2),
+        "step_scratch": max(M.scratch, 1),
+        "moved": 2 * size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
+        "KR": max(most * n, n, u * (u + among + w)), "e": max(n, most), "zeros": u + n + w + 1,
+        "seen": size + max([one.numbers for one in seen], default=0), "A": most * most,
+    }  # fmt: skip
+    losses = [(0.0, 0.0, -1.0) if one.loss is None else one.loss for one in seen]
+    numbers = {"parameters": M.parameters, "densities": M.densities**2, "fractions": M.parts,
+               "gates": [one.gate for one in seen]}  # fmt: skip
+    integers = {
+        "places": M.places, "input_places": M.inputs, "sizes": [len(one.covariance) for one in seen],
+        "counts": [one.numbers for one in seen], "limits": [one.recovery[0] for one in seen],
+        "actions": [one.recovery[1] for one in seen],
+    }  # fmt: skip
+    constants = {name: np.append(np.asarray(value, float), 0.0) for name, value in numbers.items()}
+    constants |= {name: np.append(np.asarray(value, np.int64), 0) for name, value in integers.items()}
+    sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
+    sizes |= {"parts": len(M.parts), "between": among, "course": M.course, "implicit": int(u > 0)}
+    found = {name: max(count, 1) for name, count in scratch.items()}
+    return FilterTable(found, constants | {"losses": np.array([*losses, (0.0,) * 3])}, sizes)
+
+
 @cache
 def _code() -> tuple[Machine, PyTree]:
     made = machine(kalman.assemble())
+    return made, orders_of(made, kalman.NAME)
+
+
+def orders_of(code: Machine, name: str) -> PyTree:
+    """The function of machine code that executes orders."""
     given = [*[ctypes.c_void_p] * 2, ctypes.c_int64, *[ctypes.c_void_p] * 2]
-    return made, made.function(kalman.NAME, *given, result=ctypes.c_int64)
+    return code.function(name, *given, result=ctypes.c_int64)
+
+
+def parts_of(M: Model, seen: Sequence[MeasurementCode]) -> dict[str, tuple[str, str]]:
+    """Name → (LLVM assembly, the function in it) of all functions of a filter, for `kernels.run.portable_code`."""
+    step = (M.step_assembly(), "step" if M.unknowns else "function")
+    functions = {"tangent": M.tangent, "retract": M.retract, "carry": M.carry, "projector": M.projector}
+    functions |= {f"measure_{i}": one.function for i, one in enumerate(seen)}
+    made = {name: (one.assembly(), "function") for name, one in functions.items() if one is not None}
+    return {"filter": (kalman.assemble(), kalman.NAME), "step": step, **made}
 
 
 def address(function: Any) -> int:
@@ -76,58 +144,40 @@ def address(function: Any) -> int:
 class Filters:
     """The memory of filters with one model; each has its row and its P."""
 
-    def __init__(self, model: Model, measurements: Sequence[MeasurementCode]):
+    def __init__(self, model: Model, measurements: Sequence[MeasurementCode], function: Any = None):
+        """function: that of `kernels.emit.kalman`, by default compiled here."""
         self._model, self._measurements = model, list(measurements)
         self._memory = np.zeros(len(FIELDS), np.int64)
         self._held: dict[str, np.ndarray] = {}
-        self._function = _code()[1]
+        self._function = _code()[1] if function is None else function
         self._fill()
 
     def _fill(self) -> None:
-        M, seen = self._model, self._measurements
-        n, size, u, w, k, among = M.errors, M.size, M.unknowns, len(M.densities), M.size - M.state, M.between
-        most = max([one.covariance.shape[0] for one in seen], default=1)
-        numbers = {
-            "after": size + 1, "x": u + among + w, "y": 2 * size + 4,
-            "value": u + among + 2 * k, "J": (u + among + 2 * k) * (u + among + w),
-            "Phi": among**2, "chain": among**2, "turned": n * max(n, most), "W": max(n * max(n, most), among**2),
-            "step_scratch": max(M.scratch, 1),
-            "moved": 2 * size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
-            "KR": max(most * n, n, u * (u + among + w)), "e": max(n, most), "zeros": u + n + w + 1,
-            "seen": size + max([one.numbers for one in seen], default=0), "A": most * most,
-        }  # fmt: skip
-        for name, count in numbers.items():
-            self._hold(name, np.zeros(max(count, 1)))
+        M, seen, given = self._model, self._measurements, table(self._model, self._measurements)
+        for name, count in given.scratch.items():
+            self._hold(name, np.zeros(count))
         self._hold("status", np.zeros(4, np.int64))
-        given = ("parameters", M.parameters), ("densities", M.densities**2), ("fractions", M.parts)
-        for name, value in given:
-            self._hold(name, np.concatenate([value, [0.0]]))
-        for name, value in (("places", M.places), ("input_places", M.inputs)):
-            self._hold(name, np.concatenate([value, [0]]).astype(np.int64))
+        for name, array in given.constants.items():
+            self._hold(name, array)
         covariances = [np.ascontiguousarray(one.covariance, float) for one in seen]
         self._held |= {f"of {i}": part for i, part in enumerate(covariances)}
         self._hold("measurements", np.array([address(one.function.code) for one in seen] + [0], np.int64))
-        self._hold("sizes", np.array([len(R) for R in covariances] + [0], np.int64))
         self._hold("covariances", np.array([R.ctypes.data for R in covariances] + [0], np.int64))
-        self._hold("counts", np.array([one.numbers for one in seen] + [0], np.int64))
-        self._hold(
-            "losses", np.array([(0.0, 0.0, -1.0) if one.loss is None else one.loss for one in seen] + [(0.0,) * 3])
-        )
-        self._hold("limits", np.array([one.recovery[0] for one in seen] + [0], np.int64))
-        self._hold("actions", np.array([one.recovery[1] for one in seen] + [0], np.int64))
-        self._hold("gates", np.array([one.gate for one in seen] + [0.0]))
-        sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
-        sizes |= {"parts": len(M.parts), "between": among, "course": M.course}
         functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}
         functions["carry"] = address(M.carry.code)
         if M.projector is not None:
             functions["projector"] = address(M.projector.code)
-        for name, value in {**sizes, **functions, "implicit": int(u > 0)}.items():
+        for name, value in {**given.sizes, **functions}.items():
             self._memory[FIELDS.index(name)] = value
 
     def _hold(self, name: str, array: np.ndarray) -> None:
         self._held[name] = array
         self._memory[FIELDS.index(name)] = array.ctypes.data
+
+    @property
+    def input_places(self) -> np.ndarray:
+        """The places of the inputs in a row."""
+        return self._model.inputs
 
     def alone(self) -> OneFilter:
         """One of the filters with memory of its own, for one order per call."""

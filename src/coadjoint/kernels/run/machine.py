@@ -31,26 +31,31 @@ def optimised() -> bool:
     return os.environ.get("COADJOINT_OPTIMIZE") != "0"
 
 
-def _target(plain: bool = False) -> llvm.TargetMachine:
-    """This machine's processor, at the highest level of optimisation or at none, as for `plain` instructions."""
+def _target(plain: bool = False, triple: str = "", cpu: str = "") -> llvm.TargetMachine:
+    """This machine's processor, at the highest level of optimisation or at none, as for `plain` instructions.
+
+    triple, cpu: for linkers, of this machine or of another, by default for memory of this process.
+    """
     global _ready
     with _lock:
         if not _ready:
             llvm.initialize_native_target()
             llvm.initialize_native_asmprinter()
             _ready = True
+    level = 3 if optimised() and not plain else 0
+    features = llvm.get_host_cpu_features().flatten() if cpu or not triple else ""
+    if triple:
+        return llvm.Target.from_triple(triple).create_target_machine(cpu, features, opt=level, reloc="pic")
     target = llvm.Target.from_default_triple()
-    return target.create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=3 if optimised() and not plain else 0,
-        jit=True,
-    )
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=level, jit=True)
 
 
-def object_code(assembly: str) -> bytes:
-    """Machine code of a module; a long one gets plain instructions, since choosing the best would take a minute."""
-    machine = _target(len(assembly) > LONG)
+def object_code(assembly: str, triple: str = "", cpu: str = "") -> bytes:
+    """Machine code of a module; a long one gets plain instructions, since choosing the best would take a minute.
+
+    triple, cpu: as of `_target`.
+    """
+    machine = _target(len(assembly) > LONG, triple, cpu)
     module = llvm.parse_assembly(assembly if optimised() else _as_written(assembly))
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)

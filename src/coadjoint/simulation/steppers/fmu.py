@@ -13,7 +13,8 @@ from typing import Any
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
-from coadjoint.simulation.steppers.file import save, to_bytes
+from coadjoint.simulation.steppers.code_archive import save
+from coadjoint.simulation.steppers.file import to_bytes
 from coadjoint.simulation.steppers.stepping import Stepping
 
 _SCRIPT = '''"""The unit `{name}`: a saved stepper of coadjoint."""

@@ -25,8 +25,9 @@ from coadjoint.kernels.run.interruptible import FIRST, Clock
 from coadjoint.paths import paths
 from coadjoint.simulation.accuracy.verdict import SampledSteps
 from coadjoint.simulation.steppers.base import StepperBase
+from coadjoint.simulation.steppers.code_archive import save
 from coadjoint.simulation.steppers.fields import MOST, named_file, real, truths, whole, write
-from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
+from coadjoint.simulation.steppers.file import from_bytes, to_bytes
 from coadjoint.simulation.steppers.interface import Buffers, put
 
 
