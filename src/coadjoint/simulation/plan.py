@@ -126,9 +126,9 @@ class Plan:
 
     def capacity(self, state: State) -> int:
         """The most records of a chunk from such a state."""
-        if self.members is not None:
-            return xla.ENSEMBLE_CAPACITY
-        return CAPACITY if self.backend == "native" else xla.capacity(state)
+        if self.members is None and self.backend == "native":
+            return CAPACITY
+        return xla.capacity(state, together=self.members is not None)
 
     def constants_of(self, member: int = 0) -> Constants:
         """The constants of one member; those of a single run."""

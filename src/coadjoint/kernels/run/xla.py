@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -25,14 +24,15 @@ ROOM = 2**25
 """The most bytes for the records of a chunk; large states have fewer than CAPACITY records."""
 
 
-ENSEMBLE_CAPACITY = 64
-"""The same for an ensemble."""
+ENSEMBLE_CAPACITY, ENSEMBLE_ROOM = 64, 2**28
+"""The same for an ensemble, all members together."""
 
 
-def capacity(state: PyTree) -> int:
-    """The most records of one chunk from such a state: a power of two."""
+def capacity(state: PyTree, together: bool = False) -> int:
+    """The most records of one chunk from such a state: a power of two; together: the leaves have a member axis."""
     size = sum(8 * int(np.size(leaf)) for leaf in jax.tree.leaves(state))
-    return min(CAPACITY, 1 << max(ROOM // max(size, 1), 1).bit_length() - 1)
+    most, room = (ENSEMBLE_CAPACITY, ENSEMBLE_ROOM) if together else (CAPACITY, ROOM)
+    return min(most, 1 << max(room // max(size, 1), 1).bit_length() - 1)
 
 
 class StepResult(NamedTuple):
@@ -105,21 +105,35 @@ def _stages(program: Program, parameters: PyTree, state: PyTree, h: Scalar, cert
     return StepResult(record, state, code, iterations, certificates, course)
 
 
-class _Carry(NamedTuple):
+class _Member(NamedTuple):
+    """One member between two steps; of several members every leaf has a leading member axis."""
+
     state: PyTree
     done: jax.Array
     code: jax.Array
     iterations: jax.Array
     iterations_max: jax.Array
-    records: PyTree
-    monitors: dict[str, jax.Array]
     lowest: dict[str, jax.Array]
     highest: dict[str, jax.Array]
 
 
-def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
-    @partial(jax.jit, inline=True)  # traced once for its shapes and for the loop
-    def observe(state):
+class _Carry(NamedTuple):
+    member: _Member
+    trips: jax.Array
+    records: PyTree
+    monitors: dict[str, jax.Array]
+
+
+def _loop(
+    program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool, together: bool = False
+) -> _Carry:
+    """The steps; together: of members, along the leading axis of the parameters and the state, up to the last one.
+
+    Members take their steps in unison, so that one index places a row of the records of all: with an index a member,
+    each step would cost a scatter into, and a choice between, all records.
+    """
+
+    def observed(parameters, state):
         result = step(program, parameters, state, h, monitored)
         seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
         # Observations are results too: they are never NaN.
@@ -129,10 +143,32 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
         for event in stop:
             code = jnp.where((code == 0) & (event > 0), int(Code.STOPPED), code)
-        after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
-        return result._replace(after=after, code=code), seen
+        return result._replace(code=code), seen
 
-    shapes, seen_shapes = jax.eval_shape(observe, state)
+    def advanced(member: _Member, result: StepResult, seen: dict[str, jax.Array]) -> _Member:
+        """The member after the step; a failed step, and all that follow it, leave it as it was."""
+        going = member.code == 0
+        good = going & (result.code == 0)
+        watched = {**seen, **result.certificates}
+
+        def extreme(choose, old):
+            return {name: jnp.where(good, choose(old[name], value), old[name]) for name, value in watched.items()}
+
+        most = jnp.maximum(member.iterations_max, result.iterations)
+        return _Member(
+            state=jax.tree.map(lambda new, old: jnp.where(good, new, old), result.after, member.state),
+            done=member.done + good,
+            code=jnp.where(going, result.code, member.code),
+            iterations=member.iterations + jnp.where(good, result.iterations, 0),
+            iterations_max=jnp.where(going, most, member.iterations_max),
+            lowest=extreme(jnp.minimum, member.lowest),
+            highest=extreme(jnp.maximum, member.highest),
+        )
+
+    if together:
+        observed, advanced = jax.vmap(observed), jax.vmap(advanced)
+    observe = jax.jit(observed, inline=True)  # traced once for its shapes and for the loop
+    shapes, seen_shapes = jax.eval_shape(observe, parameters, state)
 
     def rows(shape):
         return jnp.zeros((capacity + 1, *shape.shape), shape.dtype)  # the last row takes the records that are not kept
@@ -142,40 +178,26 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         return {name: jnp.full(shape.shape, sign * jnp.inf) for name, shape in watched.items()}
 
     def advance(carry: _Carry) -> _Carry:
-        result, seen = observe(carry.state)
-        good = result.code == 0
-        keep = good & (carry.done % save_every == 0)
-        row = jnp.where(keep, carry.done // save_every, capacity)
+        result, seen = observe(parameters, carry.member.state)
+        row = jnp.where(carry.trips % save_every == 0, carry.trips // save_every, capacity)
 
         def store(buffer, value):
             return lax.dynamic_update_index_in_dim(buffer, jnp.asarray(value), row, 0)
 
-        watched = {**seen, **result.certificates}
-
-        def extreme(choose, old):
-            return {name: jnp.where(good, choose(old[name], value), old[name]) for name, value in watched.items()}
-
         return _Carry(
-            state=result.after,
-            done=carry.done + good,
-            code=result.code,
-            iterations=carry.iterations + jnp.where(good, result.iterations, 0),
-            iterations_max=jnp.maximum(carry.iterations_max, result.iterations),
+            member=advanced(carry.member, result, seen),
+            trips=carry.trips + 1,
             records=jax.tree.map(store, carry.records, result.record),
             monitors=jax.tree.map(store, carry.monitors, seen),
-            lowest=extreme(jnp.minimum, carry.lowest),
-            highest=extreme(jnp.maximum, carry.highest),
         )
 
-    nothing = jnp.asarray(0)
-    start = _Carry(
-        state, nothing, nothing, nothing, nothing,
-        jax.tree.map(rows, shapes.record), jax.tree.map(rows, seen_shapes), limits(1), limits(-1),
-    )  # fmt: skip
-    return lax.while_loop(lambda c: (c.done < steps) & (c.code == 0), advance, start)
+    nothing = jnp.zeros(shapes.code.shape, int)
+    member = _Member(state, nothing, nothing, nothing, nothing, limits(1), limits(-1))
+    start = _Carry(member, jnp.asarray(0), jax.tree.map(rows, shapes.record), jax.tree.map(rows, seen_shapes))
+    return lax.while_loop(lambda c: (c.trips < steps) & jnp.any(c.member.code == 0), advance, start)
 
 
-_compiled_loop = compiled("capacity", "monitored")(_loop)
+_compiled_loop = compiled("capacity", "monitored", "together")(_loop)
 
 
 def run(
@@ -185,18 +207,18 @@ def run(
     require_own_xla()
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
-        end = _compiled_loop(program, parameters, state, *numbers, capacity=capacity(state), monitored=monitors)
-        end = jax.tree.map(np.asarray, end)
-    steps = int(end.done)
+        options = {"capacity": capacity(state), "monitored": monitors, "together": False}
+        carry = jax.tree.map(np.asarray, _compiled_loop(program, parameters, state, *numbers, **options))
+    end, steps = carry.member, int(carry.member.done)
     valid = min(-(-steps // save_every), records)
     return Chunk(
-        records=jax.tree.map(lambda rows: rows[:valid].copy(), end.records),
+        records=jax.tree.map(lambda rows: rows[:valid].copy(), carry.records),
         final=end.state,
         steps=steps,
         code=Code(int(end.code)),
         iterations=int(end.iterations),
         iterations_max=int(end.iterations_max),
-        monitors={name: rows[:valid].copy() for name, rows in end.monitors.items()},
+        monitors={name: rows[:valid].copy() for name, rows in carry.monitors.items()},
         extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
     )
 
@@ -237,14 +259,6 @@ def _joined(before: Chunk, now: Chunk, keep: bool) -> Chunk:
     )
 
 
-@compiled("capacity", "monitored")
-def _loops(program: Program, parameters, states, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
-    def one(parameters, state):
-        return _loop(program, parameters, state, h, steps, save_every, capacity=capacity, monitored=monitored)
-
-    return jax.vmap(one)(parameters, states)
-
-
 def _spread(tree: PyTree, axes: PyTree) -> PyTree:
     """Every leaf with a leading member axis; `axes`, a prefix of the tree, is True where there is one already."""
     leaves, structure = jax.tree.flatten(tree)
@@ -268,34 +282,32 @@ def run_ensemble(
 ) -> EnsembleChunk:
     """`run` for many members together; `axes`: True where a leaf of (parameters, state) has a leading member axis.
 
-    records ≤ ENSEMBLE_CAPACITY.
+    records ≤ `capacity` of the state with the axis of members.
     """
     spread = _spread((parameters, state), axes)
     require_own_xla()
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
-        end = _loops(program, *spread, *numbers, capacity=ENSEMBLE_CAPACITY, monitored=monitors)
-        end = jax.tree.map(np.asarray, end)
-    end = end._replace(
-        records=jax.tree.map(lambda rows: rows[:, :records], end.records),
-        monitors=jax.tree.map(lambda rows: rows[:, :records], end.monitors),
-    )
+        options = {"capacity": capacity(spread[1], together=True), "monitored": monitors, "together": True}
+        carry = _compiled_loop(program, *spread, *numbers, **options)
+        end = jax.tree.map(np.asarray, carry.member)
+        kept, seen = jax.tree.map(lambda rows: np.asarray(rows[:records]), (carry.records, carry.monitors))
     rows = np.minimum(-(-end.done // save_every), records)
     absent = np.arange(records) >= rows[:, None]
 
-    def blank(values):
-        values = np.array(values)
+    def by_member(values):
+        values = np.array(np.moveaxis(values, 0, 1), order="C")
         values[absent] = np.nan
         return values
 
     return EnsembleChunk(
-        records=jax.tree.map(blank, end.records),
+        records=jax.tree.map(by_member, kept),
         final=end.state,
         steps=end.done,
         rows=rows,
         code=end.code,
         iterations=end.iterations,
         iterations_max=end.iterations_max,
-        monitors={name: blank(values) for name, values in end.monitors.items()},
+        monitors={name: by_member(values) for name, values in seen.items()},
         extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
     )
