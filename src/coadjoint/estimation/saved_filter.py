@@ -9,9 +9,9 @@ from __future__ import annotations
 import ctypes
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class FilterInterface:
 class _Loaded(NamedTuple):
     """A function of a filter, by its address."""
 
-    code: Any
+    code: Callable[..., object]
 
     def assembly(self) -> str:
         raise ArgumentError("A saved filter is exported by the filter that it was saved from.")

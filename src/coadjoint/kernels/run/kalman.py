@@ -19,7 +19,7 @@ class FilterFunction(Protocol):
     """A function of machine code, code(x, y, value, J, rows), as `kernels.run.function.NativeFunction`."""
 
     @property
-    def code(self) -> Any:
+    def code(self) -> Callable[..., object]:
         """The function of ctypes."""
         ...
 
@@ -48,7 +48,7 @@ class Model(NamedTuple):
     course: int
     parameters: np.ndarray
     places: np.ndarray
-    step: Any
+    step: Callable[..., object]
     scratch: int
     between: int
     tangent: FilterFunction
@@ -121,7 +121,7 @@ def _code() -> tuple[Machine, PyTree]:
     return made, orders_of(made, kalman.NAME)
 
 
-def orders_of(code: Machine, name: str) -> PyTree:
+def orders_of(code: Machine, name: str) -> Callable[..., int]:
     """The function of machine code that executes orders."""
     given = [*[ctypes.c_void_p] * 2, ctypes.c_int64, *[ctypes.c_void_p] * 2]
     return code.function(name, *given, result=ctypes.c_int64)
@@ -136,7 +136,7 @@ def parts_of(M: Model, seen: Sequence[MeasurementCode]) -> dict[str, tuple[str, 
     return {"filter": (kalman.assemble(), kalman.NAME), "step": step, **made}
 
 
-def address(function: Any) -> int:
+def address(function: PyTree) -> int:
     """The address of a function of machine code."""
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
@@ -144,7 +144,9 @@ def address(function: Any) -> int:
 class Filters:
     """The memory of filters with one model; each has its row and its P."""
 
-    def __init__(self, model: Model, measurements: Sequence[MeasurementCode], function: Any = None):
+    def __init__(
+        self, model: Model, measurements: Sequence[MeasurementCode], function: Callable[..., int] | None = None
+    ):
         """function: that of `kernels.emit.kalman`, by default compiled here."""
         self._model, self._measurements = model, list(measurements)
         self._memory = np.zeros(len(FIELDS), np.int64)
