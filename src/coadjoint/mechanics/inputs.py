@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.arrays import PyTree, Scalar
-from coadjoint.checks import float64
+from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signals import Held, Signal
 from coadjoint.mechanics.state import NodeMotion
@@ -93,11 +93,10 @@ def _source(name: str, given: object) -> Signal | Command | Callable[[NodeMotion
     """A signal or a function of the motion; a number or an array stands for itself at all times."""
     if callable(given) or isinstance(given, Command):
         return given
-    try:
-        return Held([0.0], [float64(given, "An input")])
-    except (ArgumentError, TypeError, ValueError):
-        where = f"Argument `inputs` under {shown(name)}" if name else "Argument `inputs`"
-        raise ArgumentError(
-            f"{where} must be a signal such as co.Linear(times, values), a constant number or array, or "
-            f"a function of the motion, held over each step, but is {shown(given)}."
-        ) from None
+    where = f"Argument `inputs` under {shown(name)}" if name else "Argument `inputs`"
+    if numeric(given):
+        return Held([0.0], [float64(given, where)])
+    raise ArgumentError(
+        f"{where} must be a signal such as co.Linear(times, values), a constant number or array, or "
+        f"a function of the motion, held over each step, but is {shown(given)}."
+    )

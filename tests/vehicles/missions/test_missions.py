@@ -210,15 +210,16 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "depth": 3}}, "no set point `depth`"),
         (
             {"mission": {"depth": 3, "heading": 0, "speed": -1}},
-            "speed of -1 m/s, but the controller of REMUS 100 drives ahead only",
+            "`speed` is -1 m/s at t = 0 s, but the controller `Cruise` drives ahead only",
         ),
-        ({"mission": {**TO_A_POINT, "speed": [1, -2], "time_s": [0, 5]}}, "speed of -2 m/s, but"),
+        ({"mission": {**TO_A_POINT, "speed": [1, -2], "time_s": [0, 5]}}, "`speed` is -2 m/s at t = 5 s, but"),
         (
             {"mission": {**TO_A_POINT, "ends": "last way point", "acceptance_m": 200}},
             "from \\[initial\\], within 200 m",
         ),
         ({"mission": {"look_ahead_m": 3, "depth": 3, "heading": 0, "speed": 1}}, "belongs to `way_points_m`"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": "last way point"}}, "needs `way_points`"),
+        ({"controller": {"mixing": [1, 2]}}, "no key `mixing`: it is called `allocation`"),
         ({"initial": {"position_m": [0, 0]}}, "position"),
         ({"initial": {"axes": "ENU/FLU", "heading_deg": 3}}, "belongs to NED/FRD"),
         ({"initial": {"actuators": {"ruder_deg": 3}}}, "no actuator"),

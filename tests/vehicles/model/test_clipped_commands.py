@@ -8,7 +8,6 @@ import pytest
 
 import coadjoint as co
 import coadjoint_vehicles as vehicles
-from coadjoint.mechanics.inputs import inputs_from
 from coadjoint_vehicles.model.command_limits import clipped
 
 ROV = vehicles.load("bluerov2_heavy_von_benzon")
@@ -16,7 +15,7 @@ CRAFT = vehicles.Craft(ROV)
 
 
 def told(source, begin: float = 0.0, end: float = 20.0) -> list[str]:
-    return list(clipped(ROV, inputs_from({"thrusters": source}), begin, end, CRAFT.parameters))
+    return list(clipped(ROV, {"thrusters": source}, begin, end, CRAFT.parameters))
 
 
 def eight(value: float) -> np.ndarray:
@@ -27,7 +26,7 @@ def eight(value: float) -> np.ndarray:
     ("source", "sentence"),
     [
         (
-            eight(800.0),
+            co.Held([0], [eight(800.0)]),
             "is clipped to its limits, 1100 to 1900 us: it is 800 us at t = 0 s, the first time beyond them",
         ),
         (co.Held([0, 5, 9], [eight(1500), eight(2500), eight(800)]), "it is 2500 us at t = 5 s"),

@@ -18,7 +18,7 @@ from coadjoint_vehicles.controllers.design import propose
 from coadjoint_vehicles.controllers.pid import nearest_turn, pid, pull
 from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.vehicle import Vehicle
-from coadjoint_vehicles.parts.measured import Measured, measured
+from coadjoint_vehicles.parts.measured import Measured, acute, measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,7 +56,7 @@ class Cruise(Controller):
     heading_reach: Measured = measured(u.ANGLE, positive, default=None)
     speed_gains: Measured = measured(None, vector, default=None)
     feed_forward: Measured = measured(None, default=None)
-    pitch_limit: Measured = measured(u.ANGLE, positive, default=pi / 6)
+    pitch_limit: Measured = measured(u.ANGLE, acute, default=pi / 6)
     fin_limit: Measured = measured(u.ANGLE, positive, default=None)
     thrust_limit: Measured = measured(None, positive, default=None)
     vertical: str = measured(None, None, words=("depth", "altitude", "pitch"), default="depth")

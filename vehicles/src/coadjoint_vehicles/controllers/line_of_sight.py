@@ -134,7 +134,13 @@ class LineOfSight(Controller):
         return self.helm is not None and self.helm.keeps_level
 
     def doubts(self, vehicle: object) -> list[str]:
-        return [] if self.helm is None else self.helm.doubts(vehicle)
+        found = [] if self.helm is None else self.helm.doubts(vehicle)
+        if not traced(self.way_points) and (least := np.min(np.asarray(self.way_points)[:, 2])) < 0:
+            found = [
+                *found,
+                f"A way point is at a depth of {least:g} m, above the surface: depth is positive downwards.",
+            ]
+        return found
 
     def memory(self) -> dict[str, PyTree]:
         assert self.helm is not None

@@ -14,7 +14,7 @@ from coadjoint.spaces import Named
 from coadjoint_vehicles.controllers.pid import pid
 from coadjoint_vehicles.model.controller import Controller, Feedback
 from coadjoint_vehicles.model.vehicle import Vehicle
-from coadjoint_vehicles.parts.measured import Measured, measured, not_negative
+from coadjoint_vehicles.parts.measured import Measured, acute, measured, not_negative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +31,7 @@ class Sawtooth(Controller):
 
     kind: ClassVar[str] = "sawtooth"
     volume: Measured = measured(u.VOLUME, positive)
-    pitch: Measured = measured(u.ANGLE, positive)
+    pitch: Measured = measured(u.ANGLE, acute)
     neutral: Measured = measured(u.VOLUME, default=0.0)
     middle: Measured = measured(u.LENGTH, default=0.0)
     shift: Measured = measured(u.LENGTH, default=0.0)

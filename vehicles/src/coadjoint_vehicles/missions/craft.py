@@ -41,6 +41,7 @@ def set_up(file: MissionSections) -> Setup:
     from coadjoint_vehicles.missions.measures import parameters_in_si
     from coadjoint_vehicles.model.craft import Craft
     from coadjoint_vehicles.model.measures import measures
+    from coadjoint_vehicles.model.set_points import doubts_of_set_points
 
     vehicle, doubts = file.vehicle.load(file.located)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
@@ -54,8 +55,8 @@ def set_up(file: MissionSections) -> Setup:
     controller = legs.following(_controller(file.controller, vehicle), place)
     # Report mistakes in the file before proposing gains, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
-    if controller is not None and controller.ahead_only:
-        _require_ahead(inputs["speed"], vehicle)
+    if controller is not None:
+        doubts_of_set_points(controller, inputs)
     faulty = [fault.fault(vehicle) for fault in file.faults]
     for lost in file.lost_sensors:
         lost.require_sensor(vehicle)
@@ -109,16 +110,6 @@ def _inputs(file: MissionSections, vehicle: PyTree, commands: dict[str, str], wa
     return inputs
 
 
-def _require_ahead(speed: PyTree, vehicle: PyTree) -> None:
-    """Raise ArgumentError for a set point of the speed, or one of its values, below 0."""
-    least = float(np.min(np.asarray(getattr(speed, "values", speed), dtype=float)))
-    if least < 0:
-        raise ArgumentError(
-            f"[mission] asks for a speed of {least:.4g} m/s, but the controller of {vehicle.name} drives ahead only: "
-            "give 0 or more, or command the actuators."
-        )
-
-
 def _controller(section: Mapping[str, Any], vehicle: PyTree) -> PyTree:
     """The controller of [controller]: that of `kind`, none with "none", or the vehicle's own with changes."""
     from coadjoint_vehicles.files.kinds import kinds
@@ -141,6 +132,8 @@ def _controller(section: Mapping[str, Any], vehicle: PyTree) -> PyTree:
         )
     cls = CONTROLLERS[kind] if kind else type(vehicle.controller)
     known = [f.name for f in fields(cls)]
+    if "mixing" in given and "allocation" in known:
+        raise ArgumentError("Section [controller] has no key `mixing`: it is called `allocation`.")
     given = {name: _plain(name, value, cls) for name, value in given.items()}
     values = in_si("controller", given, known, {**dict.fromkeys(known), **dimensions(cls)})
     try:

@@ -25,6 +25,7 @@ from coadjoint_vehicles.model.energies import Surroundings
 from coadjoint_vehicles.model.faults import Fault, latched, remembered
 from coadjoint_vehicles.model.function_controller import FunctionController
 from coadjoint_vehicles.model.saturation import saturated
+from coadjoint_vehicles.model.set_points import doubts_of_set_points
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.part import Part, Passing
 from coadjoint_vehicles.water.water import UniformWater, Water
@@ -147,8 +148,13 @@ class Rule(InternalRule):
         ]
 
     def driven(self, inputs: PyTree, begin: float, end: float, p: PyTree) -> list[str]:
-        """A sentence for each part whose commands are clipped."""
-        return [] if traced(p) else list(clipped(self.vehicle, inputs, begin, end, p))
+        """A sentence for each part whose commands are clipped, and for each set point that looks wrong.
+
+        Raises ArgumentError for a set point that the controller cannot follow.
+        """
+        given = {} if inputs.names is None else dict(zip(inputs.names, inputs.sources, strict=True))
+        found = [] if self.controller is None else doubts_of_set_points(self.controller, given, begin, end)
+        return found if traced(p) else [*found, *clipped(self.vehicle, given, begin, end, p)]
 
     def concluded(self, stretches: Sequence[PyTree], p: PyTree) -> list[str]:
         """A sentence for each part that the controller keeps at its limits for more than a tenth of the time."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import Inputs, evaluate, traced
+from coadjoint.extending import evaluate, traced
 from coadjoint.mechanics import Held, Linear, Signal
 from coadjoint.mechanics.members import Each, count_members
 from coadjoint.spaces import Named
@@ -37,19 +37,17 @@ def require_in_range(part: Part, value: object, own: Named) -> None:
         )
 
 
-def clipped(vehicle: Vehicle, inputs: Inputs, begin: float, end: float, p: Named) -> Iterator[str]:
+def clipped(vehicle: Vehicle, given: Mapping[str, object], begin: float, end: float, p: Named) -> Iterator[str]:
     """A sentence for each part whose commands go beyond its range in a run from `begin` to `end`, s.
 
-    inputs: of the run. Functions of the motion are not looked at.
+    given: signals and functions by name; functions of the motion are not looked at.
     """
-    sources = dict(zip(inputs.names or (), inputs.sources, strict=True)) if inputs.names else {}
     for part in vehicle.commanded:
-        source, own = sources.get(part.name), getattr(p, part.name)
+        source, own = given.get(part.name), getattr(p, part.name)
         ends = command_range(part, own) if isinstance(source, Signal) else None
         if ends is None or part.command is None or not isinstance(source, Signal):
             continue
-        times = _times(source, begin, end)
-        values = np.asarray(evaluate(jax.vmap(source), times))
+        times, values = values_of(source, begin, end)
         silent = values == part.no_signal
         if np.any(silent):
             when, unit = times[int(np.argmax(silent.reshape(len(times), -1).any(axis=1)))], _unit(part)
@@ -91,9 +89,15 @@ def _unit(part: Part) -> str:
     return "" if part.command is None or part.command.unit == "1" else f" {part.command.unit}"
 
 
-def _times(source: Signal, begin: float, end: float) -> np.ndarray:
-    """Those of a table that are in the run, or times spread over it."""
+def values_of(source: Signal, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times of a run (k,), its start and those of a table or spread over it, and the values there (k, …)."""
     if not isinstance(source, (Held, Linear)):
-        return np.linspace(begin, end, SAMPLES)
-    times = np.asarray(source.times, dtype=float)
-    return np.concatenate([[begin], times[(times > begin) & (times < end)]])
+        times = np.linspace(begin, end, SAMPLES)
+        return times, np.asarray(evaluate(jax.vmap(source), times))
+    times, values = np.asarray(source.times, dtype=float), np.asarray(source.values, dtype=float)
+    some = np.concatenate([[begin], times[(times > begin) & (times < end)]])
+    if isinstance(source, Held):
+        return some, values[np.maximum(np.searchsorted(times, some, side="right") - 1, 0)]
+    some = np.append(some, end) if times[-1] >= end else some
+    columns = values.reshape(len(times), -1).T
+    return some, np.stack([np.interp(some, times, one) for one in columns], axis=1).reshape(-1, *values.shape[1:])

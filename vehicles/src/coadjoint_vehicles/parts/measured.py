@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import traced
-from coadjoint.models.quantities import direction, number, vector
+from coadjoint.models.quantities import angles, direction, number, positive, vector
 from coadjoint.models.quantities import not_negative as not_negative
 from coadjoint.sections import checked, key, keys
 from coadjoint.units import LENGTH, NUMBER, Dimension
@@ -78,6 +78,26 @@ place = partial(measured, LENGTH, vector, turn=border.body_vector)
 """A point of the body, (3,) m."""
 way = partial(measured, NUMBER, direction, turn=border.body_vector)
 """A unit vector of the body, (3,)."""
+
+
+def angle_within(most: float, words: str) -> Callable[[PyTree, str], PyTree]:
+    """The check of angles, rad, of at most `most` in size, which sentences call `words`."""
+
+    def check(value: object, name: str) -> PyTree:
+        found = angles(value, name)
+        if not traced(found) and np.any(np.abs(found) > most * (1 + 1e-12)):
+            raise ArgumentError(
+                f"Argument `{name}` must be at most {words} rad, but is {np.asarray(found).tolist()} rad: give degrees "
+                "by np.radians, or in a file with their unit."
+            )
+        return found
+
+    return check
+
+
+def acute(value: object, name: str) -> PyTree:
+    """A positive angle of at most π/2, rad; raises ArgumentError."""
+    return angle_within(0.5 * np.pi, "a right angle, π/2")(positive(value, name), name)
 
 
 def check_fields(of: Any, whose: str = "") -> None:

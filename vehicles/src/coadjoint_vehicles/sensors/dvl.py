@@ -12,16 +12,12 @@ from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.spaces import Named
-from coadjoint_vehicles.parts.measured import Measured, measured
+from coadjoint_vehicles.parts.measured import Measured, acute, measured
 from coadjoint_vehicles.sensors.compass import upright
 from coadjoint_vehicles.sensors.errors import Channel, Errors
 from coadjoint_vehicles.sensors.kinematics import Kinematics, turned
 from coadjoint_vehicles.sensors.message import Message, MessageField
-from coadjoint_vehicles.sensors.sensor import Sensor, along_beams, angle_within, tilt, turn
-
-
-def _acute(value: object, name: str) -> Array:
-    return angle_within(0.5 * np.pi, "a right angle, π/2")(positive(value, name), name)
+from coadjoint_vehicles.sensors.sensor import Sensor, along_beams, tilt, turn
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +74,7 @@ class DvlBeams(Dvl):
         Channel("velocity", tuple(f"beam_{i}" for i in range(1, 5)), u.SPEED, "m/s"),
     )
     message: ClassVar[Message | None] = None
-    beam_angle: Measured = measured(u.ANGLE, _acute)
+    beam_angle: Measured = measured(u.ANGLE, acute)
     azimuth: Measured = measured(u.ANGLE, turn, default=0.0)
 
     def beams(self, own: PyTree = None) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -16,32 +16,17 @@ from coadjoint import checks
 from coadjoint import units as u
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
-from coadjoint.extending import evaluate, traced
+from coadjoint.extending import evaluate
 from coadjoint.groups import SO2
-from coadjoint.models.quantities import angles, not_negative, number, positive, vector
+from coadjoint.models.quantities import not_negative, number, positive, vector
 from coadjoint.spaces import Named
 from coadjoint.spaces.measured import MeasuredSpace, measured_space
 from coadjoint_vehicles.axes import body_axes
-from coadjoint_vehicles.parts.measured import Measured, check_fields, measured, place, share
+from coadjoint_vehicles.parts.measured import Measured, angle_within, check_fields, measured, place, share
 from coadjoint_vehicles.parts.numbers import Numbers
 from coadjoint_vehicles.sensors.errors import Channel, Errors, checked
 from coadjoint_vehicles.sensors.kinematics import Kinematics
 from coadjoint_vehicles.sensors.message import Message
-
-
-def angle_within(most: float, words: str) -> Callable[[PyTree, str], PyTree]:
-    """The check of angles, rad, of at most `most` in size, which sentences call `words`."""
-
-    def check(value: object, name: str) -> PyTree:
-        found = angles(value, name)
-        if not traced(found) and np.any(np.abs(found) > most * (1 + 1e-12)):
-            raise ArgumentError(
-                f"Argument `{name}` must be at most {words} rad, but is {np.asarray(found).tolist()} rad: give degrees "
-                "by np.radians, or in a file with their unit."
-            )
-        return found
-
-    return check
 
 
 def _pose(value: object, name: str) -> PyTree:
