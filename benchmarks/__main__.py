@@ -29,6 +29,7 @@ SECTIONS = {
     "sweeps": ("sweeps", 2, "sweeps by one worker and by two"),
     "judging": ("judging", 1, "the accuracy of the card"),
     "optimal": ("optimal", 1, "an optimal motion"),
+    "control": ("control", 1, "problems solved again, controllers, and local optima"),
     "predictive": ("predictive", 1, "model predictive control"),
     "preparing": ("preparing", 2, "fresh processes"),
     "instructions": ("instructions", 2, "instructions by callgrind"),

@@ -27,6 +27,8 @@ def goals(found: Found) -> Table:
         rows += _sweeps(found["sweeps"])
     if "environments" in found:
         rows += _environments(found["environments"])
+    if "control" in found:
+        rows += _control(found["control"])
     if "filters" in found:
         rows += _filters(found["filters"])
     if "logs" in found:
@@ -54,6 +56,17 @@ def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
         ("one trajectory: native / hand-written", 1.2, native, False),
         ("one trajectory: native / hand-written, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
         ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
+    ]
+
+
+def _control(found: Found) -> list[tuple[str, float, float, bool]]:
+    solves, controllers = found["solves"], found["controllers"]
+    first = solves["first: co.control, with the run and its certificate"]["ratio"]
+    return [
+        ("50 steps on SO(3) solved again / the solver alone", 1.2, solves["again: co.control"]["ratio"], False),
+        ("50 steps on SO(3), first, with its run / a hand-written program", 3.0, first, False),
+        ("set-up of a controller, s", 0.15, controllers["set-up: co.control"]["seconds"], False),
+        ("a call of a controller / IPOPT from the last plan", 1.0, controllers["a call: co.control"]["ratio"], False),
     ]
 
 

@@ -33,7 +33,7 @@ def measure(quick: bool) -> dict[str, Any]:
     These are |R Rᵀ − e|, and the momentum in space less what the torque has put in, |π_{k+1} − π_k − h R_k u_k|,
     relative to the largest momentum; of RK4, whose torque turns within the step, there is no such sum.
     """
-    found: dict[Any, Any] = {"again": _again(3 if quick else 20)}
+    found: dict[Any, Any] = {}
     for steps in (64, 256) if quick else (64, 256, 1024):
         contenders = {
             HAND: by_hand(steps),
@@ -79,40 +79,17 @@ def problem_of(steps: int) -> co.control.Problem:
     )  # fmt: skip
 
 
-def _again(times: int) -> dict[str, Any]:
-    """Wall time of a second solution for another goal, 50 steps, by a problem and a program that are built."""
-    problem, hand = problem_of(50), _program(50)
-    problem.solve(tolerance=TOLERANCE)
-    turns = [TURN * part for part in np.linspace(0.5, 1.0, times)]
-    rows = []
-    for turn in turns:
-        goal = Rotation.from_rotvec(turn).as_matrix()
-        began = time.perf_counter()
-        optimum = problem.solve(goal=co.control.End(g=goal, mu=np.zeros(3)), tolerance=TOLERANCE)
-        ours = time.perf_counter() - began
-        began = time.perf_counter()
-        answer = hand(turn)
-        hand_written = time.perf_counter() - began
-        rows.append((ours, optimum.solve_seconds, hand_written, ours / optimum.solve_seconds, ours / hand_written))
-        assert abs(answer["cost"] - optimum.cost) < 1e-8
-    names = ("seconds", "solver", "hand", "ratio", "to_hand")
-    return dict(zip(names, np.median(np.array(rows), axis=0).tolist(), strict=True))
-
-
 def by_hand(steps: int) -> Any:
     """The same program without the library."""
     return partial(_by_hand, steps)
 
 
 def _by_hand(steps: int) -> dict[str, Any]:
-    return _program(steps)(TURN)
+    return program_by_hand(steps)(TURN)
 
 
-def _program(steps: int) -> Any:
-    """The program with its solver: a turn to its answer."""
-    import casadi as ca
-
-    h = T / steps
+def step_by_hand(ca: Any, h: float) -> Any:
+    """A step of the paper for a rigid body, (R by columns and μ, u, ω) to its residual and the next R and μ."""
     R, mu, u, w = ca.SX.sym("R", 9), ca.SX.sym("mu", 3), ca.SX.sym("u", 3), ca.SX.sym("w", 3)
     p = J * w
     left = p + h / 2 * ca.cross(w, p) + h**2 / 4 * w * ca.dot(w, p)
@@ -121,7 +98,15 @@ def _program(steps: int) -> Any:
     F = ca.SX.eye(3) + 2 / size * (half + half @ half)
     pushed = mu + h * u
     after = ca.vertcat(ca.vec(ca.reshape(R, 3, 3) @ F), F.T @ pushed)
-    step = ca.Function("step", [ca.vertcat(R, mu), u, w], [left - pushed, after])
+    return ca.Function("step", [ca.vertcat(R, mu), u, w], [left - pushed, after])
+
+
+def program_by_hand(steps: int) -> Any:
+    """The program with its solver: a turn to its answer."""
+    import casadi as ca
+
+    h = T / steps
+    step = step_by_hand(ca, h)
     variables = ca.MX.sym("variables", 18 * steps + 12)
     rows = ca.reshape(variables[: 18 * steps], 18, steps)
     x, us, ws = ca.horzcat(rows[:12, :], variables[18 * steps :]), rows[12:15, :], rows[15:, :]

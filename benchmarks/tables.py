@@ -273,12 +273,8 @@ def _optimal(found: dict[str, Any]) -> list[Table]:
         "|RRᵀ − e|",
         "momentum",
     )
-    again = found["again"]
-    times = [_time(again[name]) for name in ("seconds", "solver", "hand")]
-    row = (*(f"{again[name]:.3g}" for name in ("ratio", "to_hand")), *times)
-    heads_again = ("to its solver", "to the hand-written program", "co.control", "its solver", "hand-written")
-    tables = [Table("Solved again, 50 steps", heads_again, [row])]
-    for steps, part in ((steps, part) for steps, part in found.items() if steps != "again"):
+    tables = []
+    for steps, part in found.items():
         rows = [
             (
                 name, f"{row['ratio']:.3g}", _time(row["seconds"]), _time(row["solver"]), str(row["iterations"]),
@@ -289,6 +285,21 @@ def _optimal(found: dict[str, Any]) -> list[Table]:
         ]  # fmt: skip
         tables.append(Table(f"A rigid body turned with least effort, {steps} steps", heads, rows))
     return tables
+
+
+def _control(found: dict[str, Any]) -> list[Table]:
+    rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in found["solves"].items()]
+    calls = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in found["controllers"].items()]
+    heads = ("", "ratio", "processor time")
+    optima = [
+        (name, f"{row['first']:.6f}", f"{row['best']:.6f}", f"{row['worst']:.6f}", f"{row['found']} of {row['tried']}")
+        for name, row in found["optima"].items()
+    ]
+    return [
+        Table("A turn of least effort, 50 steps on SO(3)", heads, rows),
+        Table(f"Predictive control, {found['stages']} steps on SO(3)", heads, calls),
+        Table("Local optima", ("guesses=8", "first guess", "best", "worst", "led to an optimum"), optima),
+    ]
 
 
 def _filters(found: dict[str, Any]) -> list[Table]:
@@ -332,6 +343,7 @@ _TABLES = {
     "sweeps": _sweeps,
     "predictive": _predictive,
     "optimal": _optimal,
+    "control": _control,
     "judging": _judging,
     "stepping": _stepping,
     "calls": _calls,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.control import Bounds, End, Input, Measured, Penalty, Problem
+from coadjoint.control import Bounds, End, Input, Measured, Penalty, Phases, Problem
 
 MASS = co.System(co.Translation(1), lambda xi: 0.5 * xi @ xi, forces=lambda motion: co.Force(torque=motion.inputs.push))
 
@@ -67,6 +67,18 @@ def test_a_soft_end_is_missed_by_its_closed_form(weight):
     assert optimum.violated["end g"][0, 0] == pytest.approx(3 / (3 + weight), rel=1e-3)
     assert answer.violated["end g"] == pytest.approx(optimum.violated["end g"], abs=1e-6)
     assert answer.plan["push"] == pytest.approx(optimum.inputs["push"], abs=1e-6)
+
+
+def test_an_optimum_in_phases_says_by_how_much_each_violates_its_soft_constraints():
+    """1.5 m in 2 s from rest at most 0.5 m/s, then 0.7 m/s: neither can hold, and each counts from its own bound."""
+    first = pushed(4, path=slow(Penalty(linear=3.0)), accuracy=False)
+    ends = pushed(4, path=slow(Penalty(linear=3.0), 0.7), end=End(g=[1.5]), accuracy=False)
+    optimum = Phases({"first": first, "ends": ends}).solve()
+    for name, most in (("first", 0.5), ("ends", 0.7)):
+        over = np.maximum(np.abs(np.asarray(optimum.runs[name].records.mu)) - most, 0.0)
+        assert optimum.violated[name]["slow"] == pytest.approx(over, abs=1e-6) and np.max(over) > 0.1
+        assert f"`slow in {name}` is violated by at most {np.max(over):.3g} at t = " in str(optimum)
+    assert optimum.minimum
 
 
 @pytest.mark.long

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.control import End, Input, Measured, Problem, built, transcription
+from coadjoint.control import Bounds, End, Input, Measured, Problem, built, stage, transcription
+from coadjoint.control import given as given_numbers
 from coadjoint.kernels.trace import evaluate
 
 BODY = co.System(
@@ -99,6 +100,22 @@ def test_for_another_start_goal_and_parameter_nothing_is_traced_or_built_again(n
     assert once.solve_each(goals=[goal], starts=[start], parameters=[changed], threads=1)[0].cost == again.cost
     own = again.solution.problem
     assert own.start is start and own.end is goal and float(own.system.parameters.price) == 3.0
+
+
+def test_a_problem_inverts_its_momenta_and_evaluates_its_goal_once(monkeypatch):
+    """For all of its functions of a node together."""
+    counts = {"at_node": 0, "end_state": 0}
+    for module, name in ((stage, "at_node"), (given_numbers, "end_state")):
+        real = getattr(module, name)
+
+        def counted(*arguments, real=real, name=name):
+            counts[name] += 1
+            return real(*arguments)
+
+        monkeypatch.setattr(module, name, counted)
+    slow = Bounds(lambda motion, p: motion.xi, -5, 5)
+    built.BuiltProgram(problem(final_cost=effort, path={"slow": slow}))
+    assert counts == {"at_node": 1, "end_state": 1}
 
 
 @pytest.mark.long

@@ -49,7 +49,7 @@ class BuiltProgram:
         began = time.perf_counter()
         self.problem, self._transcription = problem, transcribe(problem)
         self._program = nonlinear_program(self._transcription, given=True)
-        self._guesses, self._goals = Guesses(self._transcription), Goals(problem)
+        self._guesses, self._goals = Guesses(self._transcription), Goals(problem, self._transcription.goal)
         self._starts = MeasuredState(self._transcription, "start")
         self._solvers: dict[tuple[str, int], tuple[Settings, Any]] = {}
         self.seconds = time.perf_counter() - began

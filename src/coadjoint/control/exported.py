@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.control.stage import step_graph
-from coadjoint.control.transcription import begun, functions_of
+from coadjoint.control.transcription import StepColumns, begun
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -59,7 +59,8 @@ def step_function(
     beginning = begun(system, start, h, method, inputs or {})
     graph = step_graph(beginning, tuple(parameters))
     live = graph.needed(graph.symbols.state)
-    found = functions_of(graph, [], live, [], [], [], [], [], {}).equations
+    after = graph.next()
+    found = StepColumns(graph, [], live).of_step({"residual": graph.residual, "next": [after[i] for i in live]})
     names = graph.names()
     numbers = graph.numbers(beginning.state)
     return ExportedStep(found, tuple(names[i] for i in live), numbers[live], len(graph.symbols.unknowns), h)

@@ -51,6 +51,19 @@ def casadi_function(
     return ca.Function(name, columns, [outputs], list(arguments), [result])
 
 
+def of_columns(tracer: Tracer, what: str, function: Callable[..., object], trees: Mapping[str, PyTree]) -> Any:
+    """function(*trees) as a function of CasADi, of a column of numbers for each tree, to all numbers of its result.
+
+    It takes a few µs. tracer: an unused one. what: the function in error messages.
+    """
+    ca, symbols = casadi(), [tracer.symbols(f"{name} ", tree) for name, tree in trees.items()]
+    columns = [ca.SX.sym(name, len(flat(tree))) for name, tree in zip(trees, symbols, strict=True)]
+    pairs = zip(columns, symbols, strict=True)
+    known = {node: column[i] for column, tree in pairs for i, node in enumerate(flat(tree))}
+    found = flat(traced(tracer, what, function, *symbols))
+    return ca.Function("of_columns", columns, [ca.densify(ca.vertcat(*casadi_expressions(found, known)))])
+
+
 def traced(tracer: Tracer, what: str, function: Callable[..., object], *arguments: object) -> Any:
     """function(*arguments) as expressions; raises LagrangianError if it has no such form."""
     try:

@@ -100,9 +100,9 @@ def _element(like: Element, g: Any) -> Element:
 class Goals:
     """The values of other goals of a problem, of the same names and shapes."""
 
-    def __init__(self, problem: ProblemData):
+    def __init__(self, problem: ProblemData, values: Mapping[str, PyTree]):
         self.problem, self._inverse = problem, None
-        self._shapes = {name: np.shape(value) for name, value in _goal_values(problem).items() if name != "g"}
+        self._shapes = {name: np.shape(value) for name, value in values.items() if name != "g"}
 
     def __call__(self, goal: Any) -> dict[str, PyTree]:
         """The values of a goal; raises ArgumentError for other names or shapes than those of the problem's `end`."""

@@ -11,9 +11,10 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.control.functions import of_columns
 from coadjoint.control.given import goal_place
 from coadjoint.control.inputs_between import guesses
-from coadjoint.control.linearised import Simulated
+from coadjoint.control.linearised import Simulated, Tables
 from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Split, Transcription
@@ -21,6 +22,7 @@ from coadjoint.errors import ArgumentError, GroupError, StepError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.tracer import Tracer
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -47,7 +49,8 @@ class Guesses:
     def __init__(self, transcription: Transcription):
         self._transcription = transcription
         self._simulated: Simulated | None = None
-        self._turn, self._straight, self._stages = _Traced(), _Traced(), _Traced()
+        self._turn: Tables | None = None
+        self._straight, self._stages = _Traced(), _Traced()
 
     def motion(self, problem: ProblemData, guess: Run | str | None) -> tuple[State, dict[str, np.ndarray]]:
         """The states of all nodes at the start of the solver, and the known inputs there.
@@ -111,7 +114,13 @@ class Guesses:
     def _turned(self, problem: ProblemData) -> np.ndarray:
         """log g₀⁻¹g_N, (dim G,)."""
         group, start, g = problem.system.group, problem.start, goal_place(problem)[0]
-        turn = self._turn(lambda a, b: group.log(group.compose(group.inverse(a), b)), start.g, g)
+        if self._turn is None:
+            trees = {"a": start.g, "b": g}
+            between = of_columns(
+                Tracer(), "The logarithm", lambda a, b: group.log(group.compose(group.inverse(a), b)), trees
+            )
+            self._turn = Tables(between, 1)
+        turn = self._turn(numbers_of(start.g), numbers_of(g))[0][0].copy()
         if np.all(np.isfinite(turn)):
             return turn
         return np.asarray(_logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g)))

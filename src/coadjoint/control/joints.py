@@ -15,7 +15,7 @@ from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
 from coadjoint.control.program import Block, NonlinearProgram, nonlinear_program
 from coadjoint.control.stage import StepGraph
-from coadjoint.control.transcription import Rows, Transcription, functions_of
+from coadjoint.control.transcription import Rows, StepColumns, Transcription
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -69,7 +69,7 @@ class PhaseJoint:
         speeds = []
         for one, side in ((before, ends), (after, begins)):
             found = self.velocities(one.graph)
-            function = functions_of(one.graph, one.eta, one.live, found, [], [], [], [], {}).cost
+            function = StepColumns(one.graph, one.eta, one.live).of_node("velocities", found)
             speeds.append(function(side.x, side.u, side.p, side.h))
         return ca.vertcat(gap, speeds[1] - speeds[0])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.control.library import casadi
-from coadjoint.control.transcription import Transcription, functions_of
+from coadjoint.control.transcription import StepColumns, Transcription
 
 
 class Tables:
@@ -152,7 +152,7 @@ def expanded(transcription: Transcription, name: str, columns: object = None) ->
         return with_hessian(number, name, columns)
     ca, graph = casadi(), transcription.graph
     residual = graph.of_motion(given.residual, f"The squares of `{name}`")
-    e = with_jacobian(functions_of(graph, [], transcription.live, residual, [], [], [], [], {}).cost, name, columns)
+    e = with_jacobian(StepColumns(graph, [], transcription.live).of_node("e", residual), name, columns)
     x, u, p, h = (ca.SX.sym(key, e.size1_in(k)) for k, key in enumerate("xuph"))
     value, J = e(x, u, p, h)
     results = [ca.densify(ca.sumsqr(value)), ca.densify(2 * J.T @ value), 2 * J.T @ J]

@@ -10,14 +10,12 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.control.expressions import casadi_expressions
-from coadjoint.control.functions import traced
-from coadjoint.control.library import casadi
+from coadjoint.control.functions import of_columns
 from coadjoint.control.linearised import Tables
 from coadjoint.control.stage import FiniteGraph, numbers_of
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.tracer import Tracer, flat
+from coadjoint.kernels.trace.tracer import Tracer
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.arguments import require_places
@@ -84,10 +82,7 @@ class MeasuredState:
         return self._begin(self._column, column)[0].ravel()
 
     def _begun(self, parameters: PyTree, given: dict[str, object]) -> Any:
-        """(numbers of the parameters, given numbers of a state) → numbers of the state that begins a step.
-
-        A function of CasADi, which takes a few µs.
-        """
+        """(numbers of the parameters, given numbers of a state) → numbers of the state that begins a step."""
         system, method, h, begun = self._beginning
         plain = dict.fromkeys(("internal_mean", "internal_end", "internal_due"), None)
         template = begun.replace(memory=None, ledger=None, from_velocities=True, **plain)
@@ -96,11 +91,5 @@ class MeasuredState:
             there = method.begin(replace_parameters(system, parameters), template.replace(**given), h)
             return [jnp.ravel(jnp.asarray(leaf)) for leaf in self._transcription.graph.leaves(there)]
 
-        ca, tracer = casadi(), Tracer(FiniteGraph())
-        trees = [tracer.symbols(f"{name} ", tree) for name, tree in (("p", parameters), ("given", given))]
-        columns = [ca.SX.sym(name, len(flat(tree))) for name, tree in zip("ps", trees, strict=True)]
-        known = {
-            node: column[i] for column, tree in zip(columns, trees, strict=True) for i, node in enumerate(flat(tree))
-        }
-        found = flat(traced(tracer, "The momenta of a state", begin, *trees))
-        return ca.Function("begin", columns, [ca.densify(ca.vertcat(*casadi_expressions(found, known)))])
+        trees = {"p": parameters, "given": given}
+        return of_columns(Tracer(FiniteGraph()), "The momenta of a state", begin, trees)

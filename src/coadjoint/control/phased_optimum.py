@@ -8,7 +8,17 @@ import numpy as np
 
 from coadjoint.control.joints import PhasedProgram, PhaseJoint, carried
 from coadjoint.control.library import casadi
-from coadjoint.control.optimum import ROUND_OFF, UNSTABLE, chosen_system, difference, flight, violation
+from coadjoint.control.optimum import (
+    ROUND_OFF,
+    SADDLE,
+    STATIONARY,
+    UNSTABLE,
+    chosen_system,
+    difference,
+    flight,
+    soft_lines,
+    violation,
+)
 from coadjoint.control.solve import FoundOptimum
 from coadjoint.control.transcription import Transcription
 from coadjoint.control.within_steps import WorstWithin, lines, worst_within
@@ -23,7 +33,8 @@ class PhasedOptimum:
     name → values, as of `co.control.Optimum`. costs, durations (s): of each phase; cost, duration (s): of all.
     violation: the largest violation of the constraints. difference: the largest |x − x of the run| of any number of the
     state. iterations, and seconds of building, solving: of the solver. within: phase → name → the largest violation of
-    a constraint of the path between the nodes of its run, as of `co.control.Optimum`.
+    a constraint of the path between the nodes of its run; violated: phase → name → the violation of each soft
+    constraint at its nodes; minimum: whether the solver saw a strict minimum; as of `co.control.Optimum`.
     """
 
     runs: dict[str, Run]
@@ -39,6 +50,8 @@ class PhasedOptimum:
     solver: str
     joints: tuple[PhaseJoint, ...]
     within: dict[str, dict[str, WorstWithin]]
+    violated: dict[str, dict[str, np.ndarray]]
+    minimum: bool
 
     @property
     def cost(self) -> float:
@@ -70,10 +83,17 @@ class PhasedOptimum:
             ("constraints", f"violated by at most {self.violation:.1e}; the runs differ from the optimum by at most "
                             f"{self.difference:.1e}"),
         ]  # fmt: skip
+        for phase, soft in self.violated.items():
+            named = {f"{name} in {phase}": one for name, one in soft.items()}
+            rows += soft_lines(named, float(self.runs[phase].records.t[0]), self.durations[phase])
         found = {f"{name} in {phase}": one for phase, each in self.within.items() for name, one in each.items()}
         rows += lines(found, 0)
         if self.difference > 10 * sum(count.values()) * max(self.violation, ROUND_OFF):
             rows.append(("warning", UNSTABLE))
+        if not self.minimum:
+            rows.append(("warning", SADDLE.partition(";")[0]))
+        if self.iterations == 0:
+            rows.append(("warning", STATIONARY))
         runs = "\n\n".join(f"{name}\n{run}" for name, run in self.runs.items())
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{runs}"
 
@@ -88,7 +108,7 @@ def phases_flown(
     """The optimum from the solution of the solver."""
     into, numbers = {joint.after: joint for joint in joints}, program.split(found.numbers["x"])
     runs: dict[str, Run] = {}
-    inputs, parameters, costs, durations, gaps, within = {}, {}, {}, {}, [], {}
+    inputs, parameters, costs, durations, gaps, within, violated = {}, {}, {}, {}, [], {}, {}
     for name, transcription in parts.items():
         split, start = transcription.split(numbers[name]), None
         if name in into:
@@ -99,9 +119,9 @@ def phases_flown(
         costs[name] = float(casadi().Function("f", [own.w], [own.f])(numbers[name]))
         durations[name] = split.h * transcription.problem.count
         gaps.append(difference(transcription, runs[name], split))
-        within[name] = worst_within(transcription.problem, runs[name])
+        within[name], violated[name] = worst_within(transcription.problem, runs[name]), transcription.violated(split)
     left = violation(program.joined, found.numbers["g"])
     return PhasedOptimum(
         runs, inputs, parameters, costs, durations, left, max(gaps), found.iterations, built, found.seconds,
-        found.words, joints, within,
+        found.words, joints, within, violated, found.minimum,
     )  # fmt: skip

@@ -17,7 +17,7 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import whole
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
-from coadjoint.control.given import Goals, changed, given_numbers, given_values, previous_values
+from coadjoint.control.given import Goals, changed, given_numbers, previous_values
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.mpc_solution import MpcSolution, Record
@@ -92,7 +92,7 @@ class Controller(Remade):
         nx = expanding.width + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu + expanding.slack.size, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
-        self.system, self._goal = problem.system, given_values(problem)["goal"]
+        self.system, self._goal, self._goals = problem.system, transcription.goal, Goals(problem, transcription.goal)
         self._p = self._numbers()
         self.record = Record()
         self.reset()
@@ -117,7 +117,7 @@ class Controller(Remade):
 
         Raises ArgumentError for other names and shapes.
         """
-        self._goal = Goals(self.problem)(goal)
+        self._goal = self._goals(goal)
         self._p, self._prepared = self._numbers(), None
 
     def _numbers(self) -> np.ndarray:

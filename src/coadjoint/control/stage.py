@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
@@ -80,14 +81,32 @@ class StepGraph:
         """function(system, state, *more) at the node where the step starts, with ξ and ν of the momenta."""
         return flat(self._at_node(lambda *given: jnp.asarray(function(*given)), what, *more))
 
-    def _at_node(self, function: Callable[..., object], what: str, *more: object) -> PyTree:
+    @cached_property
+    def _node(self) -> State:
+        """The state at the node where the step starts, with ξ and ν of the momenta."""
         skeleton = replace_parameters(self.beginning.system, None)
 
-        def of_node(constants: Constants, state: State, *more: object) -> PyTree:
-            system = replace_parameters(skeleton, constants.system)
-            return function(system, at_node(system, state), *more)
+        def velocities(constants: Constants, state: State) -> PyTree:
+            found = at_node(replace_parameters(skeleton, constants.system), state)
+            return found.xi, found.nu
 
-        return traced(self.tracer, what, of_node, self.constants, self.state, *more)
+        xi, nu = traced(self.tracer, "The velocities of the momenta", velocities, self.constants, self.state)
+        return self.state.replace(xi=xi, nu=nu)
+
+    def of_place(self, function: Callable[..., object], what: str, *more: object) -> list[Expr]:
+        """function(system, state, *more) where the step starts, without velocities of the momenta."""
+        return flat(self._of(self.state, lambda *given: jnp.asarray(function(*given)), what, *more))
+
+    def _at_node(self, function: Callable[..., object], what: str, *more: object) -> PyTree:
+        return self._of(self._node, function, what, *more)
+
+    def _of(self, state: State, function: Callable[..., object], what: str, *more: object) -> PyTree:
+        skeleton = replace_parameters(self.beginning.system, None)
+
+        def of_state(constants: Constants, state: State, *more: object) -> PyTree:
+            return function(replace_parameters(skeleton, constants.system), state, *more)
+
+        return traced(self.tracer, what, of_state, self.constants, state, *more)
 
     def of_motion(self, function: Callable[..., PyTree], what: str) -> list[Expr]:
         """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""

@@ -13,7 +13,7 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import Tables
-from coadjoint.control.transcription import Transcription, functions_of
+from coadjoint.control.transcription import StepColumns, Transcription
 from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.trace.tracer import flat
 from coadjoint.mechanics.state import State
@@ -41,12 +41,12 @@ class Tangents:
         self.width = len(self._rest) + self.dim
         if self.dim:
             xi = graph.tracer.symbols("direction ", np.zeros(self.dim))
-            slopes, ahead = graph.at_node(_slopes, "A direction"), graph.at_node(_numbers, "A direction", xi)
+            slopes, ahead = graph.of_place(_slopes, "A direction"), graph.of_place(_numbers, "A direction", xi)
             places = [k for k, i in enumerate(given) if i in live]
             chosen = [slopes[k * self.dim + j] for k in places for j in range(self.dim)]
             x = transcription.live
-            self._of_slopes = functions_of(graph, [], x, chosen, [], [], [], [], {}).cost
-            of_moves = functions_of(graph, flat(xi), x, [ahead[k] for k in places], [], [], [], [], {}).cost
+            self._of_slopes = StepColumns(graph, [], x).of_node("slopes", chosen)
+            of_moves = StepColumns(graph, flat(xi), x).of_node("moves", [ahead[k] for k in places])
             count = transcription.problem.count + 1
             self._slopes, self._moves = Tables(self._of_slopes, count), Tables(of_moves, count)
 

@@ -92,7 +92,8 @@ class Transcription:
 
     live: the numbers of the state that are x. path, end: their rows. eta: the change of the start, if it is free. data:
     name → measurements. given: the numbers that may change from one solution to the next. previous: the places
-    of commands in force among them. later: whether x_0 is the end of another phase.
+    of commands in force among them. goal: the values of the end, with g⁻¹ for g. later: whether x_0 is the end of
+    another phase.
     """
 
     problem: ProblemData
@@ -107,6 +108,7 @@ class Transcription:
     data: dict[str, Seen]
     given: np.ndarray
     previous: dict[str, slice]
+    goal: dict[str, PyTree]
     later: bool = False
 
     @property
@@ -275,8 +277,9 @@ def transcribe(
         previous[name] = slice(begin, begin + values["previous"][name].size)
         begin = previous[name].stop
     return Transcription(
-        problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, numbers, previous, later
-    )
+        problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, numbers, previous, values["goal"],
+        later,
+    )  # fmt: skip
 
 
 class MeasuredDifference(NamedTuple):
@@ -362,6 +365,36 @@ def _end_rows(what: str, zeros: np.ndarray, problem: ProblemData) -> Rows:
     return Rows(what, zeros, zeros, None if soft is None else slack_of(soft, zeros, zeros, what), name)
 
 
+class StepColumns:
+    """The numbers of a step as columns x, u, z, p, h of CasADi, for functions of them."""
+
+    def __init__(self, graph: StepGraph, eta: list[Expr], live: list[int]):
+        ca, symbols = casadi(), graph.symbols
+        chosen = [*symbols.parameters, *eta]
+        nodes = [[symbols.state[i] for i in live], symbols.commands, symbols.unknowns, chosen, [symbols.h]]
+        self.columns = [ca.SX.sym(name, len(row)) for name, row in zip("xuzph", nodes, strict=True)]
+        pairs = zip(self.columns, nodes, strict=True)
+        self.known = {node: column[i] for column, row in pairs for i, node in enumerate(row)}
+
+    def of_step(self, results: dict[str, list[Expr]]) -> Any:
+        """(x, u, z, p, h) → the results."""
+        return self._function("equations", self.columns, list("xuzph"), results)
+
+    def of_node(self, name: str, found: list[Expr], values: list[Expr] | None = None) -> Any:
+        """(x, u, p, h) → the result `name`; values: further arguments y, behind these."""
+        x, u, _, p, h = self.columns
+        if values is None:
+            return self._function(name, [x, u, p, h], list("xuph"), {name: found})
+        y = casadi().SX.sym("y", len(values))
+        self.known.update({node: y[i] for i, node in enumerate(values)})
+        return self._function(name, [x, u, p, h, y], list("xuphy"), {name: found})
+
+    def _function(self, name: str, arguments: list[Any], names: list[str], results: dict[str, list[Expr]]) -> Any:
+        ca = casadi()
+        outputs = [ca.vertcat(*casadi_expressions(nodes, self.known)) for nodes in results.values()]
+        return ca.Function(name, arguments, outputs, names, list(results))
+
+
 def functions_of(
     graph: StepGraph,
     eta: list[Expr],
@@ -373,32 +406,10 @@ def functions_of(
     final: list[Expr],
     measured: dict[str, MeasuredDifference],
 ) -> Functions:
-    ca, symbols = casadi(), graph.symbols
-    chosen = [*symbols.parameters, *eta]
-    sizes = len(live), len(symbols.commands), len(symbols.unknowns), len(chosen), 1
-    columns = [ca.SX.sym(name, size) for name, size in zip("xuzph", sizes, strict=True)]
-    x, u, _, p, h = columns
-    nodes = [[symbols.state[i] for i in live], symbols.commands, symbols.unknowns, chosen, [symbols.h]]
-    known = {node: column[i] for column, row in zip(columns, nodes, strict=True) for i, node in enumerate(row)}
-    after = graph.next()
-
-    def as_function(name: str, arguments: list[object], names: list[str], results: dict[str, list[Expr]]) -> Any:
-        outputs = [ca.vertcat(*casadi_expressions(nodes, known)) for nodes in results.values()]
-        return ca.Function(name, arguments, outputs, names, list(results))
-
-    def with_value(one: MeasuredDifference) -> Any:
-        y = ca.SX.sym("y", len(one.y))
-        known.update({node: y[i] for i, node in enumerate(one.y)})
-        return as_function("measured", [*at_node[0], y], [*at_node[1], "y"], {"measured": one.off})
-
-    step = {"residual": graph.residual, "next": [after[i] for i in live]}
-    at_node = [x, u, p, h], ["x", "u", "p", "h"]
+    columns, after = StepColumns(graph, eta, live), graph.next()
+    by_node = {"cost": cost, "path": path, "start": start, "end": end, "final": final}
     return Functions(
-        as_function("equations", columns, list("xuzph"), step),
-        as_function("cost", *at_node, {"cost": cost}),
-        as_function("path", *at_node, {"path": path}),
-        as_function("start", *at_node, {"start": start}),
-        as_function("end", *at_node, {"end": end}),
-        as_function("final", *at_node, {"final": final}),
-        {name: with_value(one) for name, one in measured.items()},
+        columns.of_step({"residual": graph.residual, "next": [after[i] for i in live]}),
+        **{name: columns.of_node(name, found) for name, found in by_node.items()},
+        measured={name: columns.of_node("measured", one.off, one.y) for name, one in measured.items()},
     )

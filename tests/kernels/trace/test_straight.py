@@ -62,6 +62,12 @@ def test_what_is_equal_constant_or_unused_is_not_computed_again(monkeypatch):
     assert len(counted) == 1
 
 
+def test_functions_with_their_own_derivative_are_inlined(monkeypatch):
+    straight = Straight(NUMBERS, jaxpr_of(lambda x: jax.nn.relu(x) + jnp.sinc(x), np.float64(0))[0])
+    monkeypatch.setattr(NUMBERS, "run", None)
+    assert straight([np.array(0.5)])[0] == pytest.approx(0.5 + np.sinc(0.5), rel=1e-15)
+
+
 def test_a_table_is_the_same_at_every_call_and_its_results_are_its_own():
     at = tabulate(lambda x: (TABLE * x, jnp.asarray(TABLE)), np.float64(0))
     results = [at(np.float64(0.3)) for _ in range(3)]

@@ -7,16 +7,16 @@ common subexpressions are shared, and unused operations are dropped.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.trace import jaxprs, structured
 from coadjoint.kernels.trace.interpreter import Array, Interpreter, typed
 from coadjoint.kernels.trace.jaxprs import Equation
 from coadjoint.kernels.trace.parameters import CALLS
-from coadjoint.kernels.trace.structured import body
 from coadjoint.kernels.untraceable import Untraceable
 
 WRITTEN_OUT = frozenset(CALLS) - {"custom_jvp_call"}
@@ -24,12 +24,13 @@ WRITTEN_OUT = frozenset(CALLS) - {"custom_jvp_call"}
 
 
 class _Operation(NamedTuple):
-    """values[outputs] = function(*values[inputs]) of these types."""
+    """values[outputs] = function(*values[inputs]) of these types; several: whether the function returns a list."""
 
     function: Callable[..., PyTree]
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
     dtypes: tuple[object, ...]
+    several: bool
 
 
 class Straight:
@@ -50,8 +51,8 @@ class Straight:
         values: list[PyTree] = self._values.copy()
         for place, value in zip(self._inputs, inputs, strict=True):
             values[place] = value
-        for function, places, outputs, dtypes in self._operations:
-            _store(values, function(*[values[i] for i in places]), outputs, dtypes)
+        for function, places, outputs, dtypes, several in self._operations:
+            _store(values, function(*[values[i] for i in places]), outputs, dtypes, several)
         return [values[i] for i in self._outputs]
 
     def _place(self, value: Array | None = None) -> int:
@@ -77,41 +78,45 @@ class Straight:
 
         for equation in jaxprs.equations(jaxpr):
             given = tuple(map(place, equation.inputs))
-            if equation.name in WRITTEN_OUT:
+            if equation.name in WRITTEN_OUT or self._has_plain_body(equation):
                 equation.require_known()
-                outputs = self._write(body(equation), given)
+                outputs = self._write(structured.body(equation), given)
             else:
                 outputs = self._operation(equation, given)
             places.update(zip(equation.outputs, outputs, strict=True))
         return [place(atom) for atom in variables.outputs]
 
+    def _has_plain_body(self, equation: Equation) -> bool:
+        """Whether this is a function with its own derivative, other than a determinant with its own rule."""
+        if equation.name != "custom_jvp_call":
+            return False
+        return not ("det" in self._interpreter.numeric and structured.is_determinant(equation))
+
     def _operation(self, equation: Equation, given: tuple[int, ...]) -> Sequence[int]:
-        function, key = self._function(equation), _key(equation, given)
+        (function, several), key = self._function(equation), _key(equation, given)
         if key is not None and key in self._seen:
             return self._seen[key]
         dtypes = tuple(map(jaxprs.dtype, equation.outputs))
         outputs = tuple(self._place() for _ in dtypes)
         known = [self._values[i] for i in given]
         if all(value is not None for value in known):
-            _store(self._values, function(*known), outputs, dtypes)
+            _store(self._values, function(*known), outputs, dtypes, several)
         else:
-            self._operations.append(_Operation(function, given, outputs, dtypes))
+            self._operations.append(_Operation(function, given, outputs, dtypes, several))
         if key is not None:
             self._seen[key] = outputs
         return outputs
 
-    def _function(self, equation: Equation) -> Callable[..., PyTree]:
-        """The rule of an equation as a function of its inputs to a list of outputs, or to the only one."""
+    def _function(self, equation: Equation) -> tuple[Callable[..., PyTree], bool]:
+        """The rule of an equation as a function of its inputs, and whether it returns a list of outputs."""
         equation.require_known()
         interpreter, rule = self._interpreter, self._interpreter.control.get(equation.name)
         if rule is not None:
-            return lambda *inputs: rule(interpreter, equation, list(inputs))
+            return (lambda *inputs: rule(interpreter, equation, list(inputs))), True
         rule, parameters = interpreter.numeric.get(equation.name), equation.parameters
         if rule is None:
             raise Untraceable(equation.name)
-        if equation.several:
-            return lambda *inputs: rule(parameters, *inputs)
-        return lambda *inputs: [rule(parameters, *inputs)]
+        return partial(rule, parameters), equation.several
 
     def _drop_unused(self) -> None:
         needed, kept = set(self._outputs), []
@@ -122,9 +127,12 @@ class Straight:
         self._operations = kept[::-1]
 
 
-def _store(values: list[PyTree], results: Sequence[PyTree], outputs: Sequence[int], dtypes: Sequence[object]) -> None:
-    if len(outputs) == 1:
-        values[outputs[0]] = typed(results[0], dtypes[0])
+def _store(
+    values: list[PyTree], results: PyTree, outputs: Sequence[int], dtypes: Sequence[object], several: bool
+) -> None:
+    if not several:
+        fits = type(results) is np.ndarray and results.dtype == dtypes[0]
+        values[outputs[0]] = results if fits else typed(results, dtypes[0])
         return
     for output, result, dtype in zip(outputs, results, dtypes, strict=True):
         values[output] = typed(result, dtype)
