@@ -17,6 +17,7 @@ STOREYS = (
         "log",
         "interrupts",
         "disk",
+        "c_sources",
         "memory",
         "manifest",
         "lazy",

@@ -15,9 +15,11 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree, Scalar
+from coadjoint.c_sources import identifier, write_library
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.estimation.arguments import array, first_covariance, inputs_of_step
+from coadjoint.estimation.c_library import sources
 from coadjoint.estimation.engines import CodedFilter, FilterEngine
 from coadjoint.estimation.filter_measurements import FilterMeasurements, all_series
 from coadjoint.estimation.filtered import Filtered, filtered
@@ -35,6 +37,7 @@ from coadjoint.estimation.timetable import (
     require_times,
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
+from coadjoint.kernels.run.portable_code import exported_code, linked
 from coadjoint.mechanics.state import State
 from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.portable import Remade
@@ -261,6 +264,31 @@ class Filter(WithOverview, Remade):
         return save(
             path, overwrite, lambda _: to_bytes(self._face("saved"), *self._coded("saved"), self._held), "filter"
         )
+
+    def export_c(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        name: str | None = None,
+        units: Mapping[str, str] | None = None,
+        target: str | None = None,
+        overwrite: bool = False,
+    ) -> Path:
+        """Write a C library without Python: NAME.h, NAME.c, NAME_code.o with the machine code, and CMakeLists.txt.
+
+            filter.export_c("robot/dive", units={"depth": "m"})
+
+        The library predicts, and updates by each measurement; the header has the names, places and shapes of all
+        numbers, and the error codes. It begins with the present estimate. On the same processor its numbers are bitwise
+        those of the filter.
+
+        folder, name, units, target, overwrite: as of `co.Stepper.export_c`. Raises FileError rather than replace a
+        file, ArgumentError for many members, for functions without machine code, and for an unknown target.
+        """
+        name = identifier(Path(folder).name if name is None else name, "folder" if name is None else "name")
+        coded, face = self._coded("exported"), self._face("exported")
+        header, source, parts = sources(face, coded, self._held, name, {"t": "s", **(units or {})})
+        return write_library(folder, name, header, source, exported_code(linked(parts), target), overwrite)
 
     def _coded(self, done: str) -> CodedFilter:
         """The machine code of a single filter."""

@@ -276,6 +276,10 @@ class StepModel:
             slopes, begin = implicit_slopes(J, m) @ slopes, course[:, number, m:]
         return slopes
 
+    def substep_assembly(self) -> str | None:
+        """The LLVM assembly of (z, x), (p, length, h, first) ↦ (r, x⁺) with its slopes, None where XLA has them."""
+        return None if self._substep.native is None else self._substep.native.assembly()
+
     @cached_property
     def _substep(self) -> RowFunction:
         """(z, x), (p, length, h, first) ↦ (r, x⁺) of a substep."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -11,6 +13,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
+from coadjoint.c_sources import identifier, write_library
 from coadjoint.checks import positive, truth, whole
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels import packing
@@ -20,6 +23,7 @@ from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
 from coadjoint.kernels.run.ensemble import lanes
+from coadjoint.kernels.run.portable_code import exported_code, linked
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
@@ -31,6 +35,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, as_read
 from coadjoint.methods.rattle import around
+from coadjoint.methods.step_model import StepModel
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
 from coadjoint.simulation.arguments import require_kinds
@@ -51,6 +56,7 @@ from coadjoint.simulation.steppers.building import (
     places_of,
     program_of,
 )
+from coadjoint.simulation.steppers.c_library import StepSlopes, sources
 from coadjoint.simulation.steppers.engines import Observe, XlaEngine, native_engine, watch
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.interface import Buffers, Engine, NativeEngine, Prepared, StepperInterface, put
@@ -213,6 +219,53 @@ class Stepper(Stepping):
         for place, number in face.compiled_in:
             values[place] = number
         return native_engine(self._program, self._watch, constants, begun, specialised(values), face.commanded, width)
+
+    def export_c(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        name: str | None = None,
+        units: Mapping[str, str] | None = None,
+        target: str | None = None,
+        overwrite: bool = False,
+    ) -> Path:
+        """Write a C library without Python: NAME.h, NAME.c, NAME_code.o with the machine code, and CMakeLists.txt.
+
+            stepper.export_c("robot/remus", units={"depth": "m"})
+
+        The library steps, observes, and gives the Jacobian of a step by the state and the commands; the header has the
+        names, places and shapes of all numbers, and the error codes. It begins where the stepper is now. On the same
+        processor its steps are bitwise those of the stepper.
+
+        folder: where its parent exists. name: of the library, by default that of the folder. units: name → unit, for
+        the header; those of the system are known. target: the processor, as a triple such as "aarch64-linux-gnu", by
+        default this one. overwrite: whether to replace files. Raises FileError rather than replace one, ArgumentError
+        for a stepper of many members or by XLA, and for an unknown target.
+        """
+        name = identifier(Path(folder).name if name is None else name, "folder" if name is None else "name")
+        known = {**dict(self._program.skeleton.units), "t": "s", **(units or {})}
+        with self._turn.reading():
+            header, source, parts = sources(self, name, known, self._slopes())
+        return write_library(folder, name, header, source, exported_code(linked(parts), target), overwrite)
+
+    def _slopes(self) -> StepSlopes | None:
+        """The step with its derivatives as machine code; None where the state is not that of a `StepModel`."""
+        if self.face.members is not None or not isinstance(self._engine, NativeEngine):
+            return None
+        program, begun = (
+            replace(self._program, until=None),
+            self._beginning.state.unpack(of_lanes(self._buffers.state)[0]),
+        )
+        constants = self._beginning.constants.unpack(self._parameter_rows()[0])
+        fixed = {place for place, _ in self.face.compiled_in}
+        free = [place for place in range(self.face.parameters.size) if place not in fixed]
+        model = StepModel(program, constants, begun, course=True, free=free)
+        substep = model.substep_assembly()
+        if model.layout != self._beginning.state or substep is None:
+            return None
+        kernel = model.kernel(1)
+        watched = kernel.monitor_size + len(kernel.certificates)
+        return StepSlopes(model.assembly(), substep, program.unknowns, tuple(program.substeps), kernel.row, watched)
 
     # The same as pure functions.
 
