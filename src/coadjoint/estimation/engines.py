@@ -94,8 +94,10 @@ class FilterEngine:
     def _alone(self) -> OneFilter | None:
         return None if self._filters is None else self._filters.alone()
 
-    def once(self, memory: FilterMemory, order: int, number: int, data: np.ndarray) -> tuple[FilterMemory, np.ndarray]:
-        """Execute PREDICT, data h (1, 1), or CORRECT of a measurement, data (1 or members, numbers).
+    def once(
+        self, memory: FilterMemory, order: int, number: int, data: np.ndarray | float
+    ) -> tuple[FilterMemory, np.ndarray]:
+        """Execute PREDICT, data h, or CORRECT of a measurement, data (1 or members, numbers).
 
         Returns what is held after it, and (NIS, used) (members, 2), which the next call overwrites. Raises StepError;
         `memory` is unchanged.
@@ -104,10 +106,13 @@ class FilterEngine:
         if one is None:
             after, output = FilterMemory(*(part.copy() for part in memory)), np.empty((len(memory.rows), 2))
             orders = np.array([[order, number if order == CORRECT else 0, 0, 0]])
-            self.follow(*after, orders, data, output)
+            self.follow(*after, orders, np.atleast_2d(data), output)
             return after, output
         one.row[:], one.P[:], one.rejected[:] = memory
-        one.data[: data.shape[1]] = data[0]
+        if order == PREDICT:
+            one.data[0] = data
+        else:
+            one.data[: data.shape[1]] = data[0]
         if one(order, number):
             self._fail(one.row[0], np.array([order, number]), one.rejected[0])
         if not math.isfinite(one.flat.dot(one.flat)):

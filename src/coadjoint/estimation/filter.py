@@ -7,6 +7,7 @@ Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with App
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -184,15 +185,15 @@ class Filter(WithOverview, Remade):
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
-        checks.positive(dt, "dt")
+        h = dt if type(dt) is float and 0.0 < dt < math.inf else checks.positive(dt, "dt")
         before, given = self._held, inputs_of_step(self.process, inputs, self._awaited)
         there = before._replace(rows=self.process.with_inputs(before.rows, given)) if given else before
-        self._held, _ = self._engine.once(there, PREDICT, 0, np.array([[float(dt)]]))
+        self._held, _ = self._engine.once(there, PREDICT, 0, h)
         self._awaited -= set(given)
         if self._sample is not None:
-            self._warn(self._sample.of_prediction(before.rows, before.P, self.P, float(dt), given))
+            self._warn(self._sample.of_prediction(before.rows, before.P, self.P, h, given))
         if self._past.kept:
-            self._past.predicted(float(self.process.time(before.rows[0])), before, float(dt), given)
+            self._past.predicted(float(self.process.time(before.rows[0])), before, h, given)
 
     def _warn(self, sentence: str | None) -> None:
         """Warn, and judge no more steps after that or after the last one of the sample."""

@@ -9,6 +9,8 @@ from llvmlite import ir
 from coadjoint.kernels.emit.loops import DOUBLE, INT64, NUMBERS, Loops
 
 VOID = ir.VoidType()
+BLOCK = 8
+"""The columns of a block of a product, a few registers."""
 
 
 class DenseAlgebra(NamedTuple):
@@ -16,6 +18,7 @@ class DenseAlgebra(NamedTuple):
 
     copy: Any
     product: Any
+    full: Any
     transpose: Any
     solve: Any
     cholesky: Any
@@ -24,9 +27,9 @@ class DenseAlgebra(NamedTuple):
 
 def dense(module: ir.Module) -> DenseAlgebra:
     """All of them in a module."""
-    return DenseAlgebra(
-        _copy(module), _product(module), _transpose(module), _solve(module), _cholesky(module), _cholesky_solve(module)
-    )
+    products = _product(module), _full(module)
+    rest = _transpose(module), _solve(module), _cholesky(module), _cholesky_solve(module)
+    return DenseAlgebra(_copy(module), *products, *rest)
 
 
 def _copy(module: ir.Module) -> ir.Value:
@@ -52,6 +55,39 @@ def _product(module: ir.Module) -> Any:
             with f.b.if_then(f.b.fcmp_unordered("!=", value, DOUBLE(0.0))), f.over(columns) as j:
                 here = f.place(C, f.add(row, j))
                 f.b.store(f.plus(f.b.load(here), value, f.at(B, f.add(other, j))), here)
+    f.b.ret_void()
+    return f.function
+
+
+def _full(module: ir.Module) -> Any:
+    """full(…): as `product`, of an A with few zeros, by blocks of BLOCK columns that stay in registers.
+
+    The last block ends with the last column, and leaves those that the block before has changed.
+    """
+    f = Loops(module, "full", VOID, *[NUMBERS] * 3, *[INT64] * 6, DOUBLE)
+    C, A, B, rows, inner, columns, c, a, b, factor = f.args
+    vector = ir.VectorType(DOUBLE, BLOCK)
+    numbers = ir.Constant(ir.VectorType(INT64, BLOCK), list(range(BLOCK)))
+    total, zero = f.variable(vector, ir.Constant(vector, [0.0] * BLOCK)), ir.Constant(vector, [0.0] * BLOCK)
+    wide = f.b.icmp_signed(">=", columns, INT64(BLOCK))
+    with f.b.if_then(f.b.not_(wide)):
+        product = module.get_global("product")
+        f.b.call(product, f.args)
+        f.b.ret_void()
+    blocks, furthest = f.b.sdiv(f.add(columns, BLOCK - 1), INT64(BLOCK)), f.b.sub(columns, INT64(BLOCK))
+    with f.over(rows) as i, f.over(blocks) as block:
+        wanted = f.times(block, BLOCK)
+        first = f.b.select(f.b.icmp_signed("<", wanted, furthest), wanted, furthest)
+        f.b.store(zero, total)
+        with f.over(inner) as k:
+            along = f.block(B, f.add(f.times(k, b), first), vector)
+            value = f.spread(f.at(A, f.add(f.times(i, a), k)), vector)
+            f.b.store(f.plus(f.b.load(total), value, f.b.load(along, align=8)), total)
+        here = f.block(C, f.add(f.times(i, c), first), vector)
+        before = f.b.load(here, align=8)
+        changed = f.plus(before, f.spread(factor, vector), f.b.load(total))
+        new = f.b.icmp_signed(">=", numbers, f.spread(f.b.sub(wanted, first), numbers.type))
+        f.b.store(f.b.select(new, changed, before), here, align=8)
     f.b.ret_void()
     return f.function
 
@@ -83,12 +119,13 @@ def _solve(module: ir.Module) -> Any:
                 f.b.store(size, best)
                 f.b.store(i, row)
         chosen = f.b.load(row)
-        for M, count, stride in ((A, m, a), (B, columns, b)):
-            with f.over(count) as j:
-                one, other = (f.place(M, f.add(f.times(r, stride), j)) for r in (k, chosen))
-                kept = f.b.load(one)
-                f.b.store(f.b.load(other), one)
-                f.b.store(kept, other)
+        with f.b.if_then(f.b.icmp_signed("!=", chosen, k)):
+            for M, count, stride in ((A, m, a), (B, columns, b)):
+                with f.over(count) as j:
+                    one, other = (f.place(M, f.add(f.times(r, stride), j)) for r in (k, chosen))
+                    kept = f.b.load(one)
+                    f.b.store(f.b.load(other), one)
+                    f.b.store(kept, other)
         pivot = f.b.fdiv(DOUBLE(1.0), f.at(A, f.add(f.times(k, a), k)))
         with f.over(columns) as j:
             here = f.place(B, f.add(f.times(k, b), j))

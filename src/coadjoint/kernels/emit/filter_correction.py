@@ -149,17 +149,18 @@ def _weight(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, measurement: Va
 
 
 def _apply(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: Value, weight: Value) -> None:
-    """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
-    n, P, HP, S, K, KR, turned = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
+    """Joseph's form with W = P − K(HP), which is symmetric: P ← W − (HW − RKᵀ)ᵀKᵀ; then the row moves by Kν."""
+    n, P, HP, S, K, KR = (m.integer("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR")))
     one, minus = DOUBLE(1.0), DOUBLE(-1.0)
     rows = m.numbers("W")  # Kᵀ = S⁻¹HP
     f.b.call(algebra.copy, [rows, HP, f.times(size, n)])
     f.b.call(algebra.cholesky_solve, [S, rows, size, n, INT64(1)])
     f.b.call(algebra.transpose, [K, rows, size, n, n])
     f.b.call(algebra.product, [P, K, HP, n, size, n, n, size, n, minus])
-    clear(f, KR, f.times(n, size))
-    f.b.call(algebra.product, [KR, P, turned, n, n, size, size, n, size, one])
-    f.b.call(algebra.product, [KR, K, R, n, size, size, size, size, size, f.b.fdiv(minus, weight)])
+    clear(f, HP, f.times(size, n))
+    f.b.call(algebra.product, [HP, m.numbers("H"), P, size, n, n, n, n, n, one])
+    f.b.call(algebra.product, [HP, R, rows, size, size, n, n, size, n, f.b.fdiv(minus, weight)])
+    f.b.call(algebra.transpose, [KR, HP, size, n, n])
     f.b.call(algebra.product, [P, KR, rows, n, size, n, n, size, n, minus])
     e = m.numbers("e")
     clear(f, e, n)
@@ -174,7 +175,7 @@ def _apply(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: 
     f.b.call(algebra.copy, [f.place(moved, width), row, width])
     clear(f, T, square)
     m.call("carry", FUNCTION, [e, moved, m.numbers("KR"), T, INT64(1)])
-    sandwich(f, m, algebra, T)
+    sandwich(f, m, algebra, T, algebra.product)
     symmetric(f, P, n)
 
 
@@ -183,5 +184,5 @@ def _project(f: Loops, m: FilterAddresses, algebra: DenseAlgebra) -> None:
     n, Pi = m.integer("errors"), m.numbers("Phi")
     clear(f, Pi, f.times(n, n))
     m.call("projector", FUNCTION, [m.numbers("zeros"), m.numbers("row"), m.numbers("value"), Pi, INT64(1)])
-    sandwich(f, m, algebra, Pi)
+    sandwich(f, m, algebra, Pi, algebra.product)
     symmetric(f, m.numbers("P"), n)

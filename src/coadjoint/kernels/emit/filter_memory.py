@@ -42,16 +42,16 @@ class FilterAddresses:
         self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
-def sandwich(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, T: Value) -> None:
-    """P ← T P Tᵀ, not symmetric to round-off."""
+def sandwich(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, T: Value, product: Value) -> None:
+    """P ← T P Tᵀ, not symmetric to round-off; product: of T, which has few zeros or many."""
     n, one = m.integer("errors"), DOUBLE(1.0)
     turned, W, P = (m.numbers(name) for name in ("turned", "W", "P"))
     clear(f, W, f.times(n, n))
-    f.b.call(algebra.product, [W, T, P, n, n, n, n, n, n, one])
+    f.b.call(product, [W, T, P, n, n, n, n, n, n, one])
     clear(f, P, f.times(n, n))
     # W is full and Tᵀ is not: the product is taken transposed, T Wᵀ, of which P is the transpose.
     f.b.call(algebra.transpose, [turned, W, n, n, n])
-    f.b.call(algebra.product, [P, T, turned, n, n, n, n, n, n, one])
+    f.b.call(product, [P, T, turned, n, n, n, n, n, n, one])
 
 
 def clear(f: Loops, array: Value, count: Value) -> None:

@@ -138,7 +138,7 @@ def _eliminate(f: Loops, m: FilterAddresses, algebra: DenseAlgebra) -> None:
     f.b.call(algebra.solve, [kept, f.place(kept, u), u, n, stride, stride])
     with f.over(n) as i:
         f.b.call(algebra.copy, [f.place(Phi, f.times(i, n)), f.place(below, f.add(f.times(i, stride), u)), n])
-    f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
+    f.b.call(algebra.full, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
 
 
 def _chain(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, first: Value, last: Value) -> None:
@@ -160,17 +160,15 @@ def _carry(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, h: Value) -> Non
     """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
     u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
     between = m.integer("between")
-    J, Phi, P, stride = *(m.numbers(name) for name in ("J", "Phi", "P")), f.add(u, between, w)
-    sandwich(f, m, algebra, Phi)
-    densities, G = m.numbers("densities"), f.place(J, f.add(f.times(u, stride), u, between))
-    with f.over(w) as a:
+    J, P, W, turned = (m.numbers(name) for name in ("J", "P", "W", "turned"))
+    stride, densities, value = f.add(u, between, w), m.numbers("densities"), m.numbers("value")
+    G, first, last = f.place(J, f.add(f.times(u, stride), u, between)), f.add(u, between, k), f.b.sub(n, k)
+    sandwich(f, m, algebra, m.numbers("Phi"), algebra.full)
+    with f.over(n) as i, f.over(w) as a:
         scale = f.b.fmul(f.at(densities, a), h)
-        with f.over(n) as i:
-            here = f.b.fmul(f.at(G, f.add(f.times(i, stride), a)), scale)
-            with f.b.if_then(f.b.fcmp_unordered("!=", here, DOUBLE(0.0))), f.over(n) as j:
-                place = f.place(P, f.add(f.times(i, n), j))
-                f.b.store(f.plus(f.b.load(place), here, f.at(G, f.add(f.times(j, stride), a))), place)
-    value, first, last = m.numbers("value"), f.add(u, between, k), f.b.sub(n, k)
+        f.put(W, f.add(f.times(i, w), a), f.b.fmul(f.at(G, f.add(f.times(i, stride), a)), scale))
+    f.b.call(algebra.transpose, [turned, G, n, w, stride])
+    f.b.call(algebra.product, [P, W, turned, n, w, n, n, w, n, DOUBLE(1.0)])
     with f.over(k) as i:
         place = f.place(P, f.times(f.add(last, i), f.add(n, 1)))
         f.b.store(f.b.fadd(f.b.load(place), f.at(value, f.add(first, i))), place)

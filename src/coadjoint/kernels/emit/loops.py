@@ -52,6 +52,16 @@ class Loops:
         """A number of an array."""
         return self.b.load(self.place(array, index))
 
+    def block(self, array: Any, index: Any, kind: ir.VectorType) -> Any:
+        """A pointer to neighbouring numbers of an array as a vector."""
+        return self.b.bitcast(self.place(array, index), kind.as_pointer())
+
+    def spread(self, value: Any, kind: ir.VectorType) -> Any:
+        """A vector of one value."""
+        first = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, INT64(0))
+        same = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+        return self.b.shuffle_vector(first, ir.Constant(kind, ir.Undefined), same)
+
     def put(self, array: ir.Value, index: Any, value: Any) -> None:
         """Set a number of an array."""
         self.b.store(value, self.place(array, index))
