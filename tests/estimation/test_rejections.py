@@ -54,6 +54,16 @@ def test_the_third_fix_in_a_row_beyond_the_gate_moves_the_filter_to_it(native: b
     assert "; recovered after rejections at 1 times, first at 0.4 s" in str(found)
 
 
+def test_recoveries_are_logged_with_their_times(caplog: pytest.LogCaptureFixture):
+    caplog.set_level("INFO")
+    values = np.tile([AWAY, -AWAY], (4, 1))
+    filter(after_rejections=(3, "reset")).run({"gps": (H * np.arange(1, 5), values)}, dt=H)
+    online = filter(after_rejections=(1, "inflate"), members=2)
+    online.update({"gps": np.array([[0.0, 0.0], [AWAY, 0.0]])})
+    said = "`gps` at t = {} s is value {} in a row beyond its gate, and {} it.".format
+    assert caplog.messages == [said(0.3, 3, "the estimate was reset to"), said(0, 1, "P was inflated for")]
+
+
 def test_a_value_within_the_gate_begins_the_count_again_and_members_have_their_own():
     one = filter(members=2, after_rejections=(2, "reset"))
     for k, (far, recovers) in enumerate([((1, 1), (0, 0)), ((0, 1), (0, 1)), ((1, 0), (0, 0)), ((1, 1), (1, 0))]):

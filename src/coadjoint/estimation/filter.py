@@ -26,7 +26,7 @@ from coadjoint.estimation.filter_measurements import FilterMeasurements, all_ser
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
 from coadjoint.estimation.innovation import FilterMemory, Innovation
-from coadjoint.estimation.measurements import Measurement
+from coadjoint.estimation.measurements import Measurement, report_recovery
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample
 from coadjoint.estimation.saved_filter import FilterInterface, to_bytes
@@ -251,8 +251,12 @@ class Filter(WithOverview, Remade):
         self._past.took(name, values)
         if self.members is None:
             nis, used = output[0].tolist()
-            return Innovation(nis, used > 0, used > 1)
-        return Innovation(output[:, 0], output[:, 1] > 0, output[:, 1] > 1)
+            found = Innovation(nis, used > 0, used > 1)
+        else:
+            found = Innovation(output[:, 0], output[:, 1] > 0, output[:, 1] > 1)
+        if np.any(found.recovered):
+            report_recovery(name, self.measurements[name], self.t)
+        return found
 
     # Leaving the process.
 
@@ -352,12 +356,9 @@ class Filter(WithOverview, Remade):
         self._awaited -= set(logged)
         if self._sample is not None:
             self._warn(self._sample.of_log(table.times, plan, output[0], save_every, covariances))
-        return filtered(
-            self.process,
-            plan,
-            output,
-            covariances,
-            self.members is None,
-            save_every,
-            {name: one.space.dim for name, one in self._measured.prepared.items()},
-        )
+        sizes = {name: one.space.dim for name, one in self._measured.prepared.items()}
+        found = filtered(self.process, plan, output, covariances, self.members is None, save_every, sizes)
+        for name, one in found.nis.items():
+            for t in one.times[np.asarray(one.recovered).reshape(len(one.times), -1).any(axis=1)]:
+                report_recovery(name, self.measurements[name], float(t))
+        return found

@@ -13,8 +13,11 @@ from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.emit.filter_correction import INFLATE, RESET, STOP
+from coadjoint.log import logger
 from coadjoint.losses import Loss, require_loss
 from coadjoint.spaces.measured import MeasuredSpace
+
+_LOG = logger(__name__)
 
 RECOVERIES = {"inflate": INFLATE, "reset": RESET, "stop": STOP}
 
@@ -118,6 +121,13 @@ class Measurement:
                 f"`{name}` has a covariance of the shape {R.shape}, but its noise has {m} numbers, on {space.title}."
             )
         return np.diag(np.broadcast_to(R, (m,)))
+
+
+def report_recovery(name: str, measurement: Measurement, t: float) -> None:
+    """Log that `after_rejections` acted at t, s."""
+    count, word = measurement.after_rejections or (0, "")
+    did = {"inflate": "P was inflated for it", "reset": "the estimate was reset to it"}[word]
+    _LOG.info("`%s` at t = %g s is value %d in a row beyond its gate, and %s.", name, t, count, did)
 
 
 def positive(R: np.ndarray) -> bool:
