@@ -44,6 +44,7 @@ KNOWN = {
     "runs/factory.py": {"spec_from_file_location"},
     "sealed.py": {"subprocess"},  # a child that reads netCDF
     "simulation/lock.py": {"socket"},  # the name of this machine
+    "simulation/steppers/compiled_fmu.py": {"subprocess"},  # the C compiler of this machine, with a list of arguments
     "sweeps/address.py": {"socket"},
     "sweeps/cluster.py": {"distributed"},
     "sweeps/local.py": {"pickle", "subprocess"},  # of this library's own processes

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from c_library import needs_compiler
 from coadjoint.errors import ArgumentError, FileError
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy, which reads functional mock-up units, is not installed")
@@ -18,23 +19,26 @@ DT = 0.01
 INERTIA = np.diag([1.0, 2.0, 3.0])
 
 
+SYSTEM = co.System(
+    co.SO3(),
+    lambda xi: 0.5 * xi @ INERTIA @ xi,
+    forces=lambda motion: co.Force(torque=motion.inputs.torque - motion.inputs.drag * motion.xi),
+)
+START = SYSTEM.state(xi=[0.3, 1.0, -0.2])
+
+
 def stepper(**more):
-    system = co.System(
-        co.SO3(),
-        lambda xi: 0.5 * xi @ INERTIA @ xi,
-        forces=lambda motion: co.Force(torque=motion.inputs.torque - motion.inputs.drag * motion.xi),
-    )
-    start = system.state(xi=[0.3, 1.0, -0.2])
     observe = {"rate": lambda s: s.xi, "momentum": lambda s: jnp.linalg.norm(s.mu)}
     inputs = {"torque": [0.1 + 0.2, 0.0, 0.0], "drag": 0.05}
-    return co.Stepper(system, start, dt=DT, inputs=inputs, **{"observe": observe, **more})
+    return co.Stepper(SYSTEM, START, dt=DT, inputs=inputs, **{"observe": observe, **more})
 
 
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory):
+@pytest.fixture(scope="module", params=["python", pytest.param("c", marks=needs_compiler)])
+def saved(tmp_path_factory, request):
     one = stepper()
     one.step(n=7)
-    return one, co.simulation.save_fmu(one, tmp_path_factory.mktemp("units") / "a body.fmu")
+    place, units = tmp_path_factory.mktemp("units") / "a body.fmu", {"rate": "rad/s", "torque": "N m"}
+    return one, co.simulation.save_fmu(one, place, units=units, python=request.param == "python")
 
 
 class Slave:
@@ -94,7 +98,20 @@ def test_a_unit_is_valid_and_names_its_inputs_outputs_starts_and_step(saved):
     ]  # fmt: skip
     assert described.modelName == "a_body"
     assert float(described.defaultExperiment.stepSize) == DT
+    units = {v.name: v.unit for v in described.modelVariables}
+    assert units["rate[2]"] == "rad/s" and units["torque[3]"] == "N m" and units["drag"] is None
+    declared = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
+    assert [getattr(declared["N m"], base) for base in ("kg", "m", "s", "rad")] == [1, 2, -2, 0]
+    assert [getattr(declared["rad/s"], base) for base in ("kg", "m", "s", "rad")] == [0, 0, -1, 1]
     assert float(described.defaultExperiment.startTime) == pytest.approx(7 * DT)
+
+
+def test_fmpy_simulates_a_unit_as_a_run_goes(saved):
+    found = fmpy.simulate_fmu(str(saved[1]), start_time=7 * DT, stop_time=0.5, step_size=DT, output_interval=DT)
+    inputs = {"torque": np.array([0.1 + 0.2, 0.0, 0.0]), "drag": 0.05}
+    run = co.simulate(SYSTEM, START, dt=DT, duration=0.5, inputs=inputs)
+    rates = np.stack([found[f"rate[{i}]"] for i in (1, 2, 3)], axis=1)
+    assert np.allclose(rates, run.dataset["xi"].values[7:], rtol=0, atol=1e-13)
 
 
 def test_a_unit_moves_as_the_stepper_to_the_bit(saved, slave):
@@ -158,7 +175,8 @@ def test_a_unit_holds_no_more_than_the_stepper_the_script_and_pythonfmu(saved, t
     assert sys.path == before[1]
     names = zipfile.ZipFile(saved[1]).namelist()
     own = [name for name in names if name.startswith("resources/") and "/pythonfmu/" not in name]
-    assert sorted(name.rpartition(".")[2] for name in own) == ["py", "step", "txt"]
+    compiled = not any(name.endswith(".py") for name in names)
+    assert sorted(name.rpartition(".")[2] for name in own) == ([] if compiled else ["py", "step", "txt"])
 
 
 def test_what_cannot_be_a_unit_is_refused_in_a_sentence(tmp_path, saved, monkeypatch):
@@ -172,6 +190,12 @@ def test_what_cannot_be_a_unit_is_refused_in_a_sentence(tmp_path, saved, monkeyp
     assert not list(tmp_path.iterdir())
     with pytest.raises(FileError, match="exists already"):
         co.simulation.save_fmu(saved[0], saved[1])
+    for units, sentence in (({"depth": "m"}, "no command or observation `depth`"), ({"rate": "furlong"}, "not known")):
+        with pytest.raises(ArgumentError, match=sentence):
+            co.simulation.save_fmu(saved[0], path, units=units)
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(ArgumentError, match="install a C compiler, such as gcc"):
+        co.simulation.save_fmu(saved[0], path, python=False)
     monkeypatch.setitem(sys.modules, "pythonfmu.builder", None)
     with pytest.raises(ArgumentError, match=r"coadjoint\[fmu\]"):
         co.simulation.save_fmu(saved[0], path)

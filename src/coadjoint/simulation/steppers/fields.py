@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,6 +61,15 @@ class Fields(NamedTuple):
         if path := respelled(str(name), self.names):
             return f"There is no {what} `{name}`: it is `{path}`."
         return f"There is no {what} `{name}`; there is: {', '.join(self.names) or 'none'}."
+
+
+def variables(fields: Fields) -> list[str]:
+    """The names of all numbers in a row, an array's with indices from 1 (FMI 2.0, 2.2.9: structured names)."""
+    found = []
+    for name, shape in fields.shapes:
+        indices = product(*(range(1, size + 1) for size in shape))
+        found += [name + (f"[{','.join(map(str, index))}]" if index else "") for index in indices]
+    return found
 
 
 MOST = 2**63 - 1

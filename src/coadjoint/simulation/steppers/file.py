@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import zipfile
 from dataclasses import asdict
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from coadjoint.archives import stored_array
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, from_plain, to_plain
 from coadjoint.simulation.steppers.base import StepperBase
@@ -28,13 +29,13 @@ KIND = FileKind("stepper", "step", 2)
 _FIELDS = ("parameters", "state", "commands", "observations")
 
 
-def to_bytes(stepper: Any) -> bytes:
+def to_bytes(stepper: PyTree) -> bytes:
     """A stepper as the content of a file."""
     with stepper._turn.reading():
         return _content(stepper, stepper._engine)
 
 
-def _content(stepper: Any, engine: Any) -> bytes:
+def _content(stepper: PyTree, engine: object) -> bytes:
     if not isinstance(engine, NativeEngine):
         raise ArgumentError("A stepper that runs by XLA cannot be saved: only native code can leave the process.")
     face = {**asdict(stepper.face), **{name: getattr(stepper.face, name).shapes for name in _FIELDS}}

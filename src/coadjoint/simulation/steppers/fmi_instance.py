@@ -10,9 +10,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from itertools import product
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -22,7 +20,7 @@ from pythonfmu.enums import Fmi2Status
 from coadjoint.checks import CLOSE
 from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import CoadjointError
-from coadjoint.simulation.steppers.fields import Fields
+from coadjoint.simulation.steppers.fields import variables
 from coadjoint.simulation.steppers.file import to_bytes
 from coadjoint.simulation.steppers.stepping import load_stepper, opened
 from coadjoint.texts import Table
@@ -103,7 +101,7 @@ class FmiInstance(Fmi2Slave):
         self.log(sentence, Fmi2Status.error)
         return False
 
-    def to_xml(self, model_options: Any = None) -> Element:
+    def to_xml(self, model_options: Table | None = None) -> Element:
         """The model's description: starts to the last bit, and outputs as unknowns of the start (FMI 2.0, 2.2.8)."""
         root = super().to_xml(model_options or {})
         if outputs := list(root.iter("Unknown")):
@@ -138,12 +136,3 @@ class FmiInstance(Fmi2Slave):
 def _row(values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Named arrays, one after the other in one row of numbers."""
     return np.concatenate([np.zeros(0), *map(np.ravel, values.values())])
-
-
-def variables(fields: Fields) -> list[str]:
-    """The names of all numbers in a row, an array's with indices from 1 (FMI 2.0, 2.2.9: structured names)."""
-    found = []
-    for name, shape in fields.shapes:
-        indices = product(*(range(1, size + 1) for size in shape))
-        found += [name + (f"[{','.join(map(str, index))}]" if index else "") for index in indices]
-    return found

@@ -8,14 +8,18 @@ import secrets
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from coadjoint import checks
+from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.simulation.steppers.code_archive import save
+from coadjoint.simulation.steppers.compiled_fmu import compiled_unit, with_units
+from coadjoint.simulation.steppers.fields import variables
 from coadjoint.simulation.steppers.file import to_bytes
 from coadjoint.simulation.steppers.stepping import Stepping
+from coadjoint.units import unit_of
 
 _SCRIPT = '''"""The unit `{name}`: a saved stepper of coadjoint."""
 
@@ -29,28 +33,47 @@ class {name}(FmiInstance):
 '''
 
 
-def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+def save_fmu(
+    stepper: Stepping,
+    path: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    units: Mapping[str, str] | None = None,
+    python: bool = True,
+) -> Path:
     """Write a functional mock-up unit (FMI 2.0, co-simulation) of a stepper, for other simulators.
 
         co.simulation.save_fmu(stepper, "remus.fmu")
 
     stepper: a `co.Stepper`, or one loaded by `co.load_stepper`. path: the file. overwrite: whether to replace one.
+    units: name of a command or an observation → its unit, as {"depth": "m"}, which the unit declares. python: whether
+    the unit runs by Python, or by the machine code alone, behind FMI's functions in C.
 
     Commands are its inputs and observations its outputs; arrays are split into numbers with indices from 1. A
     communication step is an integer multiple of dt. The unit starts from the current state of the stepper, can save and
-    restore its state, and runs where this library is installed for the Python that loads it; parameters are the
-    stepper's. Needs the extra `[fmu]`. Raises FileError rather than replace a file, ArgumentError for a stepper of many
-    members or by XLA, for a name that is not ASCII, and for a name of both a command and an observation.
+    restore its state; parameters are the stepper's. By Python it runs where this library is installed for the Python
+    that loads it, and needs the extra `[fmu]`. Without, it runs on this kind of processor, needs the C compiler `cc`
+    now, and judges no steps. Raises FileError rather than replace a file, ArgumentError for a stepper of many
+    members or by XLA, for a name that is not ASCII, for a name of both a command and an observation, and for
+    unknown units.
     """
     checks.expect(isinstance(stepper, Stepping), stepper, "stepper", "a co.Stepper")
-    return save(path, overwrite, lambda target: _unit(stepper, target.stem))
+    units = dict(units or {})
+    for name in units:
+        known = (*stepper.face.commands.names, *stepper.face.observations.names)
+        checks.known(name, known, "command or observation", "The stepper")
+        unit_of(units[name], f"`{name}` of `units`")
+    by_python = checks.truth(python, "python")
+
+    def content(target: Path) -> bytes:
+        name = _named(stepper, target.stem)
+        return with_units(_by_python(stepper, name) if by_python else compiled_unit(stepper, name), units)
+
+    return save(path, overwrite, content)
 
 
-def _unit(stepper: Stepping, stem: str) -> bytes:
-    """A stepper as the content of a unit called after `stem`."""
-    builder = checks.library("pythonfmu.builder", "Functional mock-up units need", "coadjoint[fmu]", "PythonFMU")
-    from coadjoint.simulation.steppers.fmi_instance import FILE, variables
-
+def _named(stepper: Stepping, stem: str) -> str:
+    """The name of a unit called after `stem`; raises ArgumentError for a stepper that cannot be one."""
     if stepper.face.members is not None:
         raise ArgumentError(
             f"A functional mock-up unit holds one vehicle, but this stepper has {stepper.face.members}: make one "
@@ -68,13 +91,20 @@ def _unit(stepper: Stepping, stem: str) -> bytes:
             "names of their own: observe it under another name."
         )
     name = re.sub(r"\W", "_", stem, flags=re.ASCII)
-    name = name if re.match("[A-Za-z]", name) else f"unit_{name}"
+    return name if re.match("[A-Za-z]", name) else f"unit_{name}"
+
+
+def _by_python(stepper: Stepping, name: str) -> bytes:
+    """A stepper as the content of a unit that Python runs."""
+    builder = checks.library("pythonfmu.builder", "Functional mock-up units need", "coadjoint[fmu]", "PythonFMU")
+    from coadjoint.simulation.steppers.fmi_instance import FILE
+
     path, module = sys.path.copy(), f"coadjoint_{name}_{secrets.token_hex(4)}"
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
         (here / FILE).write_bytes(to_bytes(stepper))
         (here / f"{module}.py").write_text(_SCRIPT.format(name=name), encoding="utf-8")
-        options: Any = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True}
+        options: dict[str, PyTree] = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True}
         try:
             built = builder.FmuBuilder.build_FMU(
                 here / f"{module}.py", dest=here / "unit.fmu", project_files=[here / FILE], **options
