@@ -107,7 +107,8 @@ def test_thrusters_that_the_controller_holds_back_are_not_said_to_be_at_their_li
 
 def test_what_rounding_about_a_dead_band_takes_is_no_lack():
     banded = replace(PAIR, dead_band=0.5)
-    assert np.allclose(banded.edges, np.abs(PAIR.curve.force(0.5, named(PAIR.curve.parameters()))))
+    edge = np.abs(PAIR.curve.force(0.5, named(PAIR.curve.parameters())))
+    assert np.allclose(banded.edges, [[-edge] * 2, [edge] * 2])
     for share, expected in ((0.9, False), (1.1, True)):
         assert short(share * banded.rounding[None], banded.rounding)[0] == expected
 

@@ -280,9 +280,63 @@ def test_with_weights_many_random_wrenches_are_bounded_least_squares(layout):
     assert against_least_squares([list(layouts())[layout]], 500) < 1e-9
 
 
+def given(part: Thrusters, wrenches: np.ndarray) -> np.ndarray:
+    """The thrusts of wrenches (k, 6) by their commands, (k, n)."""
+
+    def thrusts(wrench: Any) -> Any:
+        return part.thrusts(part.commands_for(part.allocator.thrusts(wrench), own(part)), own(part))
+
+    with co.float64():
+        return np.asarray(jax.jit(jax.vmap(thrusts))(jnp.asarray(wrenches)))
+
+
+def test_thrusters_to_spare_give_exactly_what_dead_bands_would_take():
+    """Rounded one by one to nothing or to an edge, thrusts would miss some newtons of nearly every wrench."""
+    part = Thrusters("thrusters", {"linear": 40.0}, allocation=BLUEROV_TAM, limit=1.0, dead_band=0.15)
+    B, random = np.asarray(part.nominal_matrix), np.random.default_rng(4)
+    wrenches = B.dot(random.uniform(-12, 12, (8, 40))).T
+    f = given(part, wrenches)
+    least = np.abs(wrenches @ np.linalg.pinv(B).T).min(axis=1)
+    assert np.mean(least < 6) > 0.9 and np.all((f == 0) | (np.abs(f) >= 6)) and np.all(np.abs(f) <= 40)
+    np.testing.assert_allclose(f @ B.T, wrenches, atol=1e-6)
+
+
+def test_without_thrusters_to_spare_dead_bands_take_the_least_of_attitude_then_position():
+    """Against bounded least squares with each thruster below its band, at rest or beyond it."""
+    from itertools import product
+
+    from scipy.optimize import lsq_linear
+
+    pair = {"positions": [[0, 0.5, 0], [0, -0.5, 0]], "directions": [[0, 0, 1]] * 2}
+    part = Thrusters("pair", {"linear": 10.0}, limit=1.0, dead_band=0.3, **pair)
+    B = np.asarray(part.nominal_matrix)[[2, 3]]
+    A = np.diag([1.0, 100 / 0.5]) @ B
+    random = np.random.default_rng(6)
+    wrenches = B.dot(random.uniform(-6, 6, (2, 30))).T
+    found = given(part, np.insert(np.zeros((30, 4)), [2, 2], wrenches, axis=1))
+    boxes = [
+        (np.array([{-1: -10, 0: -1e-9, 1: 3}[k] for k in at]), np.array([{-1: -3, 0: 1e-9, 1: 10}[k] for k in at]))
+        for at in product((-1, 0, 1), repeat=2)
+    ]
+    for wrench, f in zip(wrenches, found, strict=True):
+        y = np.diag([1.0, 200.0]) @ wrench
+        best = min(2 * lsq_linear(A, y, box, method="bvls").cost for box in boxes)
+        assert np.sum((A @ f - y) ** 2) <= best * (1 + 1e-6) + 1e-6
+
+
+def test_thrusts_about_dead_bands_have_the_derivative_of_the_thrusters_beyond_them():
+    part = Thrusters("thrusters", {"linear": 40.0}, allocation=BLUEROV_TAM, limit=1.0, dead_band=0.15)
+    wrench, small = np.array([11.0, 4.0, -9.0, 0.4, 0.3, 0.5]), 1e-5
+    around = wrench + small * np.concatenate([np.eye(6), -np.eye(6)])
+    f = evaluate(jax.vmap(part.allocator.thrusts), around)
+    slope = evaluate(jax.jacobian(part.allocator.thrusts), wrench)
+    np.testing.assert_allclose(slope, (f[:6] - f[6:]).T / (2 * small), atol=1e-6)
+
+
 @pytest.mark.long
-def test_weighted_allocation_is_the_same_in_native_code_and_by_xla():
-    part = vectored(1e-3, axis_weights=WEIGHTS, limit=8.0)
+@pytest.mark.parametrize("dead_band", [None, 0.4])
+def test_weighted_allocation_is_the_same_in_native_code_and_by_xla(dead_band):
+    part = vectored(1e-3, axis_weights=WEIGHTS, limit=8.0, dead_band=dead_band)
 
     def keep(feedback: Any, p: Any) -> dict[str, Any]:
         force = jnp.concatenate([-40.0 * (feedback.position - 1.0), -9.0 * feedback.omega])

@@ -130,11 +130,12 @@ class Thrusting(Controller):
                 f"{vehicle.name} level: its centre of mass is not below its centre of buoyancy. It may turn over."
             )
         full = np.max(np.abs(part.extremes), axis=0)
-        if np.any(wide := part.edges > SWALLOWED * full):
+        edges = np.max(np.abs(part.edges), axis=0)
+        if np.any(wide := edges > SWALLOWED * full):
             i = int(np.argmax(wide))
             found.append(
-                f"The dead band of the thrusters `{part.name}` takes every thrust below {0.5 * part.edges[i]:.3g} N, "
-                f"half of that at its edge, of at most {full[i]:.3g} N: the vehicle does not answer to less."
+                f"The dead band of the thrusters `{part.name}` takes every thrust below {0.5 * edges[i]:.3g} N, "
+                f"half of that at its edge, of at most {full[i]:.3g} N: less is left to others, or missed."
             )
         if not little:
             return found

@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint_vehicles.parts.bounded_thrusts import bounded, independent
+from coadjoint_vehicles.parts.dead_bands import outside
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LEAST_AUTHORITY = 5e-3
@@ -31,6 +32,7 @@ class Allocator:
 
     weights: w, (6,) of the axes, torques divided by L: where a limit is in the way, the thrusts within the limits have
     least Σ_j (w_j (B f − W)_j)² over the controllable axes. thruster_weights: v, (n,), all alike by default.
+    edges: the thrusts at both edges of each dead band, (2, n) N, None without bands: f is 0, an edge, or beyond it.
     """
 
     matrix: np.ndarray
@@ -39,6 +41,7 @@ class Allocator:
     least_authority: float = LEAST_AUTHORITY
     weights: Sequence[float] | np.ndarray = ATTITUDE_FIRST
     thruster_weights: np.ndarray | None = None
+    edges: np.ndarray | None = None
 
     @cached_property
     def units(self) -> np.ndarray:
@@ -94,8 +97,11 @@ class Allocator:
         found = jnp.zeros(len(self.low))
         for axes, some in independent(A):
             v, f = self._weighed[some], free[some]
+            rows, wanted, low, high = A[np.ix_(axes, some)], v * f, v * self.low[some], v * self.high[some]
             if np.any(limited[some]):
-                f = bounded(A[np.ix_(axes, some)], v * f, v * self.low[some], v * self.high[some]) / v
+                f = bounded(rows, wanted, low, high) / v
+            if self.edges is not None:
+                f = outside(rows, wanted, v * f, low, high, v * self.edges[:, some]) / v
             found = found.at[some].set(f)
         return found
 

@@ -69,8 +69,12 @@ def bounded(A: np.ndarray, f0: Array, low: np.ndarray, high: np.ndarray) -> Arra
         lambda path: (first < 1) & (goes_on(path) | (path[4] < REFINEMENTS)), onward, start
     )
     free = at == 0
-    slope = f0 + A.T @ _solved(A, free, FINE, A @ jnp.where(free, 0.0, f0))
-    return while_loops.with_slope(_within(t, at, bottom, top), jnp.where(free, slope, 0.0))
+    return while_loops.with_slope(_within(t, at, bottom, top), jnp.where(free, least_squares(A, f0, free), 0.0))
+
+
+def least_squares(A: np.ndarray, f0: Array, free: Array) -> Array:
+    """f of least |A (f − f₀)|², (n,), over the free thrusters, the others 0; the others' entries mean nothing."""
+    return f0 + A.T @ _solved(A, free, FINE, A @ jnp.where(free, 0.0, f0))
 
 
 def _within(t: Array, at: Array, bottom: Array, top: Array) -> Array:

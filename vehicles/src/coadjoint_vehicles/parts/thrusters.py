@@ -218,7 +218,8 @@ class Thrusters(Part):
     def allocator(self) -> Allocator:
         """The allocation of wrenches to its thrusters, with the numbers of the part as it was made."""
         weights = self.axis_weights, self.thruster_weights
-        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority, *weights)
+        edges = None if self.dead_band is None else self.edges
+        return Allocator(self.nominal_matrix, *self.extremes, self.least_authority, *weights, edges)
 
     @property
     def nominal(self) -> Named:
@@ -232,17 +233,17 @@ class Thrusters(Part):
 
     @property
     def edges(self) -> np.ndarray:
-        """The largest thrust of each thruster at an edge of its dead band, (n,) N; 0 without one."""
+        """The thrusts at the lower and the upper edge of each dead band, (2, n) N; 0 without one."""
         if self.dead_band is None:
-            return np.zeros(self.count)
+            return np.zeros((2, self.count))
         own, rest = self.nominal, self.curve.neutral
-        ends = [np.full(self.count, rest + side * float(self.dead_band)) for side in (1, -1)]
-        return np.max([np.abs(evaluate(self.curve.force, end, own.curve)) for end in ends], axis=0)
+        ends = [np.full(self.count, rest + side * float(self.dead_band)) for side in (-1, 1)]
+        return np.array([evaluate(self.curve.force, end, own.curve) for end in ends])
 
     @property
     def rounding(self) -> np.ndarray:
         """The largest force or torque along each axis, (6,), that commands about the dead band may miss."""
-        return 0.51 * np.abs(self.nominal_matrix) @ self.edges
+        return 0.51 * np.abs(self.nominal_matrix) @ np.max(np.abs(self.edges), axis=0)
 
     @property
     def extremes(self) -> tuple[np.ndarray, np.ndarray]:
