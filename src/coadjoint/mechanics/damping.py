@@ -27,7 +27,7 @@ def rayleigh(dissipation: Callable[..., PyTree]) -> Callable[..., Force]:
 
     def force(motion: Motion, *parameters: PyTree) -> Force:
         def R(xi: Array, nu: Array):
-            value = dissipation(motion._replace(xi=xi, nu=nu), *parameters)
+            value = dissipation(motion._replace(xi=xi, nu=nu, momenta=_no_momenta), *parameters)
             if jnp.ndim(value) != 0:
                 raise LagrangianError(
                     f"A dissipation function must return one number, but returns shape {jnp.shape(value)}; use @ or "
@@ -39,6 +39,10 @@ def rayleigh(dissipation: Callable[..., PyTree]) -> Callable[..., Force]:
         return Force(-along_xi, jax.tree.map(jnp.negative, along_nu))
 
     return force
+
+
+def _no_momenta() -> tuple[PyTree, PyTree]:
+    raise LagrangianError("A dissipation function takes velocities, not μ and π: write the force itself in `forces`.")
 
 
 def quadratic_drag(coefficients: Array, velocity: Array) -> Array:

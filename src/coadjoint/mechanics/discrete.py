@@ -82,7 +82,7 @@ def node(system: System, state: State, point: Point, chord: Chord | None = None)
     along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)
     value, slopes = jax.value_and_grad(lagrangian, argnums=along)(xi, n, nu, a, jnp.asarray(t))
     mu, along_n, pi, along_a, *along_t = slopes
-    forces = system.body_forces(system.motion(xi, n, nu, a, t, state.inputs, state.over_step))
+    forces = system.body_forces(system.motion(xi, n, nu, a, t, state.inputs, state.over_step, (mu, pi)))
     torque, force = added(system, forces)
     from_advected = V.diamond(group, along_a, a)
 

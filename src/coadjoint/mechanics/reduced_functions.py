@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 
 from coadjoint.arrays import Array, PyTree, Scalar
@@ -171,13 +172,52 @@ class ReducedFunctions:
         return held if self.inputs is None else self.inputs.at(t, held)
 
     def motion(
-        self, xi: Array, n: Array, nu: Array, a: Array, t: Scalar, inputs: PyTree = None, internal: PyTree = None
+        self,
+        xi: Array,
+        n: Array,
+        nu: Array,
+        a: Array,
+        t: Scalar,
+        inputs: PyTree = None,
+        internal: PyTree = None,
+        momenta: tuple[Array, Array] | None = None,
     ) -> Motion:
-        """The motion that forces and inputs read. xi: (dim G,). n, nu: (ambient,). a: (dim V*,)."""
-        n, nu = (self.additional.view(self.group, x) for x in (n, nu))
-        return Motion(
-            self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
-        )
+        """The motion that forces and inputs read. xi: (dim G,). n, nu: (ambient,). a: (dim V*,).
+
+        momenta: (μ, π) there, (dim G,) and (ambient,); by the Legendre transform of (ξ, ν) if None.
+        """
+        group, Q = self.group, self.additional
+
+        def read() -> tuple[PyTree, PyTree]:
+            if momenta is None and not self.continuous:
+                raise LagrangianError(
+                    "A force or an input reads μ or π, but this system has only a discrete Lagrangian: give co.System "
+                    "`lagrangian` as well, or write it in ξ and ν."
+                )
+            mu, pi = self.momenta(xi, n, nu, a, t, inputs, internal) if momenta is None else momenta
+            return group.view(mu), Q.view(group, pi)
+
+        place, velocity = (Q.view(group, x) for x in (n, nu))
+        advected, held = self.advected.view(group, a), self.inputs_at(t, inputs)
+        return Motion(group.view(xi), place, velocity, advected, t, held, internal, read)
+
+    def momenta(
+        self,
+        xi: Array,
+        n: Array,
+        nu: Array,
+        a: Array,
+        t: Scalar,
+        inputs: PyTree = None,
+        internal: PyTree = None,
+        near: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:
+        """μ = ∂_ξℓ, (dim G,), and π = ∂_νℓ on T*Q, (ambient,), of a system with ℓ or ℋ; arguments as of `motion`.
+
+        near: (μ, π) from which the Legendre transform of ℋ is solved, as in `reduced_lagrangian`.
+        """
+        mu, pi = jax.grad(self.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs, internal, near)
+        return mu, self.additional.project(self.group, n, pi)
 
     def motion_at(self, state: State, inputs: PyTree = None, h: Array | float = 0.0) -> NodeMotion:
         """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
@@ -186,11 +226,13 @@ class ReducedFunctions:
         is not reduced.
         """
         s = state
-        motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal)
+        momenta = None if s.mu is None else (s.mu, s.pi)
+        motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal, momenta)
         if s.g is None:
             return motion  # pyright: ignore[reportReturnType]
         q = self.additional.view(self.group, self.additional.act(self.group, s.g, s.n))
-        return NodeMotion(*motion, g=s.g, q=q, ahead=self.inputs_at(s.t + 0.5 * h, inputs))
+        ahead = self.inputs_at(s.t + 0.5 * h, inputs)
+        return NodeMotion(*motion[:-1], g=s.g, q=q, ahead=ahead, momenta=motion.momenta)
 
     def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
         """(T, f) of every force of `forces`, in their order, (dim G,) and (ambient,) each."""

@@ -292,5 +292,4 @@ def legendre(
     """
     if not system.continuous:
         return jax.numpy.zeros_like(xi), jax.numpy.zeros_like(nu)
-    mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs, internal, near)
-    return mu, system.additional.project(system.group, n, pi)
+    return system.momenta(xi, n, nu, a, t, inputs, internal, near)

@@ -186,7 +186,8 @@ class Motion(NamedTuple):
 
     xi: ξ = g⁻¹ġ, (dim G,). n, nu: g⁻¹q and ν = g⁻¹q̇, (ambient,), or by the names of the spaces, `motion.n.name`.
     a: advected parameters, as n. t: s. inputs: those of the run, `motion.inputs.name`. internal: the mean of the
-    internal state over the step. Units are those of the Lagrangian.
+    internal state over the step. mu, pi: the momenta μ = ∂_ξℓ, (dim G,), and π = ∂_νℓ, as n, at the same place; from a
+    singular ℋ those of the step. Units are those of the Lagrangian.
     """
 
     xi: Array
@@ -196,9 +197,19 @@ class Motion(NamedTuple):
     t: Scalar
     inputs: PyTree
     internal: PyTree
+    momenta: Callable[[], tuple[PyTree, PyTree]]
+    """() ↦ (μ, π), for `mu` and `pi`, which few forces read."""
+
+    @property
+    def mu(self) -> PyTree:
+        return self.momenta()[0]
+
+    @property
+    def pi(self) -> PyTree:
+        return self.momenta()[1]
 
     def __getattr__(self, name: str) -> Any:
-        raise _lacking("The motion that forces read", name, self._fields)
+        raise _lacking("The motion that forces read", name, (*self._fields[:-1], "mu", "pi"))
 
 
 class NodeMotion(NamedTuple):
@@ -206,7 +217,7 @@ class NodeMotion(NamedTuple):
 
         def rule(motion: co.mechanics.NodeMotion, h, p):  # advances an internal state, once a step
 
-    xi, n, nu, a, t, inputs: as in `Motion`, at the node; ξ and ν are those of the momenta, where ℓ or ℋ is given.
+    xi, n, nu, a, t, inputs, mu, pi: as in `Motion`, at the node; ξ and ν are those of (μ, π), where ℓ or ℋ is given.
     internal: the internal state at the node. g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names
     as n. ahead: the inputs in the middle of the step that starts there, which an actuator follows over it. Forces act
     within steps and have the body frame only.
@@ -222,9 +233,12 @@ class NodeMotion(NamedTuple):
     g: PyTree
     q: PyTree
     ahead: Any = None
+    momenta: Callable[[], tuple[PyTree, PyTree]] | None = None
+
+    mu, pi = Motion.mu, Motion.pi
 
     def __getattr__(self, name: str) -> Any:
-        raise _lacking("The motion", name, self._fields)
+        raise _lacking("The motion", name, (*self._fields[:-1], "mu", "pi"))
 
 
 def _lacking(what: str, name: str, there: Iterable[str]) -> AttributeError:

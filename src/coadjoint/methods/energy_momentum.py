@@ -15,9 +15,9 @@ from coadjoint.difference_maps.secant import require_secant, secant, secant_dual
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
 from coadjoint.mechanics.continuous import energy
-from coadjoint.mechanics.discrete import power
+from coadjoint.mechanics.discrete import Point, power
 from coadjoint.mechanics.reduced_functions import added
-from coadjoint.mechanics.state import Motion, State
+from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.method import Claims, Method
@@ -41,7 +41,7 @@ class _Leap(NamedTuple):
     """One step: H, the middle of it with hΔ there, ℓ's gradients at the points, and the state at its end."""
 
     half: Element
-    middle: Motion
+    middle: Point
     source: Array
     slopes: list[_Slopes]
     n: Array
@@ -160,7 +160,7 @@ class EnergyMomentum(Method, HalfStepSquared):
 
         n = start + 0.5 * h * nu
         middle = self._middle(system, record, half, n, a, h)
-        torque, force = added(system, system.body_forces(system.motion(*middle)))
+        torque, force = added(system, system.body_forces(system.motion(*middle, record.inputs, record.over_step)))
         pushed = secant_dual(map_, group, Q, h * xi, n, phi)
         from_advected = V.diamond(group, secant_dual(map_, group, V, h * xi, a, beta), a)
         pi = Q.pull(group, half, start, record.pi)
@@ -189,11 +189,11 @@ class EnergyMomentum(Method, HalfStepSquared):
 
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 
-    def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Scalar) -> Motion:
-        """The motion that forces read in the middle, with the velocity ½(H + H⁻¹)ρ that gives their power."""
+    def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Scalar) -> Point:
+        """Where forces act in the middle, with the velocity ½(H + H⁻¹)ρ that gives their power."""
         group, Q, _ = system.places
         nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, group.inverse(half), n, record.nu))
-        return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.over_step)
+        return Point(record.xi, n, nu, a, record.t + 0.5 * h)
 
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         """∂_ξℓ − μ and ∂_νℓ − π at the points of the line from (μ₀, π₀) to (μ₁, π₁)."""
@@ -217,7 +217,7 @@ class EnergyMomentum(Method, HalfStepSquared):
     def work(self, system: System, record: State, h: Scalar) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩) of each force, then −h mean ∂_tℓ: the change of ℋ, to round-off."""
         leap, (_, weights) = self._leap(system, record, h), self._means()
-        forces = system.body_forces(system.motion(*leap.middle))
+        forces = system.body_forces(system.motion(*leap.middle, record.inputs, record.over_step))
         along_t = cast(Array, sum(w * at.along_t for w, at in zip(weights, leap.slopes, strict=True)))
         return h * power(forces, record.xi, leap.middle.nu, [along_t] if system.depends_on_time else [])
 

@@ -83,7 +83,8 @@ class HamiltonianMidpoint(Midpoint):
         along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)
         value, slopes = jax.value_and_grad(hamiltonian, argnums=along)(mu, n, pi, a, jnp.asarray(t))
         xi, along_n, nu, along_a, *along_t = slopes
-        forces = system.body_forces(system.motion(record.xi, n, record.nu, a, t, record.inputs, record.over_step))
+        motion = system.motion(record.xi, n, record.nu, a, t, record.inputs, record.over_step, (mu, pi))
+        forces = system.body_forces(motion)
         torque, force = added(system, forces)
         advected = -V.diamond(group, along_a, a)
         turning = advected - Q.diamond(group, along_n, n) + Q.lifted_diamond(group, pi, n, record.nu) + torque
