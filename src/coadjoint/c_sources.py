@@ -17,8 +17,7 @@ Shapes = Iterable[tuple[str, tuple[int, ...]]]
 
 _CMAKE = """cmake_minimum_required(VERSION 3.16)
 project({name} C)
-add_library({name} STATIC {name}.c ${{CMAKE_CURRENT_SOURCE_DIR}}/{name}_code.o)
-set_source_files_properties({name}_code.o PROPERTIES EXTERNAL_OBJECT TRUE GENERATED TRUE)
+add_library({name} STATIC {sources})
 set_target_properties({name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
 target_include_directories({name} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
 target_link_libraries({name} PUBLIC m)
@@ -76,12 +75,15 @@ def header(name: str, comment: str, body: str) -> str:
 
 
 def write_library(
-    folder: str | os.PathLike[str], name: str, header: str, source: str, code: bytes, overwrite: bool
+    folder: str | os.PathLike[str], name: str, texts: Mapping[str, str], overwrite: bool, code: bytes | None = None
 ) -> Path:
-    """Write NAME.h, NAME.c, NAME_code.o and CMakeLists.txt; raises FileError rather than replace one."""
+    """Write the texts by their files, the machine code as NAME_code.o, and CMakeLists.txt; raises FileError rather than
+    replace one."""
     target = Path(folder)
-    contents = {f"{name}.h": header.encode(), f"{name}.c": source.encode(), f"{name}_code.o": code,
-                "CMakeLists.txt": _CMAKE.format(name=name).encode()}  # fmt: skip
+    contents = {file: text.encode() for file, text in texts.items()}
+    contents |= {} if code is None else {f"{name}_code.o": code}
+    compiled = " ".join(file for file in contents if not file.endswith(".h"))
+    contents["CMakeLists.txt"] = _CMAKE.format(name=name, sources=compiled).encode()
     if (there := [one for one in contents if (target / one).exists()]) and not overwrite:
         raise FileError(f"The file {target / there[0]} exists already: choose another folder or pass overwrite=True.")
     require_home(target)

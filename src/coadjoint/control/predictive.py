@@ -6,16 +6,20 @@ feedback control*, SIAM J. Control Optim. 43 (2005).
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
+from coadjoint.c_sources import identifier, write_library
 from coadjoint.checks import whole
+from coadjoint.control.c_library import sources
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.given import Goals, changed, given_numbers, previous_values
 from coadjoint.control.linearised import Simulated
@@ -336,6 +340,32 @@ class Controller(Remade):
             for name, given in known
         ]
         return np.concatenate([one.ravel() for one in found])
+
+    def export_c(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        name: str | None = None,
+        units: Mapping[str, str] | None = None,
+        iterations: int = 30,
+        overwrite: bool = False,
+    ) -> Path:
+        """Write a C library without Python: NAME.h, NAME.c, NAME_solver.c by CasADi, and CMakeLists.txt.
+
+            controller.export_c("robot/control")
+
+        The library solves the problem of each state until it converges, by CasADi's `sqpmethod` and `qrqp`, from the
+        last plan; so its commands are those of this controller after many iterations, to 1e-5 of their size. The goal
+        and the parameters in `changing` may change between calls.
+
+        folder, name, units, overwrite: as of `co.Stepper.export_c`. iterations: of the solver, at most. Raises
+        FileError rather than replace a file, ArgumentError for a controller with a delay.
+        """
+        name = identifier(Path(folder).name if name is None else name, "folder" if name is None else "name")
+        if self.delay:
+            raise ArgumentError("A controller with a delay has no C library: leave out `delay`.")
+        texts = sources(self.problem, name, whole(iterations, "iterations"), {"t": "s", **(units or {})})
+        return write_library(folder, name, texts, overwrite)
 
     def __str__(self) -> str:
         problem = self.problem

@@ -293,7 +293,8 @@ class Filter(WithOverview, Remade):
         name = identifier(Path(folder).name if name is None else name, "folder" if name is None else "name")
         coded, face = self._coded("exported"), self._face("exported")
         header, source, parts = sources(face, coded, self._held, name, {"t": "s", **(units or {})})
-        return write_library(folder, name, header, source, exported_code(linked(parts), target), overwrite)
+        texts, code = {f"{name}.h": header, f"{name}.c": source}, exported_code(linked(parts), target)
+        return write_library(folder, name, texts, overwrite, code)
 
     def _coded(self, done: str) -> CodedFilter:
         """The machine code of a single filter."""

@@ -246,7 +246,8 @@ class Stepper(Stepping):
         known = {**dict(self._program.skeleton.units), "t": "s", **(units or {})}
         with self._turn.reading():
             header, source, parts = sources(self, name, known, self._slopes())
-        return write_library(folder, name, header, source, exported_code(linked(parts), target), overwrite)
+        texts, code = {f"{name}.h": header, f"{name}.c": source}, exported_code(linked(parts), target)
+        return write_library(folder, name, texts, overwrite, code)
 
     def _slopes(self) -> StepSlopes | None:
         """The step with its derivatives as machine code; None where the state is not that of a `StepModel`."""
