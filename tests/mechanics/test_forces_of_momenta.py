@@ -84,6 +84,7 @@ def test_an_input_reads_the_momenta_of_the_node():
     np.testing.assert_allclose(run.records.inputs.torque[:5], -0.5 * run.dataset.mu.values[:5], rtol=1e-13)
 
 
+@pytest.mark.long
 def test_momenta_by_xla_are_those_of_native_code():
     system = spin()
     ends = [

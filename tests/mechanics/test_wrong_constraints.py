@@ -42,6 +42,16 @@ def impure(n, a, p):
     return n + p.pin + 1e-9 * random.random()
 
 
+def massless():
+    return co.System(
+        co.SO3(),
+        lambda xi, n, nu, p: 0.5 * xi @ xi,
+        additional=co.Defining(),
+        parameters=co.Parameters(pin=PIN),
+        constraints={"pin": co.Holonomic(lambda n, p: n + p.pin)},
+    )
+
+
 def forced():
     return made(co.Holonomic(hold), forces={"pin": lambda motion, p: co.Force()})
 
@@ -162,6 +172,34 @@ USES = {
         lambda: pinned().project(bare().state()),
         r"`state` must be a state of `lagrangian`, but is",
     ),
+    "a projection by float32": (
+        lambda: (lambda system: system.project(start(system)))(holonomic(short)),
+        r"`pin` holds float32 numbers",
+    ),
+    "a dictionary of numbers": (
+        lambda: holonomic(lambda n, a, p: {"x": n}),
+        r"`pin` must return real numbers in one array, but returns a dictionary",
+    ),
+    "two constraints of one variable": (
+        lambda: body(constraints={"step_pin": co.Holonomic(hold), "pin": co.Holonomic(hold)}),
+        r"`pin` and `step_pin` would both have the variable `reaction_step_pin`",
+    ),
+    "a projection onto a constraint without derivative": (
+        lambda: (lambda system: system.project(start(system)))(holonomic(lambda n, a, p: (n + p.pin) @ (n + p.pin))),
+        r"^Every row of the constraint `pin` must restrict the velocities, but one has no derivative",
+    ),
+    "a projection without kinetic energy": (
+        lambda: massless().project(massless().state(q=-PIN)),
+        r"`pin` needs an invertible mass matrix ∂²ℓ/∂\(ξ, ν\)², but it is singular at the start",
+    ),
+    "a projection without the inputs that are read": (
+        lambda: (lambda system: system.project(start(system)))(lifted()),
+        r"A constraint reads `inputs`, but there are none: give `inputs` to system\.state, or take system\.driven",
+    ),
+    "a projection of other members": (
+        lambda: pinned().replace(mass=co.each([1.0, 2.0])).project(start(pinned(), xi=co.each(np.ones((3, 3))))),
+        r"The system has 2 members, but the state has 3",
+    ),
     "a projection of a number": (lambda: pinned().project(3), r"`state` must be a state of `lagrangian`, but is 3"),
     "an input that jumps": (
         lambda: run(lifted(), inputs={"lift": lambda motion: 0.0 * motion.t}),
@@ -188,3 +226,11 @@ def test_a_state_off_a_curved_constraint_is_projected_onto_it():
     near = system.project(far)
     assert near.n @ near.n == pytest.approx(PIN @ PIN, rel=1e-14) and np.linalg.norm(near.n - far.n) > 0.05
     assert abs(near.n @ near.nu) < 1e-12
+
+
+def test_one_state_is_projected_for_every_member():
+    system = pinned()
+    fleet = system.replace(pin=co.each([PIN, 1.1 * PIN]))
+    found = fleet.project(start(system))
+    np.testing.assert_allclose(found.n, [-PIN, -1.1 * PIN], atol=1e-14)
+    np.testing.assert_allclose(found.nu, np.cross(found.xi, found.n), atol=1e-13)

@@ -11,6 +11,8 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError, StepError
 from coadjoint.models import rigid_body
+from pinned import PIN, pinned
+from pinned import start as start_pinned
 
 BODY = rigid_body.make(inertia=(1.0, 1.0, 2.0))
 START = rigid_body.start(BODY, angular_velocity=(0.5, 0.0, 1.5))
@@ -140,3 +142,13 @@ def test_what_is_no_event_is_refused():
             stepper(until)
     with pytest.raises(ArgumentError, match="Argument `direction`"):
         co.Event(first_momentum, "up")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_pinned_body_stops_where_the_function_of_its_event_vanishes():
+    system = pinned()
+    stepper = co.Stepper(system, start_pinned(system), dt=0.01, until=lambda state: state.q[0])
+    stepper.step(n=200)
+    reached = stepper.state
+    assert stepper.ended and 0 < stepper.event < 2
+    assert abs((reached["g"] @ reached["n"])[0]) < 1e-12
+    np.testing.assert_allclose(reached["n"], -PIN, atol=1e-14)

@@ -14,7 +14,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.constraints import places
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.members import member_of
+from coadjoint.mechanics.members import count_members, member_of
 from coadjoint.mechanics.momentum_sizes import largest
 from coadjoint.mechanics.reactions import Independent, closing, count, kicked, node_rates, parts, rate, rows_of, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
@@ -44,13 +44,18 @@ def checked_start(system: ReducedFunctions, state: State) -> Independent:
     Raises ArgumentError unless the state satisfies all constraints, and where a row does not depend on the velocities;
     LagrangianError where a constraint is not pure.
     """
+    found, independent = _survey(system, state)
+    _require_on(system, found)
+    return independent
+
+
+def _survey(system: ReducedFunctions, state: State) -> tuple[Table, Independent]:
+    """`_surveyed` of a state, and the places of rows of which all others follow."""
     for one in system.constraints:
         read = one.value if one.holonomic else one.rows
         require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
     found = evaluate(lambda s, p: _surveyed(replace_parameters(system, p), s), state, system.parameters)
-    independent = None if rows_of(system) is not None else _independent(system, found["mobility"])
-    _require_on(system, found)
-    return independent
+    return found, None if rows_of(system) is not None else _independent(system, found["rows"], found["mobility"])
 
 
 def require_members_on_constraints(system: ReducedFunctions, parameters: PyTree, axes: PyTree, states: State) -> None:
@@ -118,11 +123,11 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
 
     changes, v = jax.jacfwd(velocities, has_aux=True)(jnp.zeros(m))
     size = jnp.abs(A) @ (jnp.abs(v) + 1e-3) + jnp.abs(alone)
-    return {"places": gaps, "rate": (jnp.abs(A @ v + alone), size), "mobility": A @ changes}
+    return {"places": gaps, "rate": (jnp.abs(A @ v + alone), size), "rows": A, "mobility": A @ changes}
 
 
 def _surveyed_links(system: ReducedFunctions, state: State) -> Table:
-    """`_surveyed` of many links, relative to the largest n, a, ξ and ν, without A M⁻¹Aᵀ."""
+    """`_surveyed` of many links, relative to the largest n, a, ξ and ν, without A and A M⁻¹Aᵀ."""
     at, node = site(state), inverse_legendre.velocities(system, state)
     size = 1e-3 + largest(state.n, state.a)
     gaps = [
@@ -134,10 +139,15 @@ def _surveyed_links(system: ReducedFunctions, state: State) -> Table:
     return {"places": gaps, "rate": (rates, jnp.full_like(rates, speed)), "mobility": jnp.zeros((0, 0))}
 
 
-def _independent(system: ReducedFunctions, matrix: np.ndarray) -> Independent:
-    """The rows of `checked_start` of A M⁻¹Aᵀ (m, m); raises ArgumentError for rows without derivatives."""
+def _independent(system: ReducedFunctions, rows: np.ndarray, matrix: np.ndarray) -> Independent:
+    """The rows of `checked_start` of A and A M⁻¹Aᵀ (m, m); raises ArgumentError for rows without derivatives."""
     diagonal = np.abs(np.diag(matrix))
     for one, part in parts(system):
+        if not np.all(np.isfinite(matrix[part])) and np.all(np.isfinite(rows)):
+            raise ArgumentError(
+                f"The reaction of the constraint `{one.name}` needs an invertible mass matrix ∂²ℓ/∂(ξ, ν)², but it is "
+                "singular at the start: give every velocity a kinetic energy."
+            )
         if not np.all(np.isfinite(matrix[part])):
             raise ArgumentError(
                 f"The derivatives of the constraint `{one.name}` must be finite at the start, but are not: look for a "
@@ -187,9 +197,12 @@ def _sizes(matrix: np.ndarray) -> np.ndarray:
 def projected(system: ReducedFunctions, state: State) -> State:
     """The nearest state on the constraints in the kinetic metric, from a state near it; see `System.project`."""
 
-    if np.ndim(state.t):
-        members = range(len(state.t))
-        each = [projected(_member(system, k), jax.tree.map(lambda leaf, k=k: leaf[k], state)) for k in members]
+    members = count_members(system.parameters)
+    if np.ndim(state.t) or members is not None:
+        states = _members(state) if np.ndim(state.t) else [state] * (members or 1)
+        if members is not None and members != len(states):
+            raise ArgumentError(f"The system has {members} members, but the state has {len(states)}.")
+        each = [projected(_member(system, k), one) for k, one in enumerate(states)]
         return jax.tree.map(lambda *leaves: np.stack(leaves), *each)
     if traced(state, system.parameters):
         raise ArgumentError("System.project takes plain numbers: project the state outside jit, grad and vmap.")
@@ -198,6 +211,7 @@ def projected(system: ReducedFunctions, state: State) -> State:
         given = tabulate(lambda s, p: function(replace_parameters(system, p), s), state, system.parameters)
         return lambda s: given(s, system.parameters)
 
+    _survey(system, state)
     state, nearer = of(_at_node)(state), of(_nearer)
     for _ in range(TRIPS if any(one.holonomic for one in system.constraints) else 0):
         before, state = state, nearer(state)
@@ -205,8 +219,9 @@ def projected(system: ReducedFunctions, state: State) -> State:
         if moved <= 4 * EPS * max(np.max(np.abs(x), initial=0.0) for x in (state.n, state.a)):
             break
     found = of(_with_velocities)(state)
+    survey, _ = _survey(system, found)
     try:
-        checked_start(system, found)
+        _require_on(system, survey)
     except ArgumentError as error:
         said = str(error).partition(": take")[0]
         raise ArgumentError(
@@ -214,6 +229,11 @@ def projected(system: ReducedFunctions, state: State) -> State:
             "contradict each other have none."
         ) from None
     return found
+
+
+def _members(state: State) -> list[State]:
+    """The states of the members, one by one."""
+    return [jax.tree.map(lambda leaf, k=k: leaf[k], state) for k in range(len(state.t))]
 
 
 def _member(system: ReducedFunctions, k: int) -> ReducedFunctions:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ from coadjoint.mechanics.forces import INPUTS
 from coadjoint.mechanics.reduced_functions import TRIVIAL, ReducedFunctions
 from coadjoint.mechanics.signatures import keyword_only
 from coadjoint.portable import Portable
+from coadjoint.spaces.named import Named
 
 
 class Site(NamedTuple):
@@ -203,13 +204,21 @@ def called(
     system: ReducedFunctions, function: Callable[..., PyTree], at: Site, given: list[PyTree] | None = None
 ) -> PyTree:
     given = _views(system, at) if given is None else given
-    return function(*given, **system.keywords(function, at.t, at.inputs, None))
+    keywords = system.keywords(function, at.t, at.inputs, None)
+    if keywords.get(INPUTS, at) is None:
+        raise LagrangianError(
+            "A constraint reads `inputs`, but there are none: give `inputs` to system.state, or take "
+            "system.driven(inputs).project(state) where they are signals."
+        )
+    return function(*given, **keywords)
 
 
 def stacked(value: Any, what: str) -> Array:
     """An array from an array, a number or lists of these."""
     if value is None:
         raise LagrangianError(f"{what} must return real numbers, but returns nothing.")
+    if isinstance(value, (Mapping, Named)):
+        raise LagrangianError(f"{what} must return real numbers in one array, but returns a dictionary.")
     if isinstance(value, (list, tuple)):
         value = jnp.stack([stacked(part, what) for part in value]) if value else jnp.zeros(0)
     array = jnp.asarray(value)

@@ -39,6 +39,12 @@ def constraints_from(given: Any) -> tuple[tuple[str, Constraint], ...]:
                 f"The constraint `{name}` must be co.Holonomic(function) or co.Nonholonomic(rows), but is "
                 f"{shown(constraint)}."
             )
+    for name in given:
+        if f"step_{name}" in given:
+            raise ArgumentError(
+                f"The constraints `{name}` and `step_{name}` would both have the variable `reaction_step_{name}`: "
+                "rename one of them."
+            )
     return tuple(given.items())
 
 

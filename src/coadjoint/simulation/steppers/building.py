@@ -227,6 +227,8 @@ def ending(plan: Plan, event: Event, state: State, first: bool) -> tuple[State, 
     value = tabulate(partial(value_at_node, system, event.function), state)
 
     def after(theta: float) -> State:
+        if not theta:  # a step of no length has no reactions
+            return state
         return sound(part_of_step(free, state, theta)).final
 
     whole = after(1.0)
