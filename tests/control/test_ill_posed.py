@@ -102,6 +102,35 @@ def pushed(u=None, **more):
     return Problem(unit, unit.state(g=[0.0]), **(given | more))
 
 
+def regulated(at=None, inputs=None, **more):
+    return Problem(SYSTEM, START, **(GOOD | {"end": None} | more)).regulator(at, inputs)
+
+
+def cost_of_place(motion, p):
+    return motion.g @ motion.g + cost(motion, p)
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: regulated(SYSTEM.state(g=[0.0], xi=[1.0]), cost=cost_of_place), "moves by 0.1 in a step"),
+        (lambda: regulated(inputs={"push": [1.0]}), "moves by"),
+        (lambda: regulated(inputs={"pull": [1.0]}), "no co.control.Input `pull`"),
+        (lambda: regulated(inputs={"push": "hard"}), "`push`"),
+        (lambda: regulated(cost=lambda motion, p: motion.g[0] + cost(motion, p)), "its slope there is"),
+        (lambda: regulated(), "No regulator holds this state"),
+        (lambda: regulated(inputs=[0.0]), "dictionary of name → command"),
+        (lambda: regulated(cost=None), "something to minimise"),
+        (lambda: Problem(SYSTEM, START, **GOOD, terminal=3.0), "must be a regulator"),
+        (lambda: Problem(SYSTEM, START, **GOOD).regulator("rest"), "must be a co.State"),
+    ],
+)
+def test_wrong_regulators_are_told(make, told):
+    with pytest.raises(co.errors.ArgumentError, match=told) as error:
+        make()
+    assert "\n" not in str(error.value)
+
+
 RESISTS = {
     "a place too far away": ({"end": End(g=[10.0], xi=[0.0])}, "`g` at the end", 9.75),
     "a speed too high": ({"end": End(g=[0.5], xi=[3.0])}, "`xi` at the end", 2.0),

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from coadjoint.control.problem_data import Bounds as Bounds
     from coadjoint.control.problem_data import End as End
     from coadjoint.control.problem_data import Input as Input
+    from coadjoint.control.regulator import Regulator as Regulator
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity
 
 if not TYPE_CHECKING:

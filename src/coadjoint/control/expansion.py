@@ -37,9 +37,14 @@ class Expansion(NamedTuple):
 
 
 class Expanding:
-    """A transcription's functions, expanded about any plan. scale: the unit of each input in the program."""
+    """A transcription's functions, expanded about any plan. scale: the unit of each input in the program.
 
-    def __init__(self, transcription: Transcription):
+    floor: the least eigenvalue of Hessians, of their largest number. multiplier: of the terminal set by the last
+    solution.
+    """
+
+    def __init__(self, transcription: Transcription, floor: float = FLOOR):
+        self._floor = floor
         problem, functions = transcription.problem, transcription.functions
         self.transcription, self.count, self.h = transcription, problem.count, problem.dt
         self.nx, self.nu = transcription.sizes[:2]
@@ -52,6 +57,11 @@ class Expanding:
         columns, self.width = self.tangents.columns(self.scale), self.tangents.width
         self._linear = LinearSteps(transcription, self.count, columns)
         cost, final = (expanded(transcription, name, columns) for name in ("cost", "final_cost"))
+        terminal = functions.terminal
+        self._terminal = None if terminal is None else Tables(with_jacobian(terminal, "terminal", columns), 1)
+        self._weight = np.zeros((0, 0)) if problem.terminal is None else problem.terminal.cost
+        self._bounded = problem.terminal is not None and np.isfinite(problem.terminal.within)
+        self.multiplier = 0.0
         path, end = (with_jacobian(getattr(functions, name), name, columns) for name in ("path", "end"))
         self._cost, self._final = Tables(cost, 2 * self.count), Tables(final, 1)
         self._path, self._end = Tables(path, self.count + 1), Tables(end, 1)
@@ -96,6 +106,12 @@ class Expanding:
         _, gradient, last = self._final(x[-1:], u[-1:], p, self.h)
         ahead[-1] += last.reshape(nx + nu, nx + nu)
         slope[-1] += gradient[0]
+        if self._terminal is not None:
+            e, J = self._terminal(x[-1:], u[-1:], p, self.h)
+            J = J.reshape(e.size, nx + nu)
+            VJ = self._weight @ J
+            ahead[-1] += (1.0 + self.multiplier) * J.T @ VJ
+            slope[-1] += VJ.T @ e[0]
         if self.coupled:
             T = np.concatenate([M, np.broadcast_to(np.eye(nu, nx + nu, nx), (n, nu, nx + nu))], axis=1)
             offset = slope + (ahead[:, :, :nx] @ c[:, :, None])[:, :, 0]
@@ -109,7 +125,7 @@ class Expanding:
         return self._convex(H), g, self._convex(ahead[-1:, :nx, :nx])[0], slope[-1, :nx]
 
     def _convex(self, H: np.ndarray) -> np.ndarray:
-        return convex(H, self._definite)
+        return convex(H, self._definite, self._floor)
 
     def _constraints(self, x: np.ndarray, u: np.ndarray, p: np.ndarray):
         """The rows of the motion, less those that no input can change at the first node, and inputs at the last."""
@@ -117,15 +133,18 @@ class Expanding:
         values, jacobian = self._path(x, np.concatenate([u, u[-1:]]), p, self.h)
         rows = values.shape[1]
         jacobian = jacobian.reshape(n + 1, rows, m)
-        of_path = [np.concatenate([getattr(r, s) for r in self.transcription.path] or [[]]) for s in ("lower", "upper")]
+        of_path, of_end = (
+            [np.concatenate([getattr(r, s) for r in part] or [[]]) for s in ("lower", "upper")]
+            for part in (self.transcription.path, self.transcription.end)
+        )
         limits = [np.asarray(side, float) - values for side in of_path]
         inputs = self._path_reads_inputs
         for side, endless in zip(limits, (-np.inf, np.inf), strict=True):
             side[0, ~inputs] = endless
             side[-1, inputs] = endless
-        end, of_end = self._end(x[-1:], u[-1:], p, self.h)
-        last_C = np.concatenate([jacobian[-1, :, :nx], of_end.reshape(end.shape[1], m)[:, :nx]])
-        last = [np.concatenate([side[-1], -end[0]]) for side in limits]
+        end, slopes = self._end(x[-1:], u[-1:], p, self.h)
+        last_C = np.concatenate([jacobian[-1, :, :nx], slopes.reshape(end.shape[1], m)[:, :nx]])
+        last = [np.concatenate([side[-1], at_end - end[0]]) for side, at_end in zip(limits, of_end, strict=True)]
         return jacobian[:-1], (limits[0][:-1], limits[1][:-1]), last_C, (last[0], last[1])
 
     def _with_rates(self, s: Stages, u: np.ndarray, before: np.ndarray) -> Stages:
@@ -194,6 +213,10 @@ class Expanding:
             last_C=np.concatenate([s.last_C, self.last_slack.matrix], axis=1),
         )  # fmt: skip
 
+    def note(self, multipliers: np.ndarray) -> None:
+        """Keep the multiplier of the terminal set, whose curvature counts in the next program."""
+        self.multiplier = max(float(multipliers[-1]), 0.0) if self._bounded else 0.0
+
     def violated(self, u: np.ndarray, last: np.ndarray) -> dict[str, np.ndarray]:
         """Name → the violation of each soft constraint, (N + 1, rows), of an end (1, rows), by a solution.
 
@@ -230,23 +253,23 @@ def limits_of(transcription: Transcription, name: str) -> np.ndarray:
     return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
 
 
-def convex(H: np.ndarray, definite: bool) -> np.ndarray:
-    """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number.
+def convex(H: np.ndarray, definite: bool, floor: float) -> np.ndarray:
+    """The nearest matrices (n, m, m) with eigenvalues from `floor` of the largest number on.
 
     definite: whether none is negative, so that no search is needed; H itself is raised then.
     """
     diagonal = np.arange(H.shape[-1])
     if definite:  # the largest number is on the diagonal
-        H[:, diagonal, diagonal] += FLOOR * max(float(np.max(H[:, diagonal, diagonal], initial=0.0)), 1e-300)
+        H[:, diagonal, diagonal] += floor * max(float(np.max(H[:, diagonal, diagonal], initial=0.0)), 1e-300)
         return H
     size = max(float(np.max(np.abs(H), initial=0.0)), 1e-300)
-    raised = H + FLOOR * size * np.eye(H.shape[-1])
+    raised = H + floor * size * np.eye(H.shape[-1])
     try:
         np.linalg.cholesky(raised)
         return raised
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(H)
-        return (vectors * np.maximum(values, FLOOR * size)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        return (vectors * np.maximum(values, floor * size)[:, None, :]) @ vectors.transpose(0, 2, 1)
 
 
 def _pattern(function, result: str, width: int) -> np.ndarray:

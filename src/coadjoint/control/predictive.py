@@ -107,6 +107,7 @@ class Controller(Remade):
         self._violated: dict[str, np.ndarray] = {}
         self._clock: Timeline | None = None
         self._prepared: tuple[int, MotionPlan, Expansion] | None = None
+        self._expanding.multiplier = 0.0
 
     def change(self, **values: object) -> None:
         """Set parameters that `changing` names, as `system.replace` does, for all calls from now on.
@@ -288,6 +289,7 @@ class Controller(Remade):
         solved = self._solve(stages, np.concatenate([y, np.zeros(len(self._expanding.rated))]))
         if solved.failure or solved.violation > VIOLATED:
             return solved.failure or f"the constraints of the quadratic program are violated by {solved.violation:.1e}"
+        self._expanding.note(solved.multipliers)
         y, du = solved.x[:, :width], solved.u[:, : self._expanding.nu]
         dz = (steps.E @ np.concatenate([y[:-1], du], axis=1)[:, :, None])[:, :, 0] + steps.e
         self._violated = self._expanding.violated(solved.u, solved.last)

@@ -13,6 +13,7 @@ from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
 from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.regulator import Regulator, regulator
 from coadjoint.control.requirements import steps_of
 from coadjoint.control.solve import settings_of
 from coadjoint.errors import ArgumentError, OptimumError
@@ -63,6 +64,8 @@ class Problem(WithOverview, ProblemData):
         measured: name → `co.control.Measured`, whose misfit is added to the cost; by default none.
         changing: names of parameters that `solve` and `controller.change` may set without building the program anew, by
             default none.
+        terminal: a `co.control.Regulator`, whose cost ½ eᵀVe of the last node, and set, if it has one, count as well;
+            by default none.
 
     Raises ArgumentError and LagrangianError. Source: Ober-Blöbaum, Junge, Marsden (2011) on discrete mechanics and
     optimal control; the equations of a step are (P43), (P44).
@@ -241,6 +244,23 @@ class Problem(WithOverview, ProblemData):
         if horizon is not None:
             problem = replace(self, duration=None, steps=steps_of(horizon, self.dt, "horizon", 1))
         return controller(problem, period, delay, iterations, fallback, changing)
+
+    def regulator(self, at: State | None = None, inputs: Mapping[str, object] | None = None) -> Regulator:
+        """The linear-quadratic regulator about a state at rest, for this cost over an endless horizon.
+
+            regulator = problem.regulator(body.state(g=goal))
+            controller = replace(problem, duration=None, steps=10, terminal=regulator).controller(fallback=regulator)
+
+        Arguments:
+            at: the state, by default the start.
+            inputs: name → the command that holds it, by default the guesses.
+
+        Of a linear system with quadratic costs a controller with this terminal cost is the regulator itself, until a
+        bound is reached. `terminal=regulator.inside()` also imposes the set in which the regulator keeps the bounds of
+        all inputs. `end`, `path`, `final_cost`, rates and costs of changes do not count. Raises ArgumentError for a
+        state that moves, for a cost that is not least there, and where no regulator exists.
+        """
+        return regulator(self, at, inputs)
 
     def _require_no_points(self, what: str) -> None:
         if self.path_points:

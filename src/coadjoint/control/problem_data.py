@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import truth
 from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
@@ -124,6 +124,18 @@ class End:
         return tuple(name for name in ("g", "q", "xi", "qdot", "mu", "pi") if getattr(self, name) is not None)
 
 
+class Terminal(Protocol):
+    """The cost ½ eᵀVe of the last node, e = directions(system, state), V = `cost`, and a set where it is at most
+    `within`."""
+
+    @property
+    def directions(self) -> Callable[[System, State], Array]: ...
+    @property
+    def cost(self) -> np.ndarray: ...
+    @property
+    def within(self) -> float: ...
+
+
 @dataclass(frozen=True, eq=False)
 class ProblemData:
     """The checked data of `co.control.Problem`: see there."""
@@ -146,6 +158,7 @@ class ProblemData:
     path_points: int = 0
     accuracy: bool = True
     changing: Sequence[str] = ()
+    terminal: Terminal | None = None
 
     def __post_init__(self):
         require_kinds(self.system, self.start, self.method)
@@ -156,6 +169,9 @@ class ProblemData:
         object.__setattr__(self, "steps", count)
         object.__setattr__(self, "duration", h * count)
         truth(self.accuracy, "accuracy")
+        if self.terminal is not None:
+            fits = hasattr(self.terminal, "directions") and hasattr(self.terminal, "within")
+            checks.expect(fits, self.terminal, "terminal", "a regulator, as `problem.regulator()` returns it")
         self._require_functions()
         self._require_path_points()
         self._require_inputs()

@@ -86,7 +86,7 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
     zeros = np.zeros(nz + nx)
     blocks = [Block(Rows("the equations of motion", zeros, zeros), steps)]
     after = u[at_end(transcription.inputs), :]
-    f = functions.final(last, after[:, -1], p, h)
+    f = functions.final(last, after[:, -1], p, h) + _of_terminal(transcription, last, after[:, -1], p, h)
     if problem.cost is not None:
         cost = functions.cost.map(steps)
         f += 0.5 * h * (ca.sum2(cost(x, u, *each)) + ca.sum2(cost(following, after, *each)))
@@ -129,6 +129,15 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
         blocks += [Block(of_end, 1) for of_end in transcription.end]
     f += softened.cost
     return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription), numbers)
+
+
+def _of_terminal(transcription: Transcription, *node: PyTree) -> PyTree:
+    """½ eᵀVe of the last node, 0 without a terminal cost."""
+    terminal = transcription.problem.terminal
+    if terminal is None:
+        return casadi().MX(0)
+    e = transcription.functions.terminal(*node)
+    return 0.5 * casadi().bilin(casadi().DM(terminal.cost), e, e)
 
 
 class _Softened:

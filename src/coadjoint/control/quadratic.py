@@ -46,13 +46,14 @@ class Stages(NamedTuple):
 
 class Solved(NamedTuple):
     """x (N + 1, nx), u (N, nu), the slack at the end, and their violation of the constraints; failure: the reason, or
-    empty."""
+    empty. multipliers: of the constraints, those of the last node at the end."""
 
     x: np.ndarray
     u: np.ndarray
     last: np.ndarray
     violation: float
     failure: str
+    multipliers: np.ndarray
 
 
 class StageLayout:
@@ -147,12 +148,14 @@ class QuadraticSolver:
     def __call__(self, stages: Stages, first: np.ndarray) -> Solved:
         """The solution, checked against the constraints; a failure is a sentence."""
         numbers = self.layout.numbers(stages, first)
-        found, failure = self._near(numbers)
+        solver = self._near
+        found, failure = solver(numbers)
         if failure:
-            self._far = self._far or Hpipm(self.layout, "far")
-            found, failure = self._far(numbers)
+            solver = self._far = self._far or Hpipm(self.layout, "far")
+            found, failure = solver(numbers)
         x, u, last = self.layout.split(found, first)
-        return Solved(x, u, last, np.inf if failure else violation(stages, x, u, last), failure)
+        worst = np.inf if failure else violation(stages, x, u, last)
+        return Solved(x, u, last, worst, failure, solver.multipliers)
 
 
 class Hpipm:
@@ -175,6 +178,7 @@ class Hpipm:
         self._x = np.zeros(layout.variables)
         results = {"x": self._x}  # HPIPM writes all of its results, asked for or not
         results |= {name: np.zeros(function.nnz_out(name)) for name in ("cost", "lam_a", "lam_x")}
+        self.multipliers = results["lam_a"]
         self._arguments = [(function.index_in(name), view(array)) for name, array in self._numbers.items()]
         self._results = [(function.index_out(name), view(array)) for name, array in results.items()]
 

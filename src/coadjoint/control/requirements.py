@@ -32,7 +32,7 @@ def steps_of(value: Any, dt: float, name: str, least: int) -> int:
 
 def require_controllable(problem: ProblemData) -> None:
     """Raise ArgumentError unless a problem suits a controller."""
-    if problem.cost is None and problem.final_cost is None:
+    if problem.cost is None and problem.final_cost is None and problem.terminal is None:
         raise ArgumentError("A controller needs something to minimise: give the problem a `cost` or a `final_cost`.")
     if problem.free_duration is not None:
         raise ArgumentError("A controller looks ahead over a fixed time: leave out `free_duration`.")
@@ -58,8 +58,8 @@ def require_estimable(problem: ProblemData, known: PyTree) -> None:
         raise ArgumentError("An estimator estimates states and inputs alone: leave out `parameters`.")
     if any(one.soft for one in problem.path.values()):
         raise ArgumentError("An estimator keeps the bounds of its `path`: leave out `soft`.")
-    if problem.end is not None or problem.final_cost is not None:
-        raise ArgumentError("An estimator has no end to reach: leave out `end` and `final_cost`.")
+    if problem.end is not None or problem.final_cost is not None or problem.terminal is not None:
+        raise ArgumentError("An estimator has no end to reach: leave out `end`, `final_cost` and `terminal`.")
     require_flat(problem.system.additional, "An estimator", "describe q by coordinates")
     chosen = {name: one for name, one in problem.inputs.items() if hasattr(one, "guess")}
     for name, one in chosen.items():

@@ -39,6 +39,10 @@ VARIED = ("t", "g", "n", "a", "mu", "pi", "inputs", "internal")
 """The parts of a state that are symbols; all others are numbers that a step does not read or sets by itself."""
 
 
+PARTS = tuple(part for part in VARIED if part != "inputs")
+"""Those that are numbers of the state."""
+
+
 class Begun(NamedTuple):
     """A system with commands as inputs, a method, the step h (s), and a state that the method has begun from."""
 
@@ -124,7 +128,7 @@ class StepGraph:
     def needed(self, roots: Iterable[Expr]) -> list[int]:
         """The numbers of the state on which the roots depend, directly or through later steps."""
         places = {node: place for place, node in enumerate(self.symbols.state)}
-        after = flat(self._symbolic(self.after))
+        after = flat(parts_of(self.after))
         found: set[int] = set()
         new = {places[node] for node in reachable([*roots, *self.residual]) if node in places}
         while new:
@@ -135,13 +139,12 @@ class StepGraph:
 
     def next(self) -> list[Expr]:
         """The numbers of the state after the step, in the order of `symbols.state`."""
-        return flat(self._symbolic(self.after))
+        return flat(parts_of(self.after))
 
     def names(self) -> list[str]:
         """The names of the numbers of the state, as in "mu[0]" and "g.R[1,2]", in the order of `symbols.state`."""
         found = []
-        parts = [part for part in VARIED if part != "inputs"]
-        for part, tree in zip(parts, self._symbolic(self.beginning.state), strict=True):
+        for part, tree in zip(PARTS, parts_of(self.beginning.state), strict=True):
             for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
                 name = part + jax.tree_util.keystr(path)
                 found += [f"{name}{list(place)}" if place else name for place in np.ndindex(np.shape(leaf))]
@@ -154,22 +157,22 @@ class StepGraph:
 
     def filled(self, state: State, numbers: np.ndarray) -> State:
         """The state with these numbers in place of those that are symbols."""
-        leaves, structure = jax.tree_util.tree_flatten(self._symbolic(state))
+        leaves, structure = jax.tree_util.tree_flatten(parts_of(state))
         found, begin = [], 0
         for leaf in leaves:
             size = int(np.size(leaf))
             found.append(np.reshape(numbers[begin : begin + size], np.shape(leaf)))
             begin += size
-        parts = [part for part in VARIED if part != "inputs"]
-        return state.replace(**dict(zip(parts, jax.tree_util.tree_unflatten(structure, found), strict=True)))
+        return state.replace(**dict(zip(PARTS, jax.tree_util.tree_unflatten(structure, found), strict=True)))
 
     def leaves(self, state: State) -> list[PyTree]:
         """The arrays of a state of which the numbers are symbols."""
-        return jax.tree_util.tree_leaves(self._symbolic(state))
+        return jax.tree_util.tree_leaves(parts_of(state))
 
-    @staticmethod
-    def _symbolic(state: State) -> tuple[object, ...]:
-        return tuple(getattr(state, part) for part in VARIED if part != "inputs")
+
+def parts_of(state: State) -> tuple[PyTree, ...]:
+    """The parts of a state whose numbers are symbols, in their order."""
+    return tuple(getattr(state, part) for part in PARTS)
 
 
 def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
@@ -207,7 +210,7 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
         found, node = traced(tracer, "The step", program.substep, constants, node, length, z)
         unknowns += flat(z)
         residual += flat(found)
-    named = Symbols(flat(StepGraph._symbolic(begun)), commands, unknowns, [*profiles, *free_symbols], h)
+    named = Symbols(flat(parts_of(begun)), commands, unknowns, [*profiles, *free_symbols], h)
     begun = begun.replace(inputs=held)
     return StepGraph(tracer, beginning, named, constants, begun, node, residual)
 

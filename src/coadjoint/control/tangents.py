@@ -37,8 +37,8 @@ class Tangents:
         self.moved = np.array([live[i] for i in given if i in live], int)
         if not of_group or any(i not in live for i in of_group) or len(self.moved) <= self.dim:
             self.moved, self.dim = self.moved[:0], 0
-        self._rest = np.setdiff1d(np.arange(self.nx), self.moved)
-        self.width = len(self._rest) + self.dim
+        self.rest = np.setdiff1d(np.arange(self.nx), self.moved)
+        self.width = len(self.rest) + self.dim
         if self.dim:
             xi = graph.tracer.symbols("direction ", np.zeros(self.dim))
             slopes, ahead = graph.of_place(_slopes, "A direction"), graph.of_place(_numbers, "A direction", xi)
@@ -62,7 +62,7 @@ class Tangents:
         """T (N + 1, nx, width) of the nodes of a plan, and its pseudo-inverse (N + 1, width, nx)."""
         count, rest = len(x), np.arange(self.width)[self.dim :]
         T, inverse = np.zeros((count, self.nx, self.width)), np.zeros((count, self.width, self.nx))
-        T[:, self._rest, rest], inverse[:, rest, self._rest] = 1.0, 1.0
+        T[:, self.rest, rest], inverse[:, rest, self.rest] = 1.0, 1.0
         if self.dim:
             inverse[:, : self.dim, self.moved] = self.inverses(x, u, p, h)
             S = self._slopes(x, np.concatenate([u, u[-1:]]), p, h)[0]
@@ -78,7 +78,7 @@ class Tangents:
             slopes = ca.reshape(self._of_slopes(x, u, p, h), self.dim, len(self.moved)).T
             for row, place in enumerate(self.moved):
                 W[int(place), : self.dim] = slopes[row, :]
-        for k, place in enumerate(self._rest):
+        for k, place in enumerate(self.rest):
             W[int(place), self.dim + k] = 1.0
         for k, size in enumerate(scale):
             W[self.nx + k, width + k] = float(size)
@@ -90,7 +90,7 @@ class Tangents:
             return values
         found = np.empty((len(values), self.width, values.shape[2]))
         np.matmul(inverse, values[:, self.moved], out=found[:, : self.dim])
-        found[:, self.dim :] = values[:, self._rest]
+        found[:, self.dim :] = values[:, self.rest]
         return found
 
     def first(self, change: np.ndarray, inverses: np.ndarray) -> np.ndarray:
@@ -103,7 +103,7 @@ class Tangents:
             return x + y
         found, p = x.copy(), np.concatenate([np.broadcast_to(p, (len(x), len(p))), y[:, : self.dim]], axis=1)
         found[:, self.moved] = self._moves(x, np.concatenate([u, u[-1:]]), p, h)[0]
-        found[:, self._rest] += y[:, self.dim :]
+        found[:, self.rest] += y[:, self.dim :]
         return found
 
 

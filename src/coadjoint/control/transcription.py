@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, 
 from coadjoint.control.library import casadi
 from coadjoint.control.measured import Measured, Seen
 from coadjoint.control.penalty import Slack, slack_of
-from coadjoint.control.problem_data import End, Input, ProblemData
+from coadjoint.control.problem_data import End, Input, ProblemData, Terminal
 from coadjoint.control.stage import Begun, StepGraph, numbers_of, step_graph
 from coadjoint.control.within_steps import with_points
 from coadjoint.errors import ArgumentError, LagrangianError
@@ -73,7 +74,7 @@ class Functions(NamedTuple):
     equations: (x, u, z, p, h) → (r, Φ). within: (x, u, z, p, h) → the constraints of the path at points inside the
     step, None without such. cost, path: (x, u, p, h) → the cost rate of a node, and its constraints. start: (x, u, p,
     h) of the first node → its residual. end, final: of the last node, and its cost. measured: name → (x, u, p, h) → the
-    predicted measurement at a node.
+    predicted measurement at a node. terminal: (x, u, p, h) of the last node → e of the terminal cost.
     """
 
     equations: Any
@@ -84,6 +85,7 @@ class Functions(NamedTuple):
     final: PyTree
     measured: dict[str, PyTree]
     within: Any = None
+    terminal: Any = None
 
 
 @dataclass
@@ -239,7 +241,7 @@ def transcribe(
     """
     beginning = begun(problem.system, problem.start, problem.dt, problem.method, problem.inputs)
     graph = step_graph(beginning, (*problem.parameters, *problem.changing))
-    ends = end_conditions(problem)
+    reached = end_conditions(problem)
     values = given_values(problem)
     symbols = graph.tracer.symbols("given ", values)
     graph.symbols.parameters.extend(flat(symbols))
@@ -248,10 +250,13 @@ def transcribe(
     path = {name: graph.of_motion(b.function, f"The constraint `{name}`") for name, b in problem.path.items()}
     end = {
         f"`{name}` at the end": graph.at_node(residual, "The end", symbols["goal"][name])
-        for name, residual in ends.items()
+        for name, residual in reached.items()
     }
     if problem.end_function is not None:
         end = {"the end": graph.of_motion(problem.end_function, "The end")}
+    within = np.inf
+    if problem.terminal is not None and np.isfinite(within := problem.terminal.within):
+        end["the terminal set"] = graph.of_place(partial(_level, problem.terminal), "The terminal set")
     measured = {name: _measured(graph, name, m) for name, m in problem.measured.items()}
     eta = flat(graph.tracer.symbols("start ", np.zeros(sum(free_start_sizes(problem).values()))))
     start = [] if later else _start(graph, problem, eta, symbols["start"])
@@ -259,14 +264,19 @@ def transcribe(
     of_start = start if problem.free_start else []
     more = wanted(graph) if wanted else []
     seen = chain.from_iterable(one.off for one in measured.values())
-    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *seen, *more])
+    terminal = [] if problem.terminal is None else graph.of_place(problem.terminal.directions, "The terminal cost")
+    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *seen, *terminal, *more])
     functions = functions_of(graph, eta, live, cost, of_path, start, of_end, final, measured)
+    if problem.terminal is not None:
+        functions = functions._replace(terminal=StepColumns(graph, eta, live).of_node("terminal", terminal))
     if problem.path_points:
         chosen = [(name, value) for name, value in problem.inputs.items() if isinstance(value, Input)]
         given = functions.equations, functions.path, problem.path_points, columns(chosen), at_end(chosen)
         functions = functions._replace(**dict(zip(("equations", "within"), with_points(*given), strict=True)))
     rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
-    zeros = [_end_rows(what, np.zeros(len(found)), problem) for what, found in end.items()]
+    ends = [_end_rows(what, np.zeros(len(found)), problem) for what, found in end.items()]
+    if np.isfinite(within):
+        ends[-1] = Rows("the terminal set", np.array([-np.inf]), np.array([within]))
     what = "the start" if problem.free_start else "the velocities of the start"
     begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
     data = {name: _data(problem, name, one.space) for name, one in measured.items()}
@@ -277,7 +287,7 @@ def transcribe(
         previous[name] = slice(begin, begin + values["previous"][name].size)
         begin = previous[name].stop
     return Transcription(
-        problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, numbers, previous, values["goal"],
+        problem, beginning, graph, live, functions, rows, begins, ends, eta, data, numbers, previous, values["goal"],
         later,
     )  # fmt: skip
 
@@ -334,6 +344,12 @@ def _start(graph: StepGraph, problem: ProblemData, eta: list[Expr], values: dict
         return jnp.concatenate([state.xi - start["xi"], rest])
 
     return graph.at_node(residual, "The start", values)
+
+
+def _level(terminal: Terminal, system: System, state: State) -> PyTree:
+    """½ eᵀVe."""
+    e = terminal.directions(system, state)
+    return 0.5 * e @ jnp.asarray(terminal.cost) @ e
 
 
 def _number(graph: StepGraph, function: Any, what: str) -> list[Expr]:
