@@ -253,7 +253,7 @@ def limits_of(transcription: Transcription, name: str) -> np.ndarray:
     return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
 
 
-def convex(H: np.ndarray, definite: bool, floor: float) -> np.ndarray:
+def convex(H: np.ndarray, definite: bool, floor: float = FLOOR) -> np.ndarray:
     """The nearest matrices (n, m, m) with eigenvalues from `floor` of the largest number on.
 
     definite: whether none is negative, so that no search is needed; H itself is raised then.

@@ -62,7 +62,7 @@ class Regulator:
     cost: np.ndarray
     poles: np.ndarray
     level: float
-    directions: Directions
+    directions: DirectionsFromRest
     bounds: tuple[np.ndarray, np.ndarray]
     within: float = field(default=np.inf)
 
@@ -86,7 +86,7 @@ class Regulator:
 
 
 @dataclass(frozen=True, eq=False)
-class Directions:
+class DirectionsFromRest:
     """e of a state: log g_*⁻¹g where the motion depends on all of g, and the differences of its other numbers.
 
     like: the state g_*, x_*. back: g_*⁻¹, None if the numbers of g are among the others. rest: the places of the
@@ -212,9 +212,9 @@ def _level(gain: np.ndarray, V: np.ndarray, room: np.ndarray) -> float:
     return float(np.min(room[bounded] ** 2 / (2 * reach[bounded]), initial=np.inf))
 
 
-def _directions(transcription: Transcription, expanding: Expanding) -> Directions:
+def _directions(transcription: Transcription, expanding: Expanding) -> DirectionsFromRest:
     state, tangents = transcription.beginning.state, expanding.tangents
     places = np.array(transcription.live)[tangents.rest]
     there = transcription.graph.numbers(state)[places]
     back = evaluate(transcription.problem.system.group.inverse, state.g) if tangents.dim else None
-    return Directions(transcription.problem.system, state, back, places, there)
+    return DirectionsFromRest(transcription.problem.system, state, back, places, there)
