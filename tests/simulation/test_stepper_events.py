@@ -150,5 +150,5 @@ def test_a_pinned_body_stops_where_the_function_of_its_event_vanishes():
     stepper.step(n=200)
     reached = stepper.state
     assert stepper.ended and 0 < stepper.event < 2
-    assert abs((reached["g"] @ reached["n"])[0]) < 1e-12
-    np.testing.assert_allclose(reached["n"], -PIN, atol=1e-14)
+    assert abs((reached.g @ reached.n)[0]) < 1e-12
+    np.testing.assert_allclose(reached.n, -PIN, atol=1e-14)
