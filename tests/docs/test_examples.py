@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import runpy
+import shutil
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -44,6 +46,14 @@ def test_every_example_has_a_test_is_short_and_says_how_to_run_it():
         assert f'"{script.stem}"' in tested, f"{script.name} has no test."
         assert f"Run as: python examples/{script.name}" in text
         assert len(text.splitlines()) <= 80
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not (shutil.which("cmake") and shutil.which("cc")), reason="no C compiler is installed")
+def test_a_program_in_c_steers_a_served_vehicle_by_its_filter(run_example):
+    found = re.findall(r"[\d.e+-]+(?= m)", run_example("robot", 15)["said"])
+    depth, estimated, apart = map(float, found)
+    assert abs(depth - 4.0) < 0.1 and abs(estimated - depth) < 0.05 and apart < 1e-12
 
 
 @pytest.mark.long
