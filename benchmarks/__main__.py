@@ -36,7 +36,7 @@ SECTIONS = {
     "precision": ("precision", 1, "work and precision"),
     "orders": ("orders", 1, "higher orders"),
     "logs": ("logs", 1, "logs of robots"),
-    "filters": ("filters", 1, "filters of an hour at 100 Hz"),
+    "estimation": ("estimation", 1, "filters and identification"),
     "kirchhoff": ("kirchhoff", 1, "bodies in an ideal fluid, beside other simulators"),
 }
 """Section → (module, cores, title): each runs in a process of its own, on so many cores."""

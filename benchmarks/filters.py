@@ -22,6 +22,7 @@ from coadjoint.estimation import (
 
 H, G = 0.01, 9.81
 HAND = "hand-written, numba"
+COMMANDS = {"stern_planes": 0.0, "rudder": 0.02, "propeller": 25.0}
 EVERY = (20, 10, 50, 200)
 """Steps between measurements of velocity, depth, heading and place: 5, 10, 2 and 0.5 Hz."""
 VARIANCES = np.array([0.01**2, 0.03**2, 0.02**2, 0.5**2])
@@ -36,7 +37,8 @@ def measure(quick: bool) -> dict[str, Any]:
     """Processor time of a step and of the whole log, set-up apart; how far each is from the truth."""
     seconds, times = (120, 1) if quick else (3600, 3)
     unit, numba = inertial(seconds)
-    cases = {"inertial unit": {HAND: numba, "StrapdownProcess": unit}, "model": {"ModelProcess": model(seconds)}}
+    by_model = {"ModelProcess, with biases of sensors": model(seconds, True), "ModelProcess": model(seconds, False)}
+    cases = {"inertial unit": {HAND: numba, "StrapdownProcess": unit}, "model": by_model}
     found: dict[str, Any] = {"seconds": seconds, "steps": round(seconds / H)}
     for name, runs in cases.items():
         steps = seconds / H
@@ -48,50 +50,59 @@ def measure(quick: bool) -> dict[str, Any]:
     return found
 
 
-def model(seconds: int) -> tuple[Any, int]:
-    """(The filter of REMUS 100 over a log, which returns the RMS error of its place, m; how many error states)."""
+def remus(biases: bool = False) -> tuple[Filter, Any, Any]:
+    """(A filter of REMUS 100 that seeks the current; with `biases` those of its sensors and the propeller's
+    effectiveness too, the craft, the start)."""
     water = co.vehicles.water.UniformWater((0.18, 0.24, 0.0))
     craft = co.vehicles.Craft(co.vehicles.load("remus_100"), water=water)
     start = craft.start(position=(0, 0, 20), speed=1.5, actuators={"propeller": 25.0})
-    commands = {"stern_planes": 0.0, "rudder": 0.02, "propeller": 25.0}
-    steps, random = round(seconds / H), np.random.default_rng(1)
-    run = co.simulate(craft.system, start, dt=H, duration=seconds, inputs=commands)
-    xi, nu, q = (run.dataset[name].values for name in ("xi", "nu", "q"))
+    drifting = {"water.velocity": GaussMarkov([0.03, 0.03, 0.0], 900.0, mean=(0.18, 0.24, 0.0))}
+    spread = {"g": 0.01, "q": 0.3, "xi": 0.005, "nu": 0.03, "water.velocity": [0.03, 0.03, 0.0]}
+    walks = {}
+    if biases:
+        drifting["propeller.effectiveness"] = GaussMarkov(0.05, 900.0, mean=1.0)
+        walks = {"gyroscope": RandomWalk([1e-8] * 3), "log": RandomWalk([1e-6] * 3), "gauge": RandomWalk([1e-5])}
+        spread |= {"propeller.effectiveness": 0.05, "gyroscope": 1e-5, "log": 1e-3, "gauge": 0.01}
     process = ModelProcess(
-        craft.system, start, inputs=commands, noise={"torque": 0.02, "force": 0.2},
-        drifting={
-            "water.velocity": GaussMarkov([0.03, 0.03, 0.0], 900.0, mean=(0.18, 0.24, 0.0)),
-            "propeller.effectiveness": GaussMarkov(0.05, 900.0, mean=1.0),
-        },
-        biases={"gyroscope": RandomWalk([1e-8] * 3), "log": RandomWalk([1e-6] * 3), "gauge": RandomWalk([1e-5])},
-    )  # fmt: skip
+        craft.system, start, inputs=COMMANDS, noise={"torque": 0.02, "force": 0.2}, drifting=drifting, biases=walks
+    )
     known = {
         "gyroscope": Measurement(lambda m, p, b: m.xi + b.gyroscope, (NOISE[0] / np.sqrt(H)) ** 2),
         "velocity": Measurement(lambda m, p, b: m.nu + jnp.cross(m.xi, LEVER) + b.log, VARIANCES[0]),
         "depth": Measurement(lambda m, p, b: m.q[2] + b.gauge[0], VARIANCES[1]),
-        "place": Measurement(lambda m: m.q, VARIANCES[3]),
-    }
-    spread = {"g": 0.01, "q": 0.3, "xi": 0.005, "nu": 0.03, "water.velocity": [0.03, 0.03, 0.0]}
-    spread |= {"propeller.effectiveness": 0.05, "gyroscope": 1e-5, "log": 1e-3, "gauge": 0.01}
+    } if biases else {
+        "gyroscope": Measurement(lambda m: m.xi, (NOISE[0] / np.sqrt(H)) ** 2),
+        "velocity": Measurement(lambda m: m.nu + jnp.cross(m.xi, LEVER), VARIANCES[0]),
+        "depth": Measurement(lambda m: m.q[2], VARIANCES[1]),
+    }  # fmt: skip
+    known["place"] = Measurement(lambda m: m.q, VARIANCES[3])
+    return Filter(process, start, measurements=known, deviations=spread), craft, start
+
+
+def model(seconds: int, biases: bool) -> tuple[Any, int]:
+    """(The filter of REMUS 100 over a log, which returns the RMS error of its place, m; how many error states)."""
+    filter, craft, start = remus(biases)
+    steps, random = round(seconds / H), np.random.default_rng(1)
+    run = co.simulate(craft.system, start, dt=H, duration=seconds, inputs=COMMANDS)
+    xi, nu, q = (run.dataset[name].values for name in ("xi", "nu", "q"))
     truth = {"gyroscope": xi, "velocity": nu + np.cross(xi, LEVER), "depth": q[:, 2:], "place": q}
     at = dict(zip(("velocity", "depth", "place"), (EVERY[0], EVERY[1], EVERY[3]), strict=True))
     seen = {}
     for name, values in truth.items():
         k = np.arange(at.get(name, 1), steps + 1, at.get(name, 1))
-        size = np.sqrt(known[name].covariance)
+        size = np.sqrt(filter.measurements[name].covariance)
         seen[name] = (H * k, values[k] + size * random.normal(size=(len(k), values.shape[1])))
-    return run_of(process, process.row(start), known, spread, seen, {}, q[100::100], seconds), process.width
+    return run_of(filter, seen, {}, q[100::100], seconds), filter.process.width
 
 
-def run_of(process, row, known, spread, seen, inputs, truth, seconds) -> Any:
+def run_of(filter: Filter, seen: Any, inputs: Any, truth: np.ndarray, seconds: int) -> Any:
     """A filter's run over a log from its start, with what it says of the place every second."""
-    filter = Filter(process, row, measurements=known, deviations=spread)
     begun = filter.rows.copy(), filter.P.copy()
 
     def run() -> float:
         filter.rows, filter.P = begun[0].copy(), begun[1].copy()
         found = filter.run(seen, dt=H, until=float(seconds), inputs=inputs, save_every=100)
-        place = found.states.q if isinstance(process, ModelProcess) else found.states.position
+        place = found.states.q if isinstance(filter.process, ModelProcess) else found.states.position
         return off(place[1:], truth)
 
     return run
@@ -122,7 +133,7 @@ def inertial(seconds: int) -> tuple[tuple[Any, int], tuple[Any, int]]:
     known = {
         "velocity": Measurement(lambda m: m.nu + jnp.cross(m.xi, LEVER), VARIANCES[0]),
         "depth": Measurement(lambda m: m.q[2], VARIANCES[1]),
-        "heading": Measurement(lambda m: jnp.arctan2(m.g[1, 0], m.g[0, 0]), VARIANCES[2], angles=True),
+        "heading": Measurement(lambda m: jnp.arctan2(m.g[1, 0], m.g[0, 0]), VARIANCES[2], space=co.SO2()),
         "place": Measurement(lambda m: m.q, VARIANCES[3]),
     }
     process = StrapdownProcess(gravity=G, noise={"gyroscope": NOISE[0], "accelerometer": NOISE[1]})
@@ -130,7 +141,8 @@ def inertial(seconds: int) -> tuple[tuple[Any, int], tuple[Any, int]]:
     spread = dict(zip(names, SPREAD, strict=True))
     row = process.row(InertialState(0.0, R[0], v[0], q[0]))
     inputs = {"imu": (H * np.arange(steps), imu)}
-    ours = run_of(process, row, known, spread, seen, inputs, q[100::100], seconds)
+    filter = Filter(process, row, measurements=known, deviations=spread)
+    ours = run_of(filter, seen, inputs, q[100::100], seconds)
     P = np.diag(np.repeat(np.array(SPREAD) ** 2, 3))
     values = [np.ascontiguousarray(part[1]) for part in seen.values()]
 

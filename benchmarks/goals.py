@@ -29,8 +29,8 @@ def goals(found: Found) -> Table:
         rows += _environments(found["environments"])
     if "control" in found:
         rows += _control(found["control"])
-    if "filters" in found:
-        rows += _filters(found["filters"])
+    if "estimation" in found:
+        rows += _estimation(found["estimation"])
     if "logs" in found:
         rows += _logs(found["logs"])
     if "orders" in found:
@@ -70,13 +70,22 @@ def _control(found: Found) -> list[tuple[str, float, float, bool]]:
     ]
 
 
-def _filters(found: Found) -> list[tuple[str, float, float, bool]]:
-    return [
-        (f"an hour at 100 Hz by {label}, s", 30.0, 3600 / 0.01 * row["seconds"], False)
-        for name in ("model", "inertial unit")
-        for label, row in found[name].items()
-        if label.endswith("Process")
+def _estimation(found: Found) -> list[tuple[str, float, float, bool]]:
+    hours = [
+        (f"an hour at 100 Hz by {label}, s", 3.0, 3600 / 0.01 * found[name][label]["seconds"], False)
+        for name, label in (("model", "ModelProcess"), ("inertial unit", "StrapdownProcess"))
     ]
+    calls = [
+        (f"{name}, µs", 10.0, 1e6 * row["seconds"], False)
+        for name, row in found["calls"].items()
+        if name.endswith("Filter")
+    ]
+    logs = [
+        (f"six parameters of 60 s, {name}, s", 5.0, row["seconds"], False)
+        for name, row in found["identified"].items()
+        if name.endswith("identify")
+    ]
+    return hours + calls + logs
 
 
 def _logs(found: Found) -> list[tuple[str, float, float, bool]]:

@@ -302,8 +302,16 @@ def _control(found: dict[str, Any]) -> list[Table]:
     ]
 
 
-def _filters(found: dict[str, Any]) -> list[Table]:
-    tables = []
+def _estimation(found: dict[str, Any]) -> list[Table]:
+    def ratio(row: dict[str, float]) -> str:
+        return f"{row['ratio']:.3g}" if "ratio" in row else ""
+
+    calls = [(name, _time(row["seconds"]), ratio(row)) for name, row in found["calls"].items()]
+    logs = [(name, _time(row["seconds"]), ratio(row), f"{row['off']:.1f}") for name, row in found["identified"].items()]
+    tables = [
+        Table("A call of a filter", ("", "processor time", "ratio"), calls),
+        Table("Six parameters of a log, from 30 % off", ("", "processor time", "ratio", "worst error / σ"), logs),
+    ]
     for name in ("inertial unit", "model"):
         rows = [
             (
@@ -339,7 +347,7 @@ def _predictive(found: dict[str, Any]) -> list[Table]:
 
 _TABLES = {
     "logs": _logs,
-    "filters": _filters,
+    "estimation": _estimation,
     "sweeps": _sweeps,
     "predictive": _predictive,
     "optimal": _optimal,

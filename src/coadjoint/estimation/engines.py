@@ -80,7 +80,9 @@ class FilterEngine:
         self._filters, self.coded = None, None
         if model is not None and None not in functions:
             seen = [
-                MeasurementCode(one.function.native, one.covariance, one.gate, one.space.size, one.loss, one.recovery)
+                MeasurementCode(
+                    one.function.native, one.covariance, one.gate, one.space.size, one.loss, one.recovery, one.trips
+                )
                 for one in measurements
                 if one.function.native
             ]
@@ -174,7 +176,8 @@ class FilterEngine:
     ) -> np.ndarray:  # fmt: skip
         """Returns which members stop, (members,)."""
         given = np.broadcast_to(values[:, : one.space.size], (len(rows), one.space.size))
-        off, H = one.function(np.zeros((len(rows), self._process.width)), np.concatenate([rows, given], axis=1))
+        at = np.concatenate([rows, given], axis=1)
+        off, H = one.function(np.zeros((len(rows), self._process.width)), at)
         known = np.all(np.isfinite(given), axis=1) & np.all(np.isfinite(off), axis=1)
         nu, H = np.where(known[:, None], -off, 0.0), np.where(known[:, None, None], H, 0.0)
         R, m, (limit, action) = one.covariance, one.space.dim, one.recovery
@@ -185,8 +188,16 @@ class FilterEngine:
         stopped, used = acts & (action == STOP), known & (~beyond | acts)
         rejected[acts & ~stopped] = 0
         P *= np.where(acts & (action == INFLATE), nis / m, 1.0)[:, None, None]
-        w = np.ones(len(rows)) if one.loss is None else robust(H @ P @ H.transpose(0, 2, 1), R, nu, one.loss)
-        found = corrected(P, H, R / w[:, None, None], nu, np.where(acts & (action == RESET), SURE / w, 1.0))
+        found = None
+        for _ in range(one.trips):
+            if found is not None:
+                e = np.where(used[:, None], found.e, 0.0)
+                off, H = one.function(e, at)
+                nu = (H @ e[:, :, None])[:, :, 0] - off
+                nu, H = np.where(known[:, None], nu, 0.0), np.where(known[:, None, None], H, 0.0)
+            w = np.ones(len(rows)) if one.loss is None else robust(H @ P @ H.transpose(0, 2, 1), R, nu, one.loss)
+            found = corrected(P, H, R / w[:, None, None], nu, np.where(acts & (action == RESET), SURE / w, 1.0))
+        assert found is not None
         out[:, 0], out[:, 1] = np.where(known, nis, np.nan), np.where(acts, 2.0, used)
         if used.any():
             e, before = found.e[used], rows[used]

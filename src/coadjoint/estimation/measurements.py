@@ -55,6 +55,9 @@ class Measurement:
         gate. "inflate" multiplies P by its NIS/m and takes the value; "reset" moves the estimate onto the value, with
         HP⁺Hᵀ = R, as if what was known of it before were wrong; "stop" raises StepError. By default all such values are
         left out. `found.nis[name].recovered` and `Innovation.recovered` say where it happened.
+    iterations: how many times an update linearises the function, each time at the estimate that the last one found, as
+        Gauss and Newton do, for a prior that is vague and a sensor that is precise. By default 2 with a `space`, and 1
+        without, Kalman's own update.
     loss: `co.losses.Huber()` or `Student()`, with which a value far off counts less; by default least squares.
 
     Raises ArgumentError for covariances that are not positive and for a gate that is not a probability.
@@ -70,6 +73,7 @@ class Measurement:
     coordinates: Any = field(default=None, kw_only=True)
     after_rejections: tuple[int, str] | None = field(default=None, kw_only=True)
     loss: Loss | None = field(default=None, kw_only=True)
+    iterations: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         checks.function(self.function, "The function of co.estimation.Measurement", "a function of the motion")
@@ -93,6 +97,8 @@ class Measurement:
                 self.gate, "Argument `gate` of co.estimation.Measurement, a probability,", above=0.0, below=1.0
             )
 
+        if self.iterations is not None:
+            checks.whole(self.iterations, "Argument `iterations` of co.estimation.Measurement", 1)
         if self.after_rejections is not None:
             self._require_rejections()
 
@@ -110,6 +116,11 @@ class Measurement:
         """How many values in a row beyond the gate bring an action, and which one; 0 for none."""
         count, word = (0, "") if self.after_rejections is None else self.after_rejections
         return count, RECOVERIES.get(word, 0)
+
+    @property
+    def trips(self) -> int:
+        """How many times an update linearises the function."""
+        return (1 if self.space is None else 2) if self.iterations is None else self.iterations
 
     def noise(self, space: MeasuredSpace, name: str) -> np.ndarray:
         """R, (m, m), of values in a space."""

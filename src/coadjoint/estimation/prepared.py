@@ -25,7 +25,7 @@ class PreparedMeasurement(NamedTuple):
 
     space: of its values. reading: h of a row. function: (e, (row, y)) ↦ h ⊖ y of `spaces.measured`, whose negative is
     ν. covariance: R (m, m). gate: the largest NIS that is accepted. loss: its numbers. recovery: after how many values
-    in a row beyond the gate what is done, of `kernels.emit.filter_correction`.
+    in a row beyond the gate what is done, of `kernels.emit.filter_correction`. trips: linearisations of an update.
     """
 
     name: str
@@ -36,6 +36,7 @@ class PreparedMeasurement(NamedTuple):
     gate: float
     loss: tuple[float, float, float] | None
     recovery: tuple[int, int]
+    trips: int
 
     def noise(self, count: int, random: np.random.Generator | None) -> np.ndarray:
         """Errors (count, m) with the covariance R, 0 without `random`."""
@@ -71,4 +72,6 @@ def prepared(process: Process, name: str, measurement: PyTree) -> PreparedMeasur
     gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, space.dim))
     loss = measurement.loss
     weights = None if loss is None else loss.numbers(space.dim)
-    return PreparedMeasurement(name, space, reading, function, R, gate, weights, measurement.recovery)
+    return PreparedMeasurement(
+        name, space, reading, function, R, gate, weights, measurement.recovery, measurement.trips
+    )

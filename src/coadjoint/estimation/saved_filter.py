@@ -62,7 +62,8 @@ class _Loaded(NamedTuple):
 def to_bytes(face: FilterInterface, model: Model, seen: list[MeasurementCode], held: FilterMemory) -> bytes:
     """A filter as the content of a file."""
     assembly = linked(parts_of(model, seen))
-    measured = [{"gate": one.gate, "numbers": one.numbers, "loss": one.loss, "recovery": one.recovery} for one in seen]
+    kept = ("gate", "numbers", "loss", "recovery", "trips")
+    measured = [{name: getattr(one, name) for name in kept} for one in seen]
     header = {
         "face": {**asdict(face), **{name: getattr(face, name).shapes for name in _FIELDS}},
         "sizes": {name: int(getattr(model, name)) for name in _SIZES},
@@ -194,7 +195,9 @@ def _opened(archive: zipfile.ZipFile, header: Table) -> SavedFilter:
     functions |= {"step": step, "step_assembly": _Loaded(step).assembly}
     model = Model(**numbers, **sizes, **functions, projector=function("projector") if header["constrained"] else None)
     seen = [
-        MeasurementCode(function(f"measure_{i}"), R, one["gate"], one["numbers"], one["loss"], tuple(one["recovery"]))
+        MeasurementCode(
+            function(f"measure_{i}"), R, one["gate"], one["numbers"], one["loss"], tuple(one["recovery"]), one["trips"]
+        )
         for i, (one, R) in enumerate(zip(header["measured"], covariances, strict=True))
     ]
     return SavedFilter(face, machine, Filters(model, seen, orders_of(machine, "filter")), seen, held)

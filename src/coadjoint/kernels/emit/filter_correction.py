@@ -51,10 +51,19 @@ def correction(module: ir.Module, algebra: DenseAlgebra) -> Value:
             with f.over(count) as i:
                 f.put(m.numbers(name), i, f.b.fmul(f.at(m.numbers(name), i), factor))
         _whitened(f, m, algebra, size, R, one)
-    weight = _weight(f, m, algebra, measurement, size, R)
-    with f.b.if_then(f.b.icmp_signed("==", action, INT64(RESET))):
-        _whitened(f, m, algebra, size, R, DOUBLE(SURE))
-    _apply(f, m, algebra, size, R, weight)
+    weight = f.variable(DOUBLE, one)
+
+    def weigh() -> None:
+        f.b.store(_weight(f, m, algebra, measurement, size, R), weight)
+        with f.b.if_then(f.b.icmp_signed("==", action, INT64(RESET))):
+            _whitened(f, m, algebra, size, R, DOUBLE(SURE))
+
+    weigh()
+    with f.over(f.at(m.integers("trips"), measurement), 1):
+        _linearise(f, m, algebra, measurement, size)
+        _whitened(f, m, algebra, size, R, one)
+        weigh()
+    _apply(f, m, algebra, size, R, f.b.load(weight))
     with f.b.if_then(f.b.icmp_signed("!=", m.integer("projector"), INT64(0))):
         _project(f, m, algebra)
     f.b.ret(f.b.zext(not_finite(f, m), INT64))
@@ -99,6 +108,23 @@ def _innovation(f: Loops, m: FilterAddresses, measurement: Value, values: Value)
         f.put(nu, i, difference)
         f.b.store(f.b.fadd(f.b.load(total), f.b.fsub(difference, difference)), total)
     return f.b.load(total)
+
+
+def _linearise(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, measurement: Value, size: Value) -> None:
+    """H at the error e = Kν that was found, and ν + He in the place of ν: a Gauss–Newton step from there."""
+    n, one = m.integer("errors"), DOUBLE(1.0)
+    nu, H, HP, e, z = (m.numbers(name) for name in ("nu", "H", "HP", "x", "K"))
+    f.b.call(algebra.copy, [z, nu, size])
+    f.b.call(algebra.cholesky_solve, [m.numbers("S"), z, size, INT64(1), INT64(1)])
+    clear(f, e, n)
+    f.b.call(algebra.product, [e, z, HP, INT64(1), size, n, n, size, n, one])
+    clear(f, H, f.times(size, n))
+    function = f.b.inttoptr(f.at(m.integers("measurements"), measurement), FUNCTION)
+    f.b.call(function, [e, m.numbers("seen"), nu, H, INT64(1)])
+    with f.over(size) as i:
+        f.put(nu, i, f.b.fneg(f.at(nu, i)))
+    f.b.call(algebra.product, [nu, H, e, size, n, INT64(1), INT64(1), n, INT64(1), one])
+    _spread(f, m, algebra, size)
 
 
 def _spread(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value) -> None:

@@ -14,7 +14,7 @@ FIELDS = (
     *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "fractions"),
     *("densities", "Phi", "chain", "turned", "W", "step_scratch", "status", "retract", "carry", "moved"),
     *("input_places", "measurements", "sizes", "counts", "covariances", "gates", "losses"),
-    *("limits", "actions", "rejected", "seen"),
+    *("limits", "actions", "trips", "rejected", "seen"),
     *("nu", "H", "HP", "A", "S", "K", "KR", "e", "zeros", "projector"),
 )
 """The memory of a filter: sizes and addresses, all integers."""

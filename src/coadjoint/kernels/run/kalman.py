@@ -64,7 +64,8 @@ class Model(NamedTuple):
 class MeasurementCode(NamedTuple):
     """A measurement: its function of (e, (row, y)), whose value is −ν, R (m, m), the largest NIS that is accepted, how
     many numbers y has, and (a, b, c) of its loss, with the weight min(1, a/d), or a/(b + d²) where c is 1.
-    recovery: the number of values in a row beyond the gate after which something is done, and what, 0 for nothing."""
+    recovery: the number of values in a row beyond the gate after which something is done, and what, 0 for nothing.
+    trips: how many times the function is linearised."""
 
     function: FilterFunction
     covariance: np.ndarray
@@ -72,6 +73,7 @@ class MeasurementCode(NamedTuple):
     numbers: int
     loss: tuple[float, float, float] | None
     recovery: tuple[int, int]
+    trips: int = 1
 
 
 class FilterTable(NamedTuple):
@@ -105,7 +107,7 @@ def table(M: Model, seen: Sequence[MeasurementCode]) -> FilterTable:
     integers = {
         "places": M.places, "input_places": M.inputs, "sizes": [len(one.covariance) for one in seen],
         "counts": [one.numbers for one in seen], "limits": [one.recovery[0] for one in seen],
-        "actions": [one.recovery[1] for one in seen],
+        "actions": [one.recovery[1] for one in seen], "trips": [one.trips for one in seen],
     }  # fmt: skip
     constants = {name: np.append(np.asarray(value, float), 0.0) for name, value in numbers.items()}
     constants |= {name: np.append(np.asarray(value, np.int64), 0) for name, value in integers.items()}
