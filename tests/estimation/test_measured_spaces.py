@@ -100,12 +100,14 @@ def test_an_iterated_update_is_the_least_of_its_cost_on_the_sphere():
 def test_two_thousand_filters_state_their_errors_at_any_pitch(kind: str, pitch: float, s: float):
     """Means of NEES and NIS at single times are those of χ², up to what 0.2 rad adds by curvature, its square.
 
-    Of 200 members the fraction of the times in a band says less: NEES of neighbouring times are alike.
+    Of 200 members the fraction of times in a band says less: NEES of neighbouring times are alike. One bearing leaves
+    the turn about it open, 0.1 rad, along which 1 g drives the place 8 m away in 4 s: a place measured to 0.04 m is no
+    linear function of that any more, so that `bearing` is judged for 1 s.
     """
     one = replace(KINDS[kind], covariance=None, deviation=KINDS[kind].covariance ** 0.5 * s / S)
     nees, nis, free, m = spread(2000, 40, pitch, one, 11)
     for squares, dof in ((nees, free), (nis, m)):
-        off = np.abs(squares.mean(axis=1)[[0, 10, 20, 39]] / dof - 1)
+        off = np.abs(squares.mean(axis=1)[[0, 10] if kind == "bearing" else [0, 10, 20, 39]] / dof - 1)
         assert np.all(off < 3.3 * np.sqrt(2 / dof / 2000) + 0.5 * s**2), (off, dof)
 
 
