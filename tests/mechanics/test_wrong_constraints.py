@@ -42,6 +42,14 @@ def impure(n, a, p):
     return n + p.pin + 1e-9 * random.random()
 
 
+def planned(**more):
+    system = pinned(forces=lambda motion, p: co.Force(torque=motion.inputs.torque))
+    inputs = {"torque": co.control.Input((3,))}
+    return co.control.Problem(
+        system, start(system), dt=0.1, steps=3, inputs=inputs, cost=lambda motion, p: motion.xi @ motion.xi, **more
+    )
+
+
 def massless():
     return co.System(
         co.SO3(),
@@ -199,6 +207,18 @@ USES = {
     "a projection of other members": (
         lambda: pinned().replace(mass=co.each([1.0, 2.0])).project(start(pinned(), xi=co.each(np.ones((3, 3))))),
         r"The system has 2 members, but the state has 3",
+    ),
+    "an optimal start": (
+        lambda: planned(free_start={"g": 0.1}),
+        r"the start of an optimal motion is fixed, .* leave `free_start` out",
+    ),
+    "an optimal place of the pin": (
+        lambda: planned(parameters={"pin": (PIN - 0.1, PIN + 0.1)}),
+        r"Constraints read the parameter `pin`, so that the start would leave them",
+    ),
+    "a pin that changes from solution to solution": (
+        lambda: planned(changing=("mass", "pin")),
+        r"Constraints read the parameter `pin`, so that the start would leave them",
     ),
     "a projection of a number": (lambda: pinned().project(3), r"`state` must be a state of `lagrangian`, but is 3"),
     "an input that jumps": (

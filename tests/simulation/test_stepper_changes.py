@@ -14,6 +14,8 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import velocities
 from coadjoint_vehicles import Craft
 from coadjoint_vehicles.water.water import UniformWater
+from pinned import PIN, pinned
+from pinned import start as start_pinned
 
 H = 0.05
 COMMANDS = {"rudder": 0.0, "stern_planes": 0.0, "propeller": 15.0}
@@ -181,3 +183,28 @@ def test_a_mass_matrix_that_is_no_longer_positive_is_refused_and_nothing_changes
     assert np.array_equal(under_way.state.pi, state.pi) and under_way.parameters.mass == mass
     under_way.step(n=2)
     assert np.all(np.isfinite(under_way.state.pi))
+
+
+def test_a_state_off_a_constraint_is_refused_wherever_a_stepper_gets_it():
+    system = pinned()
+    stepper = co.Stepper(system, start_pinned(system), dt=0.01)
+    before = stepper.state
+    for move in (
+        lambda: stepper.change(pin=PIN + 0.1),
+        lambda: stepper.restore(system.state(q=[1, 1, 1], a0=[0, 0, 1])),
+        lambda: stepper.reset({"n": -PIN + 0.1}),
+        lambda: stepper.reset({"mu": [5.0, 0.0, 0.0]}),
+    ):
+        with pytest.raises(co.errors.ArgumentError, match=r"must satisfy the constraint `pin`, but \|φ"):
+            move()
+    stepper.restore(before)
+    stepper.change(mass=3.0)
+    stepper.step(n=3)
+    np.testing.assert_allclose(stepper.state.n, -PIN, atol=1e-14)
+
+
+def test_velocities_alone_do_not_reset_a_stepper():
+    system = pinned()
+    stepper = co.Stepper(system, start_pinned(system), dt=0.01)
+    with pytest.raises(co.errors.ArgumentError, match="follow from its momenta: give `mu` and `pi`"):
+        stepper.reset({"xi": [5.0, 0.0, 0.0]})

@@ -17,6 +17,7 @@ from coadjoint.control.measured import Measured
 from coadjoint.control.numbers import known_parameter, number, require_between, shortest_and_longest, spread
 from coadjoint.control.penalty import Penalty, require_soft
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.mechanics.constrained_start import parameters_read
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -178,6 +179,8 @@ class ProblemData:
         self._require_free()
         object.__setattr__(self, "changing", self._changing())
         self._require_estimated()
+        if self.system.constraints:
+            self._require_start_on_constraints()
 
     @property
     def end_function(self) -> Callable[..., PyTree] | None:
@@ -246,6 +249,20 @@ class ProblemData:
             one.nodes(name, float(self.start.t), self.dt, self.count)
         if self.measured and self.free_duration is not None:
             raise ArgumentError("Measurements at times fix the duration: leave `free_duration` out.")
+
+    def _require_start_on_constraints(self) -> None:
+        """Raise ArgumentError where the optimum could move the start off the constraints of the system."""
+        if self.free_start:
+            raise ArgumentError(
+                "With constraints the start of an optimal motion is fixed, since a free one would leave them: leave "
+                "`free_start` out, or describe the system in minimal coordinates."
+            )
+        moving = [*self.parameters, *self.changing]
+        for name in sorted(parameters_read(self.system, self.start).intersection(moving)) if moving else ():
+            raise ArgumentError(
+                f"Constraints read the parameter `{name}`, so that the start would leave them as it changes: solve a "
+                "problem for each value, with system.project(start)."
+            )
 
     def _changing(self) -> tuple[str, ...]:
         """The names of parameters that may change from one solution to the next, checked."""

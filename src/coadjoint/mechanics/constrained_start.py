@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
+from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.constraints import places
 from coadjoint.mechanics.copies import replace_parameters
@@ -45,16 +46,16 @@ def checked_start(system: ReducedFunctions, state: State) -> Independent:
     LagrangianError where a constraint is not pure.
     """
     found, independent = _survey(system, state)
-    _require_on(system, found)
+    require_on(system, found)
     return independent
 
 
 def _survey(system: ReducedFunctions, state: State) -> tuple[Table, Independent]:
-    """`_surveyed` of a state, and the places of rows of which all others follow."""
+    """`surveyed` of a state, and the places of rows of which all others follow."""
     for one in system.constraints:
         read = one.value if one.holonomic else one.rows
         require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
-    found = evaluate(lambda s, p: _surveyed(replace_parameters(system, p), s), state, system.parameters)
+    found = evaluate(lambda s, p: surveyed(replace_parameters(system, p), s), state, system.parameters)
     return found, None if rows_of(system) is not None else _independent(system, found["rows"], found["mobility"])
 
 
@@ -64,9 +65,9 @@ def require_members_on_constraints(system: ReducedFunctions, parameters: PyTree,
     parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
     """
 
-    survey = jax.vmap(lambda p, s: _surveyed(replace_parameters(system, p), s), in_axes=(axes, 0))
+    survey = jax.vmap(lambda p, s: surveyed(replace_parameters(system, p), s), in_axes=(axes, 0))
     found = evaluate(survey, parameters, states)
-    _require_on(system, found)
+    require_on(system, found)
     if any(_rank(matrix) < len(matrix) for matrix in found["mobility"] if len(matrix)):
         raise ArgumentError(
             "The members of an ensemble need independent constraints, but some rows follow from others at the start: "
@@ -74,24 +75,40 @@ def require_members_on_constraints(system: ReducedFunctions, parameters: PyTree,
         )
 
 
-def _require_on(system: ReducedFunctions, found: dict[str, PyTree]) -> None:
-    """Raise ArgumentError where a distance from a constraint is not round-off; arrays may have an axis of members."""
+def require_on(system: ReducedFunctions, found: Mapping[str, PyTree], whose: str = "the start") -> None:
+    """Raise ArgumentError where a distance from a constraint, of `surveyed`, is not round-off; arrays may have an axis
+    of members."""
     for (one, part), (gap, size) in zip(parts(system), found["places"], strict=True):
         if np.any(~(gap <= ON * size)):
             raise ArgumentError(
-                f"The start must satisfy the constraint `{one.name}`, but |φ| is {np.max(gap):.3g}: take "
-                "system.project(start), or other values."
+                f"{whose[0].upper()}{whose[1:]} must satisfy the constraint `{one.name}`, but |φ| is "
+                f"{np.max(gap):.3g}: take system.project(start), or other values."
             )
         gap, size = (x[..., part] for x in found["rate"])
         if np.any(~(gap <= ON * size)):
             what = "|φ̇|" if one.holonomic else "|A·(ξ, ν) − b|"
             raise ArgumentError(
-                f"The velocities of the start must satisfy the constraint `{one.name}`, but {what} is "
+                f"The velocities of {whose} must satisfy the constraint `{one.name}`, but {what} is "
                 f"{np.max(gap):.3g}: take system.project(start), or other velocities."
             )
 
 
-def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
+def parameters_read(system: ReducedFunctions, state: State) -> set[str]:
+    """The names of the parameters that constraints read, with those of their entries: a state stays on the constraints
+    when others change."""
+
+    def values(parameters: PyTree) -> list[PyTree]:
+        here, at = replace_parameters(system, parameters), site(state)
+        bounds = [one for one in system.constraints if not one.takes_inputs]
+        return [one.value(here, at) if one.holonomic else one.rows(here, at) for one in bounds]
+
+    leaves = jax.tree_util.tree_leaves_with_path(system.parameters)
+    used = depends(values, system.parameters)
+    names = [jax.tree_util.keystr(path).lstrip(".") for (path, _), reads in zip(leaves, used, strict=True) if reads]
+    return {name for full in names for name in (full, full.partition(".")[0])}
+
+
+def surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
     """|φ| of each constraint and |A·(ξ, ν) − b|, with the size of the terms in them, and A M⁻¹Aᵀ."""
     if rows_of(system) is not None:
         return _surveyed_links(system, state)
@@ -127,7 +144,7 @@ def _surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
 
 
 def _surveyed_links(system: ReducedFunctions, state: State) -> Table:
-    """`_surveyed` of many links, relative to the largest n, a, ξ and ν, without A and A M⁻¹Aᵀ."""
+    """`surveyed` of many links, relative to the largest n, a, ξ and ν, without A and A M⁻¹Aᵀ."""
     at, node = site(state), inverse_legendre.velocities(system, state)
     size = 1e-3 + largest(state.n, state.a)
     gaps = [
@@ -221,7 +238,7 @@ def projected(system: ReducedFunctions, state: State) -> State:
     found = of(_with_velocities)(state)
     survey, _ = _survey(system, found)
     try:
-        _require_on(system, survey)
+        require_on(system, survey)
     except ArgumentError as error:
         said = str(error).partition(": take")[0]
         raise ArgumentError(

@@ -187,6 +187,10 @@ class StepperBase(StepperWarnings):
         """States (k, size) of these members from a given state; `rows` supplies the values that it does not name."""
         if not isinstance(state, Mapping):
             raise ArgumentError(f"Argument `state` must be what `stepper.state` showed, but is {type(state).__name__}.")
+        if {"xi", "nu"} & set(state) and not {"mu", "pi"} & set(state):
+            raise ArgumentError(
+                "Velocities of a stepper follow from its momenta: give `mu` and `pi`, or a state of system.state(xi=…)."
+            )
         self._fill(rows, state, which, "state")
         return rows
 

@@ -17,6 +17,7 @@ from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.run.ensemble import members_of
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.constrained_start import require_on, surveyed
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
@@ -106,6 +107,21 @@ class Beginning:
         states = self._tabulated[form](*given)
         self._require_like(states)
         return packing.rows(states, count)
+
+    def require_on_constraints(self, states: np.ndarray, parameters: np.ndarray, whose: str) -> None:
+        """Raise ArgumentError for a state (k, size) that is off a constraint with parameters (k or 1, size)."""
+        if not self.skeleton.constraints:
+            return
+        rows = np.broadcast_to(parameters, (len(states), parameters.shape[1]))
+        given = self.constants.unpack(rows), self.state.unpack(states)
+
+        def survey(constants: Constants, state: State) -> PyTree:
+            return surveyed(replace_parameters(self.skeleton, constants.system), state)
+
+        form = layout(given)
+        if form not in self._tabulated:
+            self._tabulated[form] = tabulate(jax.vmap(survey), *given)
+        require_on(self.skeleton, self._tabulated[form](*given), whose)
 
     def carrying(self, state: State) -> State:
         """A state of a run or stepper with the values that XLA steps carry over, or without them for machine code."""

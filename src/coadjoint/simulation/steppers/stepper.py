@@ -332,9 +332,12 @@ class Stepper(Stepping):
             return self._beginning.state.unpack(self._of_members(of_lanes(self._buffers.state)))
 
     def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
-        if not isinstance(state, State):
-            return super()._rows(rows, state, which)
-        return self._beginning.rows(state, self._parameter_rows())[which]
+        if isinstance(state, State):
+            found = self._beginning.rows(state, self._parameter_rows())[which]
+        else:
+            found = super()._rows(rows, state, which)
+        self._beginning.require_on_constraints(found, self._all_parameters()[which], "the state")
+        return found
 
     def prepared(self, states: State, parameters: PyTree = None) -> Prepared:
         """k starts that the method begins together, for `begin`: moving to one of them costs a copy of its numbers.
@@ -383,6 +386,9 @@ class Stepper(Stepping):
 
     def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         return carried(self._beginning, states, before, after)
+
+    def _require_fit(self, states: np.ndarray, parameters: np.ndarray) -> None:
+        self._beginning.require_on_constraints(states, parameters, "the state under these parameters")
 
     def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
         warn(

@@ -208,6 +208,7 @@ class Stepping(StepperBase):
             if keep == "velocity":
                 twice = [np.concatenate([part, part]) for part in (before[which], rows)]
                 here, origin = np.split(self._carried(np.concatenate([here, origin]), *twice), 2)
+            self._require_fit(np.concatenate([here, origin]), np.concatenate([rows, rows]))
             if columns := self.face.compiled_out(after):
                 self._recompile(columns, after)
             self._origin = self._origin.copy()
@@ -234,6 +235,9 @@ class Stepping(StepperBase):
     def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The states (k, size) whose velocities stay when the parameters change."""
         raise ArgumentError('A saved stepper does not know how momenta belong to velocities: pass keep="momentum".')
+
+    def _require_fit(self, states: np.ndarray, parameters: np.ndarray) -> None:
+        """Raise ArgumentError where states (k, size) do not satisfy the constraints under parameters (k, size)."""
 
     def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
         """Recompile with these places of the parameters free."""
