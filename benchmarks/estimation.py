@@ -177,9 +177,7 @@ def _of_a_body(duration: float) -> dict[str, dict[str, float]]:
     measured = {name: (lambda s, i=i: s.xi[i]) for i, name in enumerate(SEEN)}
     for label in ("first", "again"):
         began = time.process_time()
-        result = identify(
-            system, log, start=start, parameters=["inertia", "drag"], measured=measured, dt=0.05, progress=False
-        )
+        result = identify(system, log, start=start, parameters=["inertia", "drag"], measured=measured, progress=False)
         seconds = time.process_time() - began
         values = list(result.estimates.values())
         off = _worst(np.array([one.value for one in values]) - truth, np.array([one.standard_error for one in values]))

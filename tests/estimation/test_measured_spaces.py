@@ -90,7 +90,9 @@ def test_an_iterated_update_is_the_least_of_its_cost_on_the_sphere():
     for n, filter in [*found.items(), ("arrays", arrays)]:
         filter.update({"y": y})
         off[n] = np.max(np.abs(filter.rows - least))
+        filter.predict(0.1, {"imu": READING})
     assert off[1] > 0.01 and off[None] < 0.3 * off[1] and off[8] < 1e-6 and off["arrays"] < 1e-6
+    np.testing.assert_allclose(found[8].P, arrays.P, atol=1e-9)
 
 
 @pytest.mark.long

@@ -251,10 +251,11 @@ class Filter(WithOverview, Remade):
         self._past.took(name, values)
         if self.members is None:
             nis, used = output[0].tolist()
-            found = Innovation(nis, used > 0, used > 1)
+            found, recovered = Innovation(nis, used > 0, used > 1), used > 1
         else:
             found = Innovation(output[:, 0], output[:, 1] > 0, output[:, 1] > 1)
-        if np.any(found.recovered):
+            recovered = found.recovered.any()
+        if recovered:
             report_recovery(name, self.measurements[name], self.t)
         return found
 

@@ -63,8 +63,11 @@ class FilterMeasurements:
             found = float64(value)
         except (TypeError, ValueError):
             raise ArgumentError(f"`{name}` of `measured` must be numbers, but is {shown(value)}.") from None
-        if found.size == self.sizes[name] and (self._members is None or found.ndim < 2) and math.isfinite(found.sum()):
-            values = found.reshape(1, -1)
+        flat = found.reshape(-1)
+        # Squares that overflow go the other way.
+        alone = len(flat) == self.sizes[name] and (self._members is None or found.ndim < 2)
+        if alone and math.isfinite(flat.dot(flat)):
+            values = flat[None]
         else:
             one = series(name, ([0.0], [found]), "measured", self.sizes, self._members)
             values = one.values if one.values.ndim == 2 else one.values[0]

@@ -113,7 +113,7 @@ def _innovation(f: Loops, m: FilterAddresses, measurement: Value, values: Value)
 def _linearise(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, measurement: Value, size: Value) -> None:
     """H at the error e = Kν that was found, and ν + He in the place of ν: a Gauss–Newton step from there."""
     n, one = m.integer("errors"), DOUBLE(1.0)
-    nu, H, HP, e, z = (m.numbers(name) for name in ("nu", "H", "HP", "x", "K"))
+    nu, H, HP, e, z = (m.numbers(name) for name in ("nu", "H", "HP", "W", "K"))
     f.b.call(algebra.copy, [z, nu, size])
     f.b.call(algebra.cholesky_solve, [m.numbers("S"), z, size, INT64(1), INT64(1)])
     clear(f, e, n)
