@@ -90,3 +90,16 @@ def test_arguments_and_results_keep_their_names_and_shapes():
 def test_what_casadi_cannot_have_is_told(function, arguments, told):
     with pytest.raises(co.errors.CoadjointError, match=told):
         co.control.casadi_function(function, arguments)
+
+
+@pytest.mark.parametrize("several", [lambda x: {"a": x, "b": 2 * x}, lambda x: (x, x)])
+def test_a_function_of_casadi_has_one_result(several):
+    with pytest.raises(
+        co.errors.LagrangianError, match="one number, a vector or a matrix, but returns several results"
+    ):
+        co.control.casadi_function(several, {"x": np.zeros(3)})
+
+
+def test_arguments_of_a_function_of_casadi_have_names():
+    with pytest.raises(co.errors.ArgumentError, match="`arguments` must be name → example"):
+        co.control.casadi_function(lambda x: x, [np.zeros(3)])  # pyright: ignore[reportArgumentType]

@@ -115,7 +115,7 @@ def test_what_is_too_late_is_told():
         one.predict(H)
     with pytest.raises(co.errors.ArgumentError, match=r"remembers its steps from 0.5 s on; `memory`"):
         one.update({"usbl": [0.0, 0.0]}, t=0.2)
-    with pytest.raises(co.errors.ArgumentError, match="cannot be processed: the filter is at 1 s"):
+    with pytest.raises(co.errors.ArgumentError, match="is later than the filter, which is at 1 s: predict"):
         one.update({"usbl": [0.0, 0.0]}, t=2.0)
     with pytest.raises(co.errors.ArgumentError, match="The filter has no measurement `gps`"):
         one.update({"gps": [0.0, 0.0]}, t=0.8)

@@ -16,6 +16,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.trace_checks import in_words
+from coadjoint.spaces.named import Named
 
 
 def casadi_function(
@@ -35,6 +36,7 @@ def casadi_function(
     """
     checks.function(function, "function", "a function of arrays")
     ca, tracer = casadi(), Tracer()
+    checks.mapping(arguments, "arguments", 'name → example, such as {"xi": np.zeros(3)}')
     known: dict[Any, Any] = {}
     symbols, columns = [], []
     for key, example in arguments.items():
@@ -47,6 +49,11 @@ def casadi_function(
         symbols.append(tree)
         columns.append(column)
     value = traced(tracer, "The function", function, *symbols)
+    if isinstance(value, (Mapping, tuple, list, Named)):
+        raise LagrangianError(
+            "The function must return one number, a vector or a matrix, but returns several results: make a function "
+            "of CasADi for each, or join them with jnp.concatenate."
+        )
     outputs = matrix(ca, casadi_expressions(flat(value), known), np.shape(value))
     return ca.Function(name, columns, [outputs], list(arguments), [result])
 

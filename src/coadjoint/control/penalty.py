@@ -69,8 +69,8 @@ class Slack(NamedTuple):
         return len(self.linear)
 
     def violations(self, values: np.ndarray) -> np.ndarray:
-        """The violation of each row, (nodes, rows), by slack variables (nodes, size)."""
-        return values @ np.abs(self.matrix).T
+        """The violation of each row, (nodes, rows), by slack variables (nodes, size), which are ≥ 0 up to round-off."""
+        return np.maximum(values, 0.0) @ np.abs(self.matrix).T
 
 
 def slack_of(penalty: Penalty, lower: np.ndarray, upper: np.ndarray, what: str) -> Slack:

@@ -60,6 +60,11 @@ class Past:
     def back(self, t: Scalar, now: float) -> list[PastStep]:
         """Remove and return the steps from that around t on; raises ArgumentError if none is kept."""
         first = self._steps[0].t if self._steps else now
+        if checks.is_number(t) and t > now + SAME:
+            raise ArgumentError(
+                f"A measurement at t = {shown(t)} s is later than the filter, which is at {now:g} s: predict to that "
+                "time first."
+            )
         if not (checks.is_number(t) and first - SAME <= t <= now + SAME):
             raise ArgumentError(
                 f"A measurement at t = {shown(t)} s cannot be processed: the filter is at {now:g} s and remembers its "

@@ -64,5 +64,6 @@ def require_signature(function: Callable[..., PyTree], what: str, expected: list
     if extra or (len(takes) != len(expected) and not open_ended):
         raise LagrangianError(
             f"{what} of this system must take ({', '.join(expected)}), but takes ({', '.join(takes + extra)}): "
-            "n and nu, or pi, come with `additional`, a with `advected`, p with `parameters`."
+            + ("p comes" if "motion" in expected else "n and nu, or pi, come with `additional`, a with `advected`, p")
+            + " with `parameters`."
         )

@@ -55,6 +55,18 @@ def test_a_mistake_is_one_sentence(given, sentence):
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
+        ({"reward": lambda f: f.velocity}, r"The reward must return one number, but returns the shape \(3,\)"),
+        ({"ends": {"deep": lambda f: f.depth}}, r"The end `deep` must return one truth value, but returns a number"),
+    ],
+)
+def test_a_reward_is_one_number_and_an_end_is_true_or_false(given, sentence):
+    with pytest.raises(CoadjointError, match=sentence):
+        environment(NAME, **given)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
         ({"num_envs": 0}, "`num_envs` must be"),
         ({"num_envs": 2, "autoreset": "never"}, '"next_step", "same_step" or "disabled"'),
         ({"num_envs": 2, "reword": None}, "did you mean `reward`"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
-from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
 from coadjoint.extending import Fields, StepperBase, require_portable
 from coadjoint.mechanics import State
 from coadjoint.simulation import Stepper
@@ -123,7 +123,7 @@ class Simulated:
         inner = of_feedback(self.common, self.task.reward if given is None else given)
 
         def reward(state: State, p: Named) -> Array:
-            found = jnp.reshape(inner(state, p), ())
+            found = _one(inner(state, p), "The reward", "one number")
             if places is not None:
                 found = found - effort * jnp.mean(places(state, p) ** 2)
             ended = self._ended(state, p)
@@ -134,7 +134,10 @@ class Simulated:
     def _ended(self, state: State, p: Named) -> Array:
         """A 1 for each end that has come, (ends,)."""
         found = [of_feedback(self.common, end.when)(state, p) for end in self.ends.values()]
-        return jnp.array([jnp.where(jnp.reshape(one, ()), 1.0, 0.0) for one in found]) if found else jnp.zeros(0)
+        came = [
+            _one(one, f"The end `{name}`", "one truth value", bool) for name, one in zip(self.ends, found, strict=True)
+        ]
+        return jnp.array([jnp.where(one, 1.0, 0.0) for one in came]) if came else jnp.zeros(0)
 
     def step(self) -> None:
         """One period; raises StepError if the step of a single craft fails, or if an observation is not finite."""
@@ -233,3 +236,12 @@ class Simulating:
     def stepper(self) -> Stepper:
         """The stepper beneath."""
         return self.simulated.stepper
+
+
+def _one(value: PyTree, what: str, expected: str, kind: type = float) -> Array:
+    """A value of a user's function as one number; raises LagrangianError for others, and for truth from numbers."""
+    array = jnp.asarray(value)
+    if array.size != 1 or (kind is bool and array.dtype != bool):
+        found = f"the shape {array.shape}" if array.size != 1 else f"a number ({array.dtype})"
+        raise LagrangianError(f"{what} must return {expected}, but returns {found}.")
+    return jnp.reshape(array, ())
