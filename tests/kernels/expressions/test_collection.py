@@ -105,3 +105,24 @@ def test_a_truth_value_that_never_changes_stays_one(truth):
         root = graph.apply("xor", graph.apply("lt", x, graph.zero), fixed)
         (found,) = collector(graph)([root])
         assert found is root and all(a.is_truth for a in found.args)
+
+
+def test_nodes_that_are_collected_already_are_not_visited_again(monkeypatch):
+    """Equations and certificates of a step are collected one by one, and share most of their nodes."""
+    from coadjoint.kernels.expressions import collection
+
+    graph, visits = Graph(), []
+    x, root = graph.symbol("x"), graph.symbol("y")
+    for _ in range(200):
+        root = graph.add(graph.mul(root, x), x)
+
+    def counted(roots, *how):
+        found = reachable(roots, *how)
+        visits.append(len(found))
+        return found
+
+    monkeypatch.setattr(collection, "reachable", counted)
+    collect = collector(graph)
+    first, second = collect([root]), collect([graph.add(root, graph.symbol("z"))])
+    assert visits[0] > 400 and visits[1] <= 3
+    assert second == [graph.add(first[0], graph.symbol("z"))]

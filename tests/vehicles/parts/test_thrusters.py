@@ -333,6 +333,17 @@ def test_thrusts_about_dead_bands_have_the_derivative_of_the_thrusters_beyond_th
     np.testing.assert_allclose(slope, (f[:6] - f[6:]).T / (2 * small), atol=1e-6)
 
 
+def test_the_check_of_a_run_and_its_steps_share_one_trace_of_the_allocation(monkeypatch):
+    from coadjoint_vehicles.parts import allocator
+
+    calls: list[int] = []
+    monkeypatch.setattr(allocator, "bounded", lambda *given: calls.append(1) or bounded(*given))
+    part = Thrusters("thrusters", {"linear": 40.0}, allocation=BLUEROV_TAM, limit=1.0)
+    for scale in (1.0, 2.0):
+        evaluate(lambda wrench: part.allocator.thrusts(scale * wrench), np.ones(6))  # noqa: B023
+    assert len(calls) == 2  # of the horizontal and of the vertical thrusters
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("dead_band", [None, 0.4])
 def test_weighted_allocation_is_the_same_in_native_code_and_by_xla(dead_band):

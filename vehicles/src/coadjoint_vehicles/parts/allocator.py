@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -90,6 +91,14 @@ class Allocator:
 
     def thrusts(self, wrench: Array) -> Array:
         """f, (n,) N, for a wrench (6,), N and N m; beyond the limits attitude comes before position."""
+        return self._traced_once(wrench)
+
+    @cached_property
+    def _traced_once(self) -> Callable[[Array], Array]:
+        """`_thrusts`, which JAX traces once for the check of a run and its steps."""
+        return jax.jit(self._thrusts)
+
+    def _thrusts(self, wrench: Array) -> Array:
         free = jnp.asarray(self.inverse) @ wrench
         limited = np.isfinite(self.low) | np.isfinite(self.high)
         scaled = self.matrix[self.kept] / self.units[self.kept, None] / self._weighed
