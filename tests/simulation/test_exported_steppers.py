@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 from test_saved_stepper import made
 
+import coadjoint as co
 from c_library import built, needs_compiler, structure
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.lanes import of_lanes
 
+YOSHIDA = co.methods.Yoshida4(co.Midpoint(), negative_substeps="allow")
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    top = made()
+
+@pytest.fixture(scope="module", params=[co.Midpoint(), YOSHIDA], ids=["midpoint", "yoshida"])
+def exported(tmp_path_factory, request):
+    top = made(method=request.param)
     top.step({"torque": [0.1, 0.0, -0.2]}, n=3)
     return top.export_c(tmp_path_factory.mktemp("c") / "top", units={"mu": "N m s"}), top
 

@@ -165,7 +165,9 @@ def solver(program: NonlinearProgram, nx: int, name: str, iterations: int) -> Ge
     generator = ca.CodeGenerator(f"{name}_solver.c", {"casadi_int": "int", "with_header": False})
     generator.add(function)
     with tempfile.TemporaryDirectory() as folder:
-        return GeneratedSolver(Path(generator.generate(f"{folder}{os.sep}")).read_text(encoding="utf-8"), function)
+        code = Path(generator.generate(f"{folder}{os.sep}")).read_text(encoding="utf-8")
+    # CasADi copies nothing to the integer 0, which newer compilers reject.
+    return GeneratedSolver(code.replace("casadi_copy(0, 0, 0+ i*0);", ""), function)
 
 
 def sources(problem: ProblemData, name: str, iterations: int, units: Mapping[str, str]) -> dict[str, str]:

@@ -111,10 +111,10 @@ class FilterEngine:
             self.follow(*after, orders, np.atleast_2d(data), output)
             return after, output
         one.row[:], one.P[:], one.rejected[:] = memory
-        if order == PREDICT:
-            one.data[0] = data
-        else:
+        if isinstance(data, np.ndarray):
             one.data[: data.shape[1]] = data[0]
+        else:
+            one.data[0] = data
         if one(order, number):
             self._fail(one.row[0], np.array([order, number]), one.rejected[0])
         if not math.isfinite(one.flat.dot(one.flat)):

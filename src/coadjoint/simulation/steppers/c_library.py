@@ -136,8 +136,6 @@ int {name}_step_jacobian({name} *self, double *jacobian) {{
     self->status[2] += status[2];
     if (self->status[3] < status[3]) self->status[3] = status[3];
     if (status[1]) return (int)status[1];
-    memset(jacobian, 0, N * N * sizeof(double));
-    for (int i = 0; i < N; i++) jacobian[i * N + i] = 1.0;
     for (int part = 0; part < PARTS; part++) {{
         double *course = record + RECORD - (PARTS - part) * (M + N);
         memcpy(x, course, M * sizeof(double));
@@ -145,14 +143,15 @@ int {name}_step_jacobian({name} *self, double *jacobian) {{
         memset(slopes, 0, sizeof slopes);
         {name}_code_substep(x, y, value, slopes, 1);
         eliminate(slopes);
-        memcpy(before, jacobian, sizeof before);
+        if (part) memcpy(before, jacobian, sizeof before);
         for (int i = 0; i < N; i++) {{
             double own[N];
             for (int j = 0; j < N; j++) {{
                 own[j] = slopes[(M + i) * (M + N) + M + j];
                 for (int k = 0; k < M; k++) own[j] -= slopes[(M + i) * (M + N) + k] * slopes[k * (M + N) + M + j];
             }}
-            for (int j = 0; j < N; j++) {{
+            if (!part) memcpy(jacobian + i * N, own, sizeof own);
+            for (int j = 0; part && j < N; j++) {{
                 double sum = 0.0;
                 for (int k = 0; k < N; k++) sum += own[k] * before[k * N + j];
                 jacobian[i * N + j] = sum;
