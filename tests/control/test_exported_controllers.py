@@ -24,9 +24,10 @@ BODY = co.System(
     co.SO3(),
     lambda xi, p: 0.5 * xi @ (p.inertia * xi),
     parameters={"inertia": [1.0, 2.0, 2.5]},
-    forces=lambda motion, p: co.Force(torque=motion.inputs.torque),
+    forces=lambda motion, p: co.Force(torque=motion.inputs.torque - motion.internal.brake * motion.xi),
+    internal=lambda motion, h, p: {"brake": 0.9 * motion.internal.brake},
 )
-START = BODY.state(xi=[0.4, -0.2, 0.3])
+START = BODY.state(xi=[0.4, -0.2, 0.3], internal={"brake": 0.3})
 
 
 def problem(steps=6, **more):
@@ -65,11 +66,15 @@ def test_the_solver_that_is_generated_finds_the_commands_of_the_controller(contr
 def test_the_header_names_state_commands_and_given_numbers(controller, tmp_path):
     text = (controller.export_c(tmp_path / "control", units={"torque": "N m"}) / "control.h").read_text()
     for line in (
-        "CONTROL_STATE_MU_0 = 9", "CONTROL_GIVEN_PREVIOUS_TORQUE = 0", "#define CONTROL_STEPS 6",
+        "CONTROL_STATE_MU_0 = 9", "control_places[13]", "CONTROL_GIVEN_PREVIOUS_TORQUE = 0", "#define CONTROL_STEPS 6",
         "     0..2       torque                               3        N m",
-        "int control_command(control *self, const double state[12], int passed);",
+        "int control_command(control *self, const double state[13], int passed);",
     ):  # fmt: skip
         assert line in text, text
+    places = re.search(r"control_places\[13\] = \{([\d, ]+)\}", (tmp_path / "control" / "control.c").read_text())
+    state = co.Stepper(BODY, START, dt=0.1, inputs={"torque": np.zeros(3)}, accuracy=False)._buffers.state[0, :, 0]
+    numbers = np.concatenate([START.g.ravel(), START.mu, [START.internal.brake]])
+    assert np.array_equal(state[list(map(int, places.group(1).split(",")))], numbers)
     with pytest.raises(ArgumentError, match="with a delay has no C library"):
         problem().controller(delay=0.1).export_c(tmp_path / "other")
 
@@ -86,7 +91,7 @@ def test_a_loop_in_c_turns_the_body_as_the_controller_would(controller, tmp_path
     sizes = {name: int(re.search(rf"double {name}\[(\d+)\]", text).group(1)) for name in names}
     fields = {name: (ctypes.c_double, size) for name, size in sizes.items()}
     one = structure(**fields, integers=(ctypes.c_int, int(re.search(r"integers\[(\d+)\]", text).group(1))))()
-    at, n = ctypes.byref(one), 12
+    at, n = ctypes.byref(one), 13
     places = list((ctypes.c_int * n).in_dll(library, "control_places"))
     body = co.Stepper(BODY, START, dt=0.1, inputs={"torque": np.zeros(3)}, accuracy=False)
     library.control_reset(at)

@@ -23,6 +23,7 @@ from coadjoint.control.library import casadi
 from coadjoint.control.problem_data import Input, ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.transcription import Transcription, transcribe
+from coadjoint.kernels.packing import layout as layout_of
 from coadjoint.simulation.steppers.beginning import shapes_of
 
 TOLERANCE = 1e-6
@@ -193,7 +194,7 @@ def sources(problem: ProblemData, name: str, iterations: int, units: Mapping[str
         "m": g_size, "work": function.sz_w(), "integers": max(function.sz_iw(), 1), "casadi_int": "int",
         "iterations": iterations, "tolerance": TOLERANCE, "block": nx + nu + nz, "arguments": function.sz_arg(),
         "results": function.sz_res(), "previous": len(places),
-        "state_places": ", ".join(map(str, made.live)), "places": "\n".join(text for _, text in texts if text),
+        "state_places": ", ".join(map(str, _places(made))), "places": "\n".join(text for _, text in texts if text),
         "stack": 8 * (2 * w_size + g_size + function.sz_arg() + function.sz_res() + 100),
         "arrays": "\n".join(array(key, one) for key, one in arrays.items()),
     }  # fmt: skip
@@ -211,6 +212,12 @@ def _given(made: Transcription) -> list[tuple[str, tuple[int, ...]]]:
     parameters = {name: getattr(made.problem.system.parameters, name) for name in made.problem.changing}
     found = [*shapes_of(parameters).items(), *shapes_of(given_values(made.problem)).items()]
     return [(name.replace("']['", ".").strip("[']"), shape) for name, shape in found]
+
+
+def _places(made: Transcription) -> list[int]:
+    """The places of x among all numbers of a state, which a stepper holds."""
+    state = made.beginning.state
+    return made.graph.numbers(layout_of(state).places)[made.live].astype(int).tolist()
 
 
 def _previous(made: Transcription) -> tuple[np.ndarray, np.ndarray]:
