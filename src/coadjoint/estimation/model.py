@@ -62,8 +62,8 @@ class ModelProcess(ConstrainedErrors):
         error: "left" (the default) or "right".
         noise: {"torque": S_T, "force": S_f}, the roots of the spectral densities of white torques and forces in body
             axes, N m √s and N √s in SI units, one number or (dim G,) and (dim Q,); by default none. Over a step of h
-            they add S² h to the covariances of μ and π, as impulses at the end of the step: choose h well below the time
-            between measurements, since places of a step lack the S²h³/3 of continuous noise.
+            they add S² h to the covariances of μ and π, as impulses at its end: choose h well below the time between
+            measurements, since places of a step lack the S²h³/3 of continuous noise.
         drifting: name → `RandomWalk` or `GaussMarkov` of parameters θ of the system that are estimated as well, as in
             {"water.velocity": GaussMarkov(0.3, 600)}; by default none.
         biases: name → `RandomWalk` or `GaussMarkov` of numbers that do not act on the motion and that only
