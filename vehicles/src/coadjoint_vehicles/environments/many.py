@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
+from coadjoint_vehicles.environments.baselines import baselines
 from coadjoint_vehicles.environments.episodes import Episodes
 from coadjoint_vehicles.environments.simulated import Simulated, Simulating
 from coadjoint_vehicles.environments.spaces import boxes, varying_from, whole_or_none
@@ -64,6 +65,17 @@ class VehicleVectorEnv(Simulating, VectorEnv):
             self.episodes.begin(members)
         self._periods[members], self._over[members], self._begun = 0, False, True
         return self._seen(), {}
+
+    def stable_baselines(self) -> Any:
+        """This environment as a `VecEnv` of Stable-Baselines3, for autoreset="same_step".
+
+            envs = co.vehicles.vector_environment("remus_100", num_envs=64, autoreset="same_step")
+            PPO("MlpPolicy", envs.stable_baselines()).learn(500_000)
+
+        Observations and rewards are float32; infos have "terminal_observation", "TimeLimit.truncated", and "episode",
+        as those of its Monitor. Raises ArgumentError for other modes, and where Stable-Baselines3 is not installed.
+        """
+        return baselines(self)
 
     def _meant(self, mask: object) -> np.ndarray:
         if mask is None:
