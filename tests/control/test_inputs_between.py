@@ -161,8 +161,8 @@ def given(u, **more):
         (lambda: given(Profile(lambda t, theta: np.sin(t) * theta, [1.0])).solve(), "`u` cannot be diff"),
         (lambda: given(Profile(lambda t, theta: {"a": theta}, [1.0])).solve(), "`u` must return"),
         (lambda: given(Profile(lambda t, theta: theta, [1.0, 1.0])).solve(), "shape|broadcast"),
-        (lambda: given(Input((1,), course="linear")).controller(), "leave out linear ones and profiles"),
-        (lambda: given(Profile(lambda t, theta: theta, [1.0])).controller(), "leave out linear ones and profiles"),
+        (lambda: given(Input((1,), course="linear")).regulator(), "leave out linear ones"),
+        (lambda: given(Profile(lambda t, theta: theta, [1.0])).controller(), "leave out profiles"),
     ],
 )
 def test_what_is_no_input_is_told_in_one_sentence(ask, words):

@@ -13,10 +13,12 @@ sequential convex programming and generalized Gauss–Newton methods*, ESAIM: Pr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from coadjoint.control.inputs_between import at_end
 from coadjoint.control.linearised import LinearSteps, Steps, Tables, expanded, with_jacobian
 from coadjoint.control.penalty import joined
 from coadjoint.control.quadratic import Stages
@@ -39,6 +41,8 @@ class Expansion(NamedTuple):
 class Expanding:
     """A transcription's functions, expanded about any plan. scale: the unit of each input in the program.
 
+    Of a linear input the number at the beginning of a step is that at the end of the step before, a state of the
+    program. begins, ends: their places in u. free: the places of the others, which the program chooses.
     floor: the least eigenvalue of Hessians, of their largest number. multiplier: of the terminal set by the last
     solution.
     """
@@ -52,7 +56,15 @@ class Expanding:
         width = self.upper - self.lower
         self.scale = np.where(np.isfinite(width) & (width > 0), width / 2, 1.0)
         self.change_cost = limits_of(transcription, "change_cost")
-        self.rated = np.flatnonzero(np.isfinite(self.rate) | (self.change_cost > 0))
+        linear = [(one.begin, one.end) for one in transcription.columns if one.begin != one.end]
+        every = np.arange(self.nu)
+        self.begins, self.ends = (np.concatenate([every[side] for side in sides] or [every[:0]])
+                                  for sides in (zip(*linear, strict=True) if linear else ((), ())))  # fmt: skip
+        self.free, self._at_end = np.setdiff1d(every, self.begins), np.array(at_end(transcription.inputs), int)
+        held = np.setdiff1d(self.free, self.ends)
+        changes = held[(np.isfinite(self.rate) | (self.change_cost > 0))[held]]
+        self.rated = np.sort(np.concatenate([changes, self.ends]))
+        self.linear = np.searchsorted(self.rated, self.ends)
         self.tangents = Tangents(transcription)
         columns, self.width = self.tangents.columns(self.scale), self.tangents.width
         self._linear = LinearSteps(transcription, self.count, columns)
@@ -73,8 +85,8 @@ class Expanding:
         costs = [given for given in (problem.cost, problem.final_cost) if given is not None]
         self._definite = all(hasattr(given, "residual") for given in costs)
         self._hessians = np.zeros((2 * self.count, self.width + self.nu, self.width + self.nu))
-        self._path_reads_inputs = _reads(path, slice(self.width, None))
-        if np.any(_reads(end, slice(self.width, None))):
+        self._path_reads_inputs = _reads(path, self.width + held)
+        if np.any(_reads(end, self.width + every)):
             raise ArgumentError(
                 "A controller's `end` must be of the state alone: put conditions on inputs into `path`."
             )
@@ -100,18 +112,22 @@ class Expanding:
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         n, nx, nu, half = self.count, self.width, self.nu, 0.5 * self.h
-        _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, u]), p, self.h)
+        later = u[:, self._at_end]
+        _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, later]), p, self.h)
         hessian = np.multiply(half, hessian.reshape(2 * n, nx + nu, nx + nu), out=self._hessians)
         H, g, ahead, slope = hessian[:n], half * gradient[:n], hessian[n:], half * gradient[n:]
-        _, gradient, last = self._final(x[-1:], u[-1:], p, self.h)
+        _, gradient, last = self._final(x[-1:], later[-1:], p, self.h)
         ahead[-1] += last.reshape(nx + nu, nx + nu)
         slope[-1] += gradient[0]
         if self._terminal is not None:
-            e, J = self._terminal(x[-1:], u[-1:], p, self.h)
+            e, J = self._terminal(x[-1:], later[-1:], p, self.h)
             J = J.reshape(e.size, nx + nu)
             VJ = self._weight @ J
             ahead[-1] += (1.0 + self.multiplier) * J.T @ VJ
             slope[-1] += VJ.T @ e[0]
+        if len(self.begins):
+            read = np.eye(nx + nu)[np.concatenate([np.arange(nx), nx + self._at_end])]
+            ahead, slope = read.T @ ahead @ read, slope @ read
         if self.coupled:
             T = np.concatenate([M, np.broadcast_to(np.eye(nu, nx + nu, nx), (n, nu, nx + nu))], axis=1)
             offset = slope + (ahead[:, :, :nx] @ c[:, :, None])[:, :, 0]
@@ -130,7 +146,8 @@ class Expanding:
     def _constraints(self, x: np.ndarray, u: np.ndarray, p: np.ndarray):
         """The rows of the motion, less those that no input can change at the first node, and inputs at the last."""
         n, nx, m = self.count, self.width, self.width + self.nu
-        values, jacobian = self._path(x, np.concatenate([u, u[-1:]]), p, self.h)
+        later = u[-1:, self._at_end]
+        values, jacobian = self._path(x, np.concatenate([u, later]), p, self.h)
         rows = values.shape[1]
         jacobian = jacobian.reshape(n + 1, rows, m)
         of_path, of_end = (
@@ -142,20 +159,24 @@ class Expanding:
         for side, endless in zip(limits, (-np.inf, np.inf), strict=True):
             side[0, ~inputs] = endless
             side[-1, inputs] = endless
-        end, slopes = self._end(x[-1:], u[-1:], p, self.h)
-        last_C = np.concatenate([jacobian[-1, :, :nx], slopes.reshape(end.shape[1], m)[:, :nx]])
+        end, slopes = self._end(x[-1:], later, p, self.h)
+        last_C = np.zeros((rows + end.shape[1], nx + len(self.rated)))
+        last_C[:rows, :nx], last_C[rows:, :nx] = jacobian[-1, :, :nx], slopes.reshape(end.shape[1], m)[:, :nx]
+        last_C[:rows, nx + self.linear] = jacobian[-1][:, nx + self.begins]
         last = [np.concatenate([side[-1], at_end - end[0]]) for side, at_end in zip(limits, of_end, strict=True)]
         return jacobian[:-1], (limits[0][:-1], limits[1][:-1]), last_C, (last[0], last[1])
 
     def _with_rates(self, s: Stages, u: np.ndarray, before: np.ndarray) -> Stages:
         """With the previous input as additional states, v_{k+1} = u_k, and |u_k − v_k| ≤ rate h, for inputs with a
         rate."""
-        rated, n, nx, nu = self.rated, self.count, self.width, self.nu
+        rated, n, nx = self.rated, self.count, self.width
         if not len(rated):
             return s
-        more = len(rated)
-        grown = np.concatenate([np.arange(nx), nx + more + np.arange(nu)])
-        m = nx + more + nu
+        more, chosen = len(rated), np.searchsorted(self.free, rated)
+        places = np.zeros(self.nu, int)
+        places[self.free], places[self.begins] = more + np.arange(len(self.free)), self.linear
+        grown = np.concatenate([np.arange(nx), nx + places])
+        m = nx + more + len(self.free)
         H, g, M, C = (
             np.zeros((n, m, m)),
             np.zeros((n, m)),
@@ -164,11 +185,13 @@ class Expanding:
         )
         H[:, grown[:, None], grown], g[:, grown] = s.H, s.g
         M[:, :nx, grown] = s.M
-        M[:, nx + np.arange(more), nx + more + rated] = 1.0
+        M[:, nx + np.arange(more), nx + more + chosen] = 1.0
         C[:, : s.C.shape[1], grown] = s.C
-        C[:, s.C.shape[1] + np.arange(more), nx + more + rated] = self.scale[rated]
+        C[:, s.C.shape[1] + np.arange(more), nx + more + chosen] = self.scale[rated]
         C[:, s.C.shape[1] + np.arange(more), nx + np.arange(more)] = -self.scale[rated]
-        change = np.vstack([u[0] - before, np.diff(u, axis=0)])[:, rated]
+        last = np.vstack([before, u[:-1]])[:, rated]
+        last[:, self.linear] = u[:, self.begins]
+        change = u[:, rated] - last
         most = self.rate[rated] * self.h
         low = np.where(np.isnan(change), -np.inf, -most - change)
         high = np.where(np.isnan(change), np.inf, most - change)
@@ -177,7 +200,7 @@ class Expanding:
         wide = [(0, more)]
         return s._replace(
             H=H, g=g, M=M, c=np.pad(s.c, [(0, 0), *wide]), C=C, C_limits=limits, last_H=np.pad(s.last_H, wide * 2),
-            last_g=np.pad(s.last_g, wide), last_C=np.pad(s.last_C, [(0, 0), *wide]),
+            last_g=np.pad(s.last_g, wide), u_limits=(s.u_limits[0][:, self.free], s.u_limits[1][:, self.free]),
         )  # fmt: skip
 
     def _add_changes(self, H: np.ndarray, g: np.ndarray, change: np.ndarray, known: np.ndarray) -> None:
@@ -185,7 +208,7 @@ class Expanding:
         rated, units = self.rated, self.scale[self.rated]
         cost = known * 2.0 * self.change_cost[rated] / self.h
         v = self.width + np.arange(len(rated))
-        u = self.width + len(rated) + rated
+        u = self.width + len(rated) + np.searchsorted(self.free, rated)
         for a, b, sign in ((v, v, 1.0), (u, u, 1.0), (u, v, -1.0), (v, u, -1.0)):
             H[:, a, b] += sign * cost * units**2
         g[:, u] += cost * units * change
@@ -213,6 +236,14 @@ class Expanding:
             last_C=np.concatenate([s.last_C, self.last_slack.matrix], axis=1),
         )  # fmt: skip
 
+    def continuous(self, u: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """u (N, nu) whose linear inputs begin each step where the last one ended; before: u of the step before."""
+        if not len(self.begins):
+            return u
+        u = u.copy()
+        u[:, self.begins] = np.vstack([before, u[:-1]])[:, self.ends]
+        return u
+
     def note(self, multipliers: np.ndarray) -> None:
         """Keep the multiplier of the terminal set, whose curvature counts in the next program."""
         self.multiplier = max(float(multipliers[-1]), 0.0) if self._bounded else 0.0
@@ -222,7 +253,7 @@ class Expanding:
 
         u: (N, nu) with the slack behind the inputs; last: that of the end.
         """
-        found, at_nodes, at_end = {}, u[:, self.nu :], last
+        found, at_nodes, at_end = {}, u[:, len(self.free) :], last
         for rows in self.transcription.path:
             if rows.slack is not None:
                 size = rows.slack.size
@@ -237,7 +268,7 @@ class Expanding:
 
     def patterns(self) -> dict[str, np.ndarray]:
         """The numbers of the program that may differ from zero."""
-        nx, nu, more = self.width, self.nu + self.slack.size, len(self.rated)
+        nx, nu, more = self.width, len(self.free) + self.slack.size, len(self.rated)
         rows, end = (
             sum(len(r.lower) for r in self.transcription.path),
             sum(len(r.lower) for r in self.transcription.end),
@@ -250,7 +281,15 @@ class Expanding:
 
 def limits_of(transcription: Transcription, name: str) -> np.ndarray:
     """`lower`, `upper`, `rate`, `guess` or `change_cost` of all inputs, (nu,)."""
-    return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
+    return columns_of(transcription, {one: getattr(given, name) for one, given in transcription.inputs})
+
+
+def columns_of(transcription: Transcription, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """u of a step, (nu,), with these values of the inputs at its beginning and at its end."""
+    found = np.zeros(transcription.sizes[1])
+    for name, _, begin, end in transcription.columns:
+        found[begin] = found[end] = np.ravel(values[name])
+    return found
 
 
 def convex(H: np.ndarray, definite: bool, floor: float = FLOOR) -> np.ndarray:
@@ -279,7 +318,7 @@ def _pattern(function, result: str, width: int) -> np.ndarray:
     return found
 
 
-def _reads(function, columns: slice) -> np.ndarray:
+def _reads(function, columns: np.ndarray) -> np.ndarray:
     """The rows of a function that depend on some of (x, u)."""
     sparsity = function.sparsity_out("jacobian")
     return np.any(_pattern(function, "jacobian", sparsity.size2())[:, columns], axis=1)

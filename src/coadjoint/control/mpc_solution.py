@@ -12,13 +12,14 @@ import numpy as np
 class MpcSolution:
     """The solution of a controller for a state.
 
-    command: name → value, for the step that starts now. inputs: name → (m, *shape), for each of the m steps of the
-    period. status: "solved"; "planned", the inputs of the last plan for these steps; "fallback", those of the
-    function `fallback`; or "guess", those of the inputs' guesses. sentence: the reason, or empty if it is solved.
-    plan: name → (N, *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose
-    names are the controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was
-    read, and after. violated: name → the violation of each soft constraint by the plan, (N + 1, rows), "end g" and so
-    on of the end, (1, rows).
+    command: name → value, for the step that starts now, of a linear input the one at its end. inputs: name → (m,
+    *shape), for each of the m steps of the period, (m + 1, *shape) at the nodes of a linear one. status: "solved";
+    "planned", the inputs of the last plan for these steps; "fallback", those of the function `fallback`; or "guess",
+    those of the inputs' guesses. sentence: the reason, or empty if it is solved. plan: name → (N, *shape), or (N + 1,
+    *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose names are the
+    controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was read, and
+    after. violated: name → the violation of each soft constraint by the plan, (N + 1, rows), "end g" and so on of the
+    end, (1, rows).
     """
 
     command: dict[str, np.ndarray]

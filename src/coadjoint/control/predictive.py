@@ -20,7 +20,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.c_sources import identifier, write_library
 from coadjoint.checks import whole
 from coadjoint.control.c_library import sources
-from coadjoint.control.expansion import Expanding, Expansion, limits_of
+from coadjoint.control.expansion import Expanding, Expansion, columns_of, limits_of
 from coadjoint.control.given import Goals, changed, given_numbers, previous_values
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
@@ -91,10 +91,10 @@ class Controller(Remade):
         self._simulated, self._measured = Simulated(transcription), MeasuredState(transcription)
         self._judged = JudgedMotions(transcription, self._simulated) if problem.accuracy else None
         self._guess = limits_of(transcription, "guess")
-        known = [one.guess if one.previous is None else one.previous for _, one in transcription.inputs]
-        self._before = np.concatenate([np.ravel(one) for one in known])
+        known = {name: one.guess if one.previous is None else one.previous for name, one in transcription.inputs}
+        self._before = columns_of(transcription, known)
         nx = expanding.width + len(expanding.rated)
-        self._layout = StageLayout(problem.count, nx, expanding.nu + expanding.slack.size, expanding.patterns())
+        self._layout = StageLayout(problem.count, nx, len(expanding.free) + expanding.slack.size, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
         self.system, self._goal, self._goals = problem.system, transcription.goal, Goals(problem, transcription.goal)
         self._p = self._numbers()
@@ -183,18 +183,20 @@ class Controller(Remade):
         return passed if 0 <= passed < self.problem.count else None
 
     def _prepare(self, passed: int) -> None:
-        plan = self._shifted(passed)
         assert self._clock is not None
         before = self._clock.inputs[passed + self.delay]
+        plan = self._shifted(passed, before)
         with np.errstate(all="ignore"):
             self._prepared = passed, plan, self._expanding(plan.x, plan.u, plan.z, self._p, before)
 
-    def _shifted(self, passed: int) -> MotionPlan:
+    def _shifted(self, passed: int, before: np.ndarray) -> MotionPlan:
         """The plan some steps later, whose last input is held and whose last nodes follow from it."""
         assert self._plan is not None
         x, u, z = self._plan
         if passed:
             x, u, z = (np.concatenate([rows[passed:], rows[-1:].repeat(passed, 0)]) for rows in (x, u, z))
+        u = self._expanding.continuous(u, before)
+        if passed:
             self._follow(x, u, z, len(u) - passed)
         return MotionPlan(x, u, z)
 
@@ -243,7 +245,8 @@ class Controller(Remade):
         inputs about it, and stay where these lead back."""
         expanding, generator, violated = self._expanding, np.random.default_rng(0), self._violated
         u = still.u + SHAKEN * expanding.scale * generator.uniform(0.5, 1.0, still.u.shape[1])
-        x, u, z = still.x.copy(), np.clip(u, expanding.lower, expanding.upper), still.z.copy()
+        u = expanding.continuous(np.clip(u, expanding.lower, expanding.upper), clock.inputs[-1])
+        x, z = still.x.copy(), still.z.copy()
         begun = moved = float(np.max(np.abs(u - still.u), initial=0.0))
         self._plan, good = MotionPlan(x, u, z), self._follow(x, u, z, 0)
         while good and 0.5 * begun < moved < 10 * begun:
@@ -258,8 +261,9 @@ class Controller(Remade):
 
     def _prepare_again(self, clock: Timeline) -> None:
         assert self._plan is not None
+        plan = self._plan._replace(u=self._expanding.continuous(self._plan.u, clock.inputs[-1]))
         with np.errstate(all="ignore"):
-            self._prepared = 0, self._plan, self._expanding(*self._plan, self._p, clock.inputs[-1])
+            self._prepared = 0, plan, self._expanding(*plan, self._p, clock.inputs[-1])
 
     def _predicted(self, measured: np.ndarray, clock: Timeline) -> np.ndarray | None:
         x, z = measured, np.zeros(self._transcription.sizes[2])
@@ -274,7 +278,7 @@ class Controller(Remade):
         """A first plan: the motion from here under the inputs' guesses."""
         count, nz = self.problem.count, self._transcription.sizes[2]
         x, u, z = np.tile(first, (count + 1, 1)), np.tile(self._guess, (count, 1)), np.zeros((count, nz))
-        u = np.clip(u, self._expanding.lower, self._expanding.upper)
+        u = self._expanding.continuous(np.clip(u, self._expanding.lower, self._expanding.upper), clock.inputs[-1])
         self._follow(x, u, z, 0)
         self._plan = MotionPlan(x, u, z)
 
@@ -284,16 +288,22 @@ class Controller(Remade):
         if not (np.all(np.isfinite(stages.M)) and np.all(np.isfinite(stages.H)) and np.all(np.isfinite(stages.g))):
             self._plan = None
             return "a function of the problem, or a derivative, is not finite about the plan"
-        tangents, width = self._expanding.tangents, self._expanding.width
+        expanding = self._expanding
+        tangents, width = expanding.tangents, expanding.width
         y = tangents.first(first - plan.x[0], expansion.inverses)
         solved = self._solve(stages, np.concatenate([y, np.zeros(len(self._expanding.rated))]))
         if solved.failure or solved.violation > VIOLATED:
             return solved.failure or f"the constraints of the quadratic program are violated by {solved.violation:.1e}"
-        self._expanding.note(solved.multipliers)
-        y, du = solved.x[:, :width], solved.u[:, : self._expanding.nu]
+        expanding.note(solved.multipliers)
+        y, du = solved.x[:, :width], np.zeros_like(plan.u)
+        du[:, expanding.free] = solved.u[:, : len(expanding.free)]
+        du[:, expanding.begins] = solved.x[:-1, width + expanding.linear]
         dz = (steps.E @ np.concatenate([y[:-1], du], axis=1)[:, :, None])[:, :, 0] + steps.e
-        self._violated = self._expanding.violated(solved.u, solved.last)
-        u = np.clip(plan.u + du * self._expanding.scale, self._expanding.lower, self._expanding.upper)
+        self._violated = expanding.violated(solved.u, solved.last)
+        u = np.clip(plan.u + du * expanding.scale, expanding.lower, expanding.upper)
+        if len(expanding.begins):
+            u[0, expanding.begins] = plan.u[0, expanding.begins]
+            u[1:, expanding.begins] = u[:-1, expanding.ends]
         x = tangents.moved_by(plan.x, y, u, self._p, self.problem.dt)
         x[0] = first
         self._plan = MotionPlan(x, u, plan.z - dz)
@@ -317,7 +327,7 @@ class Controller(Remade):
         inputs = np.concatenate([clock.inputs, u])
         self._clock = Timeline(clock.t, inputs, age)
         rows = named(inputs[1 : 1 + self.steps])
-        command = {name: value[0] for name, value in rows.items()}
+        command = {name: value[len(value) - self.steps] for name, value in rows.items()}
         sentence = f"No new plan: {reason}." if reason else ""
         seconds = time.perf_counter() - began - preparation
         violated = {} if reason else self._violated
@@ -337,11 +347,11 @@ class Controller(Remade):
             names = ", ".join(f"`{name}`" for name, _ in known)
             verb, did = ("return", "returned") if what == "The `fallback`" else ("be", "is")
             raise ArgumentError(f"{what} must {verb} a dictionary of {names}, but {did} {shown(command)}.")
-        found = [
-            np.broadcast_to(checks.array(command[name], f"{what}, `{name}`,", (), given.shape), given.shape)
+        found = {
+            name: np.broadcast_to(checks.array(command[name], f"{what}, `{name}`,", (), given.shape), given.shape)
             for name, given in known
-        ]
-        return np.concatenate([one.ravel() for one in found])
+        }
+        return columns_of(self._transcription, found)
 
     def export_c(
         self,

@@ -130,6 +130,8 @@ class DirectionsFromRest:
 def regulator(problem: ProblemData, at: State | None, inputs: Mapping[str, object] | None) -> Regulator:
     """The regulator of a problem; the arguments are those of `Problem.regulator`."""
     require_controllable(problem)
+    if any(getattr(one, "course", "") == "linear" for one in problem.inputs.values()):
+        raise ArgumentError("A regulator chooses inputs that are held over each step: leave out linear ones.")
     held = _held(problem, inputs)
     start = problem.start if at is None else checks.instance(at, "at", State, "a co.State of the problem's system")
     chosen = {name: replace(one, guess=held[name], previous=None, rate=np.inf, change_cost=0.0)

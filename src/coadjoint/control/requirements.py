@@ -40,10 +40,8 @@ def require_controllable(problem: ProblemData) -> None:
         raise ArgumentError("A controller chooses inputs alone: leave out `parameters`; `changing` names those to set.")
     if problem.free_start or problem.measured:
         raise ArgumentError("A controller begins at the given state: leave out `free_start` and `measured`.")
-    if any(getattr(value, "course", "") == "linear" or isinstance(value, Profile) for value in problem.inputs.values()):
-        raise ArgumentError(
-            "A controller chooses inputs that are held over each step: leave out linear ones and profiles."
-        )
+    if any(isinstance(value, Profile) for value in problem.inputs.values()):
+        raise ArgumentError("A controller chooses inputs that are held or linear over each step: leave out profiles.")
     if not any(hasattr(value, "guess") for value in problem.inputs.values()):
         raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")
 

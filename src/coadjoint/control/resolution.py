@@ -20,12 +20,14 @@ NODES = 8
 class JudgedMotions:
     """A judge of some motions of a transcription, which warns once.
 
-    A row is (x, u, t) of a node, and its step that of the program, with inputs that are held over it.
+    A row is (x, u, t) of a node, and its step that of the program, with inputs that are held over it or
+    linear, whose last numbers are those a step later.
     """
 
     def __init__(self, transcription: Transcription, simulated: Simulated):
         self._transcription, self._simulated = transcription, simulated
         self._nx = transcription.sizes[0]
+        self._linear = [(one.begin, one.end) for one in transcription.columns if one.begin != one.end]
         parts = PartsOfSteps(self._step, _ruler(transcription), InternalPlaces(), transcription.problem.method.order)
         self._sample: SampledSteps | None = SampledSteps(parts, ())
 
@@ -53,13 +55,19 @@ class JudgedMotions:
         after, code = rows.copy(), np.zeros(len(rows), int)
         for i, row in enumerate(rows):
             x, u, z = row[: self._nx], row[self._nx : -1], self._z[min(i, len(self._z) - 1)]
+            slope = np.zeros_like(u)
+            for begin, end in self._linear:
+                slope[begin] = slope[end] = (u[end] - u[begin]) / self._transcription.problem.dt
             for _ in range(steps):
-                found = self._simulated(x, u, z, self._p, float(h[i]))
+                part = u.copy()
+                for begin, end in self._linear:
+                    part[end] = u[begin] + h[i] * slope[begin]
+                found = self._simulated(x, part, z, self._p, float(h[i]))
                 if found is None:
                     code[i] = 1
                     break
-                x, z = found
-            after[i, : self._nx], after[i, -1] = x, row[-1] + steps * h[i]
+                (x, z), u = found, u + h[i] * slope
+            after[i, : self._nx], after[i, self._nx : -1], after[i, -1] = x, u, row[-1] + steps * h[i]
         return after, rows, code
 
 

@@ -5,22 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
 
-if TYPE_CHECKING:
-    from coadjoint_vehicles.environments.many import VehicleVectorEnv
 
-
-def baselines(envs: VehicleVectorEnv) -> Any:
+def baselines(envs: VectorEnv[Any, Any, Any]) -> Any:
     """The `VecEnv` of a vector environment whose members are reset in the step that ends their episodes."""
-    if envs.mode is not AutoresetMode.SAME_STEP:
+    if envs.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
         raise ArgumentError(
             "Stable-Baselines3 resets members in the step that ends their episodes: make the environment with "
             'autoreset="same_step".'
@@ -36,9 +33,9 @@ def _kind() -> Any:
     )
 
     class BaselinesVecEnv(_Members, library.VecEnv):
-        """`VehicleVectorEnv` by the methods of Stable-Baselines3's `VecEnv`."""
+        """A vector environment by the methods of Stable-Baselines3's `VecEnv`."""
 
-        def __init__(self, envs: VehicleVectorEnv):
+        def __init__(self, envs: VectorEnv[Any, Any, Any]):
             self.envs = envs
             seen: Any = envs.single_observation_space
             low, high = (side.astype(np.float32) for side in (seen.low, seen.high))
@@ -51,7 +48,7 @@ def _kind() -> Any:
     return BaselinesVecEnv
 
 
-def _standing_as(envs: VehicleVectorEnv, state: dict[str, object]) -> Any:
+def _standing_as(envs: VectorEnv[Any, Any, Any], state: dict[str, object]) -> Any:
     made = baselines(envs)
     made.__dict__.update(state)
     return made
@@ -60,7 +57,7 @@ def _standing_as(envs: VehicleVectorEnv, state: dict[str, object]) -> Any:
 class _Members:
     """The methods, by those of `envs`; an episode that ends has its return and its length under "episode"."""
 
-    envs: VehicleVectorEnv
+    envs: VectorEnv[Any, Any, Any]
     num_envs: int
     render_mode: None = None
     _seeds: list[int | None]
@@ -76,7 +73,8 @@ class _Members:
     def reset(self) -> np.ndarray:
         """New episodes of all members, with the seeds of `seed`."""
         given = [one for one in self._seeds if one is not None]
-        observations, _ = self.envs.reset(seed=self._seeds if given else None)
+        seeds: Any = self._seeds if given else None
+        observations, _ = self.envs.reset(seed=seeds)
         self._seeds = [None] * self.num_envs
         self._begin()
         return observations.astype(np.float32)
