@@ -124,6 +124,14 @@ def unit_of(unit: str, what: str = "This") -> tuple[float, Powers]:
     return factor, powers  # pyright: ignore[reportReturnType]
 
 
+def same(one: str, other: str) -> bool:
+    """Whether two words mean one unit, as "us" and "µs" do."""
+    try:
+        return one == other or unit_of(one) == unit_of(other)
+    except ArgumentError:
+        return False
+
+
 def dimension_of(unit: str) -> Dimension:
     """The dimension of a unit, by name where it has one."""
     powers = unit_of(unit)[1]

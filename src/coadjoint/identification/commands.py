@@ -13,6 +13,7 @@ from coadjoint.identification.log import Log
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces.named import Named
+from coadjoint.units import same
 
 STILL = 0.01
 """m/s, the root mean square below which a current, or a difference of currents, is negligible."""
@@ -29,7 +30,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
     units = {name.removeprefix("inputs_"): unit for name, unit in system.units if name.startswith("inputs_")}
     for name in log.inputs:
         given, wanted = log.units.get(name, "1"), units.get(name, "1")
-        if name in units and given not in ("1", wanted):
+        if name in units and given != "1" and not same(given, wanted):
             raise ArgumentError(
                 f"The log's commands of `{name}` are in {given}, but `{name}` takes {wanted}: give them in that unit."
             )

@@ -97,6 +97,21 @@ def test_what_an_actuator_did_in_another_unit_than_its_command_is_not_where_it_s
     assert log.first("thruster") == 1500 and not log.actual
 
 
+@pytest.mark.parametrize("header", ["command_jet_us", "command_jet [us]", "command_jet [µs]", "command_jet [μs]"])
+def test_microseconds_are_one_unit_however_log_and_vehicle_spell_them(tmp_path, header):
+    from coadjoint.identification.commands import require_commands
+    from coadjoint_vehicles import Craft, Vehicle
+    from coadjoint_vehicles.parts import Thrusters
+
+    log = read_log(written(tmp_path, f"time_s,u_m_s,{header}\n0,1,1500\n1,1,1600\n"))
+    assert list(log.inputs["jet"]) == [1500, 1600]
+    for unit in ("µs", "us"):
+        jet = Thrusters("jet", "T200", positions=[[0, 0, 0]], directions=[[1, 0, 0]], unit=unit)
+        craft = Craft(Vehicle(name="ball", mass=4.0, inertia=(1, 1, 1), added_mass=(1, 1, 1, 1, 1, 1), parts=(jet,)))
+        require_commands(craft.system, craft.start(), log, ())
+        assert jet.no_signal == 0.0
+
+
 def test_missing_inputs_keep_their_last_value_and_are_told(tmp_path):
     log = read_log(written(tmp_path, "time_s,u_m_s,rudder_rad\n0,1,0.1\n1,1,\n2,1,nan\n3,1,0.3\n"))
     assert np.allclose(log.inputs["rudder"], [0.1, 0.1, 0.1, 0.3])

@@ -11,7 +11,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest, prefixed, shown
 from coadjoint.sections import checked, keys
 from coadjoint.texts import Table
-from coadjoint.units import NUMBER, Dimension, in_si
+from coadjoint.units import NUMBER, Dimension, in_si, same
 from coadjoint_vehicles.axes import Axes
 from coadjoint_vehicles.model.vehicle import Quantity
 
@@ -117,7 +117,7 @@ class Section:
             has = "has no unit" if unit is None else f"has the unit {shown(unit)}"
             raise self.fail(f"{name} {has}: add {si}, or the unit that its numbers are in.")
         self._remember(name, given, value, unit, self._uncertainty(name, given, unit, dimension, special))
-        if unit in special or (dimension is None and unit == "SI"):
+        if any(same(unit, word) for word in special) or (dimension is None and unit == "SI"):
             return value, unit
         if dimension is None:
             wanted = " or ".join(f'"{word}"' for word in ("SI", *special))
@@ -229,7 +229,7 @@ class Section:
             raise self.fail(f"{what}one number, or as many as its value, but is {shown(found)}.")
         if any(number < 0 for number in _flat(numbers)):
             raise self.fail(f"{what}at least 0, but is {shown(found)}.")
-        if unit in special:
+        if any(same(unit, word) for word in special):
             raise self.fail(f'{what}a share such as "5 %", because its numbers are in "{unit}", but is {shown(found)}.')
         return numbers if dimension is None else in_si(numbers, unit, dimension, f"{self.title} {name}")
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, FileError, nearest
-from coadjoint.units import ENDINGS, Dimension, dimension_of, split_name, unit_of
+from coadjoint.units import ENDINGS, Dimension, dimension_of, same, split_name, unit_of
 
 NAMES: dict[str, Dimension] = {
     **dict.fromkeys(("north", "east", "depth", "up", "down", "x", "y", "z"), u.LENGTH), "time": u.TIME,
@@ -35,7 +35,7 @@ def inside(unit: str, name: str = "") -> tuple[str, float]:
 
     Microseconds are those of the width of a pulse, except of the column `name` "time".
     """
-    if unit == PULSES:
+    if same(unit, PULSES):
         return ("s", 1e-6) if name == "time" else (PULSES, 1.0)
     return dimension_of(unit).si.replace("^2", "²").replace("^3", "³"), unit_of(unit)[0]
 

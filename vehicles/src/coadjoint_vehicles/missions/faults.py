@@ -12,7 +12,7 @@ from coadjoint import checks
 from coadjoint.checks import is_whole, known, number
 from coadjoint.errors import ArgumentError
 from coadjoint.sections import key, read
-from coadjoint.units import LENGTH, TIME, split_name
+from coadjoint.units import LENGTH, TIME, same, split_name
 from coadjoint_vehicles.logs.headers import inside
 from coadjoint_vehicles.parts.part import Part
 
@@ -100,7 +100,7 @@ class FaultSection:
         if not unit:
             return float(value)
         si, factor = inside(unit)
-        if si != part.command.unit:
+        if not same(si, part.command.unit):
             raise ArgumentError(
                 f"[{self.title}] {name_in_file} is in {si}, but {part.name} stands in {part.command.unit}: give it in "
                 "a unit of that."

@@ -183,7 +183,7 @@ class Thrusters(Part):
     def no_signal(self) -> float | None:
         """0 µs, the absence of pulses, of thrusters whose pulses are longer: the motor stops."""
         ends = self.curve.reach if self.limit is None else self.limit
-        return 0.0 if self.unit in ("µs", "us") and ends is not None and ends[0] > 0 else None
+        return 0.0 if u.same(self.unit, "µs") and ends is not None and ends[0] > 0 else None
 
     def advance(self, actual: PyTree, command: Array, h: Scalar, own: Named) -> PyTree:
         if self.no_signal is not None:

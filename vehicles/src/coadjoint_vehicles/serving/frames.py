@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
+from coadjoint.units import same
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
@@ -124,7 +125,7 @@ def commands(motors: Sequence[Motor], thrusters: Thrusters, pulses: Sequence[int
 
 def _span(thrusters: Thrusters, number: int, share: float) -> float:
     """How far the command of full thrust is from the neutral one, on the side of the share."""
-    if thrusters.unit in ("us", "µs"):
+    if same(thrusters.unit, "µs"):
         return PWM_SPAN
     if thrusters.limit is None:
         raise ArgumentError(
