@@ -26,7 +26,7 @@ WHOLE = {
     "too deep": ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "64 elements within each other"),
     "too many": ("<robot>" + "<a/>" * 60_000 + "</robot>", "50,000 elements"),
     "another root": ("<mujoco/>", "SDF begins with <sdf>"),
-    "no hydrodynamics": ('<robot name="r"><link name="a"/></robot>', "needs one plugin"),
+    "no hydrodynamics": ('<robot name="r"><link name="a"/></robot>', "systems of Gazebo (gz-sim-hydrodynamics-system"),
     "Python": (f'<robot {XACRO} a="${{__import__(1)}}"/>', "calls `__import__`"),
     "attributes of objects": (f'<robot {XACRO} a="${{pi.real}}"/>', "no Python is run"),
     "a list": (f'<robot {XACRO} a="${{[1][0]}}"/>', "no Python is run"),

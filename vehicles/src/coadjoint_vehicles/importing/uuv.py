@@ -31,11 +31,13 @@ def read_uuv(root: Element, draft: Draft) -> None:
     root.get("name")
     links, joints, plugins = links_of(root), joints_of(root), plugins_of(root)
     found = plugins_named(plugins, "underwater_object")
-    if len(found) != 1:
+    if not found:
         raise root.fail(
-            f"needs one plugin libuuv_underwater_object_ros_plugin.so, which has the hydrodynamics, but has "
-            f"{len(found) or 'none'}."
+            "needs hydrodynamics: systems of Gazebo (gz-sim-hydrodynamics-system, gz-sim-thruster-system) in <gazebo>, "
+            "or the plugin libuuv_underwater_object_ros_plugin.so of uuv_simulator, but has neither."
         )
+    if len(found) > 1:
+        raise root.fail(f"needs one plugin libuuv_underwater_object_ros_plugin.so, but has {len(found)}.")
     plugin = found[0]
     model = _model(plugin)
     base = link_named(links, model.get("name") or "", model)
