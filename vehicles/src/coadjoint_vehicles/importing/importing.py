@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -12,7 +13,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.disk import require_file, require_folder
-from coadjoint.errors import FileError, prefixed
+from coadjoint.errors import ArgumentError, FileError, prefixed
 from coadjoint.models.descriptions.elements import Element, read_elements
 from coadjoint.models.quantities import not_negative
 from coadjoint_vehicles.files.file import vehicle_from_text
@@ -62,10 +63,10 @@ def import_vehicle(
 
     path: the file. folder: files that it includes must lie below it, $(find NAME) is the folder itself, if it has this
     name, or the nearest NAME below it; by default the repository or the `src` that holds the package of the file, else
-    the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by default 9.8 if no file states it.
-    forward: the axis of the model that its bow points along. world: a file of Gazebo whose world gives gravity, density
-    and current. Raises FileError, with file and line, for unreadable or impossible values, and ArgumentError. The
-    import runs no code of the files and opens no address.
+    the folder of the file. arguments: values of <xacro:arg>, by names that the files have. gravity: g, m/s², by default
+    9.8 if no file states it. forward: the axis of the model that its bow points along. world: a file of Gazebo whose
+    world gives gravity, density and current. Raises FileError, with file and line, for unreadable or impossible values,
+    and ArgumentError. The import runs no code of the files and opens no address.
     """
     source = Path(path)
     require_file(source)
@@ -73,20 +74,29 @@ def import_vehicle(
     require_folder(below)
     xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
     root = xacro.read(source)
+    with lacking(xacro):
+        checks.all_known(arguments or {}, sorted(xacro.asked), "argument of xacro", source.name)
     draft = Draft(_name(root.attributes.get("name"), source), f"{source.name}, a file of another simulator")
     checks.choice(forward, "forward", ("x", "-x"))
     if forward == "-x":
         draft.flip = np.array([-1.0, 1.0, -1.0])
     around = None if world is None else _world(Path(world), draft)
-    try:
+    with lacking(xacro):
         root = _read(root, around, below, draft, source)
-    except FileError as error:
-        if not xacro.missing:
-            raise
-        raise FileError(f"{error} {report_missing(xacro.missing)}") from None
     _gravity(draft, gravity)
     untouched(root, draft)
     return _finished(draft, xacro)
+
+
+@contextmanager
+def lacking(xacro: Xacro) -> Iterator[None]:
+    """Errors within name the missing files and macros too."""
+    try:
+        yield
+    except (ArgumentError, FileError) as error:
+        if not xacro.missing:
+            raise
+        raise type(error)(f"{error} {report_missing(xacro.missing)}") from None
 
 
 def _read(root: Element, world: Element | None, below: Path, draft: Draft, source: Path) -> Element:

@@ -68,6 +68,8 @@ class Xacro:
     arguments: dict[str, str] = field(default_factory=dict)
     macros: dict[str, Element] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
+    asked: set[str] = field(default_factory=set)
+    """The arguments that <xacro:arg> declares or $(arg NAME) takes."""
     missing: list[str] = field(default_factory=list)
     """Sentences on missing includes and macros."""
     unseen: list[str] = field(default_factory=list)
@@ -170,6 +172,7 @@ class Xacro:
 
     def _argument(self, element: Element, scope: Scope) -> None:
         name = element.attributes.get("name", "")
+        self.asked.add(name)
         if "default" in element.attributes:
             self.arguments.setdefault(name, self.text(element.attributes["default"], scope, element))
 
@@ -301,6 +304,7 @@ class Xacro:
 
     def _command(self, words: list[str], element: Element) -> str:
         if len(words) == 2 and words[0] == "arg":
+            self.asked.add(words[1])
             if words[1] not in self.arguments:
                 raise element.fail(f"needs the argument `{words[1]}`: give it by --set {words[1]}=VALUE.")
             return self.arguments[words[1]]
