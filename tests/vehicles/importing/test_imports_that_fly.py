@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from coadjoint.cli.main import main
-from coadjoint.errors import FileError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint_vehicles import Vehicle
 from coadjoint_vehicles.importing import import_vehicle
 from coadjoint_vehicles.importing.flying import doubts, first_mission
@@ -91,6 +91,31 @@ def test_limits_that_are_infinite_are_none(tmp_path: Path, ends: tuple[str, str]
     limit = f"<limit><lower>{ends[0]}</lower><upper>{ends[1]}</upper></limit>"
     part: Any = import_vehicle(written(tmp_path / "lim.sdf", model(limit=limit))).vehicle.part("thrusters")
     assert part.count == 6
+
+
+ENDS = "<min_thrust_cmd>{}</min_thrust_cmd><max_thrust_cmd>{}</max_thrust_cmd>"
+
+
+@pytest.mark.parametrize("more", ["", "<use_angvel_cmd>true</use_angvel_cmd>"])
+def test_infinite_thrusts_are_no_limit_and_missing_ones_that_of_gazebo(tmp_path: Path, more: str):
+    endless = import_vehicle(written(tmp_path / "e.sdf", model(thruster=more + ENDS.format("-inf", "inf"))))
+    part: Any = endless.vehicle.part("thrusters")
+    assert part.limit is None and "no limit" in " ".join(endless.report.doubts)
+    missing = import_vehicle(written(tmp_path / "m.sdf", model(thruster=more)))
+    (limit,) = (row for row in missing.report.taken if row.key == "thrusters.limit")
+    assert "Gazebo" in limit.place and ".sdf" not in limit.place
+    if not more:
+        one: Any = import_vehicle(written(tmp_path / "o.sdf", model(thruster=ENDS.format("-inf", "50"))))
+        assert list(one.vehicle.part("thrusters").limit) == [-1000, 50]
+        assert "infinite" in " ".join(one.report.differs)
+
+
+def test_an_argument_that_no_xacro_file_has_is_an_error_with_the_nearest(tmp_path: Path):
+    (tmp_path / "r.xacro").write_text(
+        '<robot name="r" xmlns:xacro="x"><xacro:arg name="mass" default="25"/><link name="b"/></robot>'
+    )
+    with pytest.raises(ArgumentError, match=r"r\.xacro has no argument of xacro `mas`: did you mean `mass`"):
+        import_vehicle(tmp_path / "r.xacro", arguments={"mas": "26"})
 
 
 def test_a_limit_that_is_no_number_is_an_error(tmp_path: Path):

@@ -125,6 +125,10 @@ def test_every_number_of_an_imported_vehicle_has_its_line() -> None:
     for key, tag in (("body.volume", "<volume>"), ("damping.linear", "<linear_damping>")):
         file, number = notes[key].split(";")[0].split(":")
         assert file == "hydrodynamics.xacro" and tag in lines[int(number) - 1]
+    torpedo = import_vehicle(HERE / "torpedo.sdf", forward="-x").report.taken
+    source = (HERE / "torpedo.sdf").read_text().splitlines()
+    limits = [row for row in torpedo if row.key.endswith(".limit") and row.unit == "rad"]
+    assert limits and all("<joint" in source[int(row.place.partition(":")[2]) - 1] for row in limits)
     assert notes["thrusters.positions"] == "rov.xacro:25, 26, 27, 28"
     assert {row.key for row in found.report.taken} == set(notes)
     assert found.vehicle.mass == pytest.approx(1862.87 + 4 * 0.5, rel=1e-12)

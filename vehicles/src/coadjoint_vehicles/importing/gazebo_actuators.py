@@ -90,7 +90,10 @@ def add_foil(
     geometry = {"position": (position, "m"), "chord": (forward, "1"), "normal": (-sign * upward, "1")}
     where = plugin if joint is None else joint.element
     taken = {key: draft.take(f"{word}.{key}", v * draft.flip, unit, where) for key, (v, unit) in geometry.items()}
-    taken |= {key: draft.take(f"{word}.{key}", v, units.get(key, "1/rad"), plugin) for key, v in given.items()}
+    taken |= {
+        key: draft.take(f"{word}.{key}", v, units.get(key, "1/rad"), where if key == "limit" else plugin)
+        for key, v in given.items()
+    }
     draft.parts.append(Airfoil(word, **taken))
 
 

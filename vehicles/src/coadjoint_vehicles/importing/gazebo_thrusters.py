@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.models.descriptions.elements import Element
-from coadjoint.models.descriptions.frames import Placement, flag_in, number_in, text_in
+from coadjoint.models.descriptions.frames import Placement, flag_in, limit_of, number_in, text_in
 from coadjoint.models.descriptions.links import DescribedJoint, DescribedLink, link_named
 from coadjoint.texts import Table
 from coadjoint_vehicles.importing.draft import Draft, places
@@ -18,6 +18,8 @@ from coadjoint_vehicles.parts.thrusters import Thrusters
 
 LARGEST_THRUST = 1000.0
 """N, of a thruster of Gazebo without limits."""
+STATING = ("min_thrust_cmd", "max_thrust_cmd", "maxRotVelocity", "motorType")
+"""Elements of a plugin that state the limits of its command."""
 ROWS = np.linspace(0.0, 1.0, 21)
 """The duty cycles at which a polynomial of a motor model is tabulated."""
 
@@ -79,7 +81,13 @@ def _part(draft: Draft, name: str, group: list[Thruster]) -> None:
         torque = np.array([one.torque for one in group])
         more["torque"] = draft.take(f"{name}.torque", torque, "m", where)
     ways = np.array([one.direction for one in group])
-    limit = shared(np.array([[one.low for one in group], [one.high for one in group]]))
+    if (limit := _limit(draft, group)) is not None:
+        stated = any(one.plugin.first(tag) is not None for one in group for tag in STATING)
+        more["limit"] = (
+            draft.take(f"{name}.limit", limit, first.unit, where)
+            if stated
+            else draft.given(f"{name}.limit", limit, first.unit, "that of thrusters of Gazebo which give none")
+        )
     draft.parts.append(
         Thrusters(
             name,
@@ -89,10 +97,22 @@ def _part(draft: Draft, name: str, group: list[Thruster]) -> None:
                 f"{name}.positions", np.array([one.position for one in group]) * draft.flip, "m", origins
             ),
             directions=draft.take(f"{name}.directions", ways * draft.flip, "1", origins),
-            limit=draft.take(f"{name}.limit", limit, first.unit, where),
             **more,
         )
     )
+
+
+def _limit(draft: Draft, group: list[Thruster]) -> np.ndarray | None:
+    """The lowest and the highest command, (2,) or (2, n); None where no thruster has any."""
+    ends = np.array([[one.low for one in group], [one.high for one in group]])
+    endless = np.isinf(ends)
+    if np.all(endless):
+        return None
+    if np.any(endless):
+        most = max(LARGEST_THRUST, float(np.max(np.abs(ends[~endless]))))
+        ends = np.where(endless, np.sign(ends) * most, ends)
+        draft.differs(f"Limits of thrusters that are infinite, next to finite ones, are {most:g} {group[0].unit} here.")
+    return shared(ends)
 
 
 def shared(rows: np.ndarray) -> np.ndarray:
@@ -105,10 +125,7 @@ def _thruster(draft: Draft, plugin: Element, joints: list[DescribedJoint], poses
     joint = joint_named(joints, text_in(plugin, "joint_name"), plugin)
     pose = connected(plugin, joint.child, poses)
     direction = pose.R @ joint.axis
-    low, high = (
-        number_in(plugin, "min_thrust_cmd", -LARGEST_THRUST),
-        number_in(plugin, "max_thrust_cmd", LARGEST_THRUST),
-    )
+    low, high = (_end(plugin, tag, way) for tag, way in (("min_thrust_cmd", -1.0), ("max_thrust_cmd", 1.0)))
     if not low <= 0 <= high or low == high:
         raise plugin.fail(f"has thrusts from {low:g} to {high:g} N, which must lie about 0.")
     rad = flag_in(plugin, "use_angvel_cmd", False)
@@ -125,6 +142,15 @@ def _thruster(draft: Draft, plugin: Element, joints: list[DescribedJoint], poses
     )
     kind, unit = ("quadratic", "rad/s") if rad else ("linear", "N")
     return Thruster(kind, numbers, unit, pose.r, direction, low, high, dead, 0.0, 0.0, plugin, joint.element)
+
+
+def _end(plugin: Element, tag: str, way: float) -> float:
+    """A limit of the thrust, N: that of Gazebo where none is given, infinite where its number is."""
+    child = plugin.first(tag)
+    if child is None or not child.text.strip():
+        return way * LARGEST_THRUST
+    found = limit_of(child, child.text, "its number")
+    return way * math.inf if found is None else found
 
 
 def _coefficient(draft: Draft, plugin: Element) -> float:
