@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.internal_state import jumped as jumped
     from coadjoint.mechanics.locked_inertia import mechanical_connection as mechanical_connection
     from coadjoint.mechanics.members import each as each
+    from coadjoint.mechanics.multipliers import reactions_at as reactions_at
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket

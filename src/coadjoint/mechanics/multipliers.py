@@ -9,8 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, Scalar
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.rates import rates
-from coadjoint.mechanics.reactions import Independent, count, node_rate, node_rates, reaction, rows_of, site, solved
+from coadjoint.mechanics.reactions import (
+    Independent,
+    count,
+    node_rate,
+    node_rates,
+    parts,
+    reaction,
+    rows_of,
+    site,
+    solved,
+)
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
@@ -22,6 +33,23 @@ def multipliers(system: System, state: State, independent: Independent) -> Array
         return how.jacobian_solve(change, nothing, -change(nothing))
     matrix, right = jax.jacfwd(change)(nothing), -change(nothing)
     return _spread(matrix, solved(matrix, right, independent), independent)
+
+
+def reactions_at(system: System, state: State) -> dict[str, Array]:
+    """The multipliers λ of every constraint at a node, name → (m,), those of φ̈ = 0 or d/dt A·(ξ, ν) = ḃ.
+
+        lift_off = lambda state: co.mechanics.reactions_at(system, state)["floor"][0]
+        run = co.simulate(system, start, dt=0.01, duration=10.0, until=lift_off)
+
+    The same numbers as `reaction_NAME` of a dataset, as a pure function for events, quantities and outputs.
+    system: with constraints and the parameters of this motion. state: one state, with the velocities of its momenta, as
+    functions of states get it. Units are those of ℓ over those of φ; of A·(ξ, ν), those of the momenta over A and s.
+    Raises ArgumentError for a system without constraints.
+    """
+    if not system.constraints:
+        raise ArgumentError("This system has no constraints that could have reactions.")
+    strength = multipliers(system, state, getattr(state.memory, "independent", None))
+    return {one.name: strength[part] for one, part in parts(system)}
 
 
 def least(system: System, state: State, strength: Array, independent: Independent) -> Array:
