@@ -371,11 +371,13 @@ class Controller(Remade):
         and the parameters in `changing` may change between calls.
 
         folder, name, units, overwrite: as of `co.Stepper.export_c`. iterations: of the solver, at most. Raises
-        FileError rather than replace a file, ArgumentError for a controller with a delay.
+        FileError rather than replace a file, ArgumentError for a controller with a delay or with linear inputs.
         """
         name = identifier(Path(folder).name if name is None else name, "folder" if name is None else "name")
         if self.delay:
             raise ArgumentError("A controller with a delay has no C library: leave out `delay`.")
+        if len(self._expanding.begins):
+            raise ArgumentError("A controller of linear inputs has no C library: take inputs that are held.")
         texts = sources(self.problem, name, whole(iterations, "iterations"), {"t": "s", **(units or {})})
         return write_library(folder, name, texts, overwrite)
 
