@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import coadjoint as co
-from pinned import body, pinned, start
+from coadjoint.kernels.trace.evaluate import evaluate
+from pinned import MASS, body, pinned, start
 
 LEVEL = -20.0
 
 
+def test_the_reaction_of_a_hanging_body_is_its_weight():
+    system = pinned().replace(pin=[0.0, 0.0, 0.5])
+    hanging = system.state(q=[0, 0, -0.5], a0=[0, 0, 1])
+    found = evaluate(lambda state: co.mechanics.reactions_at(system, state)["pin"], hanging)
+    np.testing.assert_allclose(found, [0, 0, 9.81 * MASS], atol=1e-12)
+
+
+@pytest.mark.long
 def test_an_event_reads_the_reaction_that_the_dataset_shows():
     system = pinned()
 
