@@ -61,6 +61,9 @@ def test_the_solver_that_is_generated_finds_the_commands_of_the_controller(contr
     found = made.split(w.full().ravel()).u[0]
     assert np.allclose(found, converged(controller, START, np.zeros(3)), rtol=0, atol=1e-6)
     assert np.allclose(np.abs(found), 0.3, rtol=0, atol=1e-9)  # the rate
+    x[-2] += 0.1
+    w = function(x, made.given, guess, 0.0 * guess, zeros)[0].full().ravel()
+    assert np.allclose(made.split(w).x[0], x, rtol=0, atol=1e-9)
 
 
 def test_the_header_names_state_commands_and_given_numbers(controller, tmp_path):
