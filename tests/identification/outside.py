@@ -65,6 +65,7 @@ class Body:
         self.weight = m * float(body["gravity"])
         lags = [np.broadcast_to(self.numbers[name]["lag"], count) for name, count in self.actuated]
         self.lags = np.concatenate(lags)
+        self.rates = np.full(len(self.lags), np.inf)
 
     def force(self, nu: np.ndarray, down: np.ndarray, actuators: np.ndarray) -> np.ndarray:
         raise NotImplementedError
@@ -78,7 +79,7 @@ class Body:
         P = self.M @ nu
         turning = np.concatenate([cross(omega, P[:3]), cross(omega, P[3:]) + cross(v, P[:3])])
         nu_dot = self.inverse @ (self.force(nu, R[2], actuators) + push - turning)
-        moved = (self.limited(commands) - actuators) / self.lags
+        moved = np.clip((self.limited(commands) - actuators) / self.lags, -self.rates, self.rates)
         return np.concatenate([R @ v, (R @ hat(omega)).reshape(-1), nu_dot, moved])
 
     def run(

@@ -7,17 +7,19 @@ tables of docs/identification.md.
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
-from tests.identification.outside import BlueRov, Remus
-from tests.identification.outside_logs import Experiment, bluerov, remus
+from tests.identification.outside import BlueRov, Remus, columns
+from tests.identification.outside_logs import INTERVAL, Experiment, bluerov, remus
+from tests.torpedo import NOISE
 
 import coadjoint as co
 from coadjoint.errors import CoadjointError
-from coadjoint.identification import seen
+from coadjoint.identification import Log, identify, seen
 
 MADE = {"remus": remus, "bluerov": bluerov}
 ANOTHER = {"remus": lambda: Remus(cubic=4.0), "bluerov": lambda: BlueRov(weak=0.7)}
@@ -85,6 +87,40 @@ def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
     if bound:
         assert min(inside.values()) >= 86 and total >= 0.92 * count and false <= 2
         assert all(np.median(widths[key]) <= 2 * least for key, least in bound.items())
+
+
+@pytest.mark.long
+@pytest.mark.cases(1)
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(20), marks=pytest.mark.long)])
+def test_lags_a_rate_and_a_delay_are_found_in_default_segments_from_30_percent_off(seeds):
+    """REMUS with a rudder of 0.35 rad/s and commands that arrive 0.1 s late; misses are binomial."""
+    made, rate = remus(), 0.35
+    body = made.body()
+    body.rates[0] = rate
+    late = np.concatenate([made.commands[:1], made.commands[:-1]])
+    states, _ = body.run(made.begun, made.time, late, 0.5 * INTERVAL)
+    vehicle = co.vehicles.load("remus_100")
+    parts = tuple(replace(part, rate=rate) if part.name == "rudder" else part for part in vehicle.parts)
+    craft = co.vehicles.Craft(replace(vehicle, parts=parts))
+    truth = {"rudder.lag": 0.1, "rudder.rate": rate, "stern_planes.lag": 0.1, "propeller.lag": 1.0}
+    truth |= {"hull.axial_drag": 0.42, "hull.crossflow_drag": 1.1}
+    begun = dict(zip(made.inputs, made.begun[18:].tolist(), strict=True))
+    start, misses = craft.start(position=(0, 0, 20), speed=1.5, actuators=begun), 0
+    for seed in seeds:
+        random, system = np.random.default_rng(seed), craft.system
+        for k, (name, value) in enumerate(truth.items()):
+            part, key = name.split(".")
+            system = system.replace(**{part: {key: (1.3 if (seed + k) % 2 else 0.7) * value}})
+        noisy = {name: x + NOISE[name] * random.normal(size=len(x)) for name, x in columns(states).items()}
+        log = Log(made.time, noisy, made.inputs)
+        found = identify(system, log, start=start, parameters=list(truth), delays={"command": list(noisy)})
+        assert found.segments == 6
+        for name, value in {**truth, "delay.command": INTERVAL}.items():
+            assert abs(found[name].value - value) < 5 * found[name].standard_error < 0.2 * value, name
+            misses += not found[name].covers(value)
+    print(f"{misses} of {7 * len(seeds)} intervals miss")
+    assert misses <= stats.binom.ppf(1 - 1 / 2000, 7 * len(seeds), 0.05)
 
 
 @pytest.mark.long
