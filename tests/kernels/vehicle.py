@@ -118,6 +118,9 @@ class VehicleProgram:
     substeps: tuple[float, ...] = (1.0,)
     stops: bool = False
 
+    def linked(self, s):
+        return None
+
     def prepare(self, p, s, h):
         return s
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.emit.link_check import require_links
 from coadjoint.kernels.emit.link_plan import plan_links
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.program import Code
-from coadjoint.kernels.run import backend, native, observed
+from coadjoint.kernels.run import backend, linked_members, native, observed
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import NotLinked
 from coadjoint.mechanics import reactions
@@ -24,6 +25,7 @@ from coadjoint.methods import rattle
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.rattle import Reactions
 from coadjoint.simulation import monitors
+from coadjoint.simulation.steppers.engines import LinkedEngine
 
 H = 0.01
 QUIET = {"monitors": False, "accuracy": False}
@@ -52,12 +54,44 @@ def bobs(count, rows=joints):
     )
 
 
-def leaning(system):
+def driven(count):
+    """Bobs with drag, pushed by inputs, one of all links and one of each, and by an actuator that lags behind."""
+
+    def lagrangian(xi, n, nu, a, p):
+        return 0.05 * jnp.sum(xi**2) + 0.5 * jnp.sum(p.masses @ nu**2) - 9.81 * p.masses @ jnp.sum(n * a.y, axis=1)
+
+    def push(motion, p):
+        inputs, thrust = motion.inputs, motion.internal.thrust
+        return co.Force(
+            force=inputs.side * p.masses[:, None] * motion.a.x + (inputs.lift + thrust)[:, None] * motion.a.y
+        )
+
+    def lag(motion, h, p):
+        late, x, wanted = jnp.exp(-h / p.lag), motion.internal.thrust, 0.2 * jnp.ravel(motion.xi)
+        mean = wanted + (x - wanted) * (1 - late) * p.lag / h
+        return {"thrust": co.mechanics.Course(wanted + (x - wanted) * late, mean)}
+
+    return co.System(
+        co.Power(co.SO2(), count),
+        lagrangian,
+        additional=co.Defining(),
+        advected={"x": co.Defining(), "y": co.Defining()},
+        parameters={"masses": np.linspace(1.0, 2.0, count), "lag": 0.3},
+        constraints={"joints": co.Holonomic(joints)},
+        forces={"drag": lambda motion, p: co.Force(torque=-0.3 * motion.xi, force=-0.3 * motion.nu), "push": push},
+        internal=lag,
+    )
+
+
+DRIVE = {"side": lambda m: 0.5 * jnp.cos(5 * m.t), "lift": lambda m: 0.3 * jnp.sin(m.t) - 0.1 * jnp.ravel(m.xi)}
+
+
+def leaning(system, **more):
     """The chain at rest, straight, along the first axis."""
     count = system.group.count
     axes = {"x": np.tile([1.0, 0.0], (count, 1)), "y": np.tile([0.0, 1.0], (count, 1))}
     g = np.broadcast_to(np.eye(2), (count, 2, 2))
-    return system.state(g=g, q=[(i + 1.0, 0.0) for i in range(count)], a0=axes)
+    return system.state(g=g, q=[(i + 1.0, 0.0) for i in range(count)], a0=axes, **more)
 
 
 def stage_of(system):
@@ -88,17 +122,37 @@ def gap(system, state):
     return np.abs(evaluate(lambda s: system.constraints[0].value(system, reactions.site(s)), state)).max()
 
 
-def test_loops_run_chains_that_are_too_long_to_write_out(monkeypatch):
-    system = bobs(41)
-    program = StepProgram(replace_parameters(system, None), co.Midpoint())
-    state = leaning(system).replace(memory=Reactions(np.zeros(82), np.zeros(82), None))
-    assert native.loops(program, state)
+def of_bobs(count, method=None):
+    """The program of a chain of bobs, and a state."""
+    nothing = np.zeros(2 * count)
+    program = StepProgram(replace_parameters(bobs(count), None), method or co.Midpoint())
+    return program, leaning(bobs(count)).replace(memory=Reactions(nothing, nothing, None))
+
+
+def test_loops_run_chains_that_are_long(monkeypatch):
+    program, state = of_bobs(41)
+    assert native.linked(program, state) is not None and not native.written(program)
+    monkeypatch.setattr(native, "loops", lambda *given: True)
     monkeypatch.setattr(observed, "run", lambda *given: "observed")
     assert backend.run("native", program, None, state, H, 1, 1) == "observed"
-    composed = StepProgram(program.skeleton, co.Suzuki4(co.Midpoint()))
-    assert not native.loops(composed, state)
-    short = StepProgram(replace_parameters(bobs(20), None), co.Midpoint())
-    assert not native.loops(short, state) and all(stage.structure.native for stage in short.stages)
+    assert native.linked(*of_bobs(21)) is not None and native.written(of_bobs(21)[0])
+    assert native.linked(*of_bobs(20)) is None and native.written(of_bobs(20)[0])
+
+
+def test_a_chain_whose_links_differ_is_written_out_if_it_is_short_enough(monkeypatch):
+    program, state = of_bobs(21)
+    constants = Constants(bobs(21).parameters, {})
+
+    def unlike(*given):
+        raise NotLinked("its links are not all alike")
+
+    monkeypatch.setattr(native, "_kernels", OrderedDict())
+    monkeypatch.setattr(native, "_load_links", unlike)
+    monkeypatch.setattr(native, "plan", lambda *given: None)
+    monkeypatch.setattr(native, "load", lambda *given: native.Kernel(None, None, None, {}, (), None))
+    assert not native.compile(program, constants, state).looped and not native.loops(program, constants, state)
+    with pytest.raises(NotLinked, match="not all alike"):
+        native.compile(of_bobs(41)[0], Constants(bobs(41).parameters, {}), of_bobs(41)[1])
 
 
 def late(system, step, record, h, constants):
@@ -140,6 +194,93 @@ def test_default_runs_in_loops_report_what_xla_reports():
     assert abs(runs[0].events["fall"].t[0] - runs[1].events["fall"].t[0]) < 1e-10
 
 
+def test_loops_run_chains_that_are_driven_and_compositions():
+    program, state = of_bobs(41, co.Suzuki4(co.Midpoint()))
+    begun = state.replace(
+        inputs={"lift": np.ones(41), "side": 1.0}, internal={"thrust": np.ones((41, 2))}, ledger=np.zeros((2, 43))
+    )
+    stage = program.linked(begun)
+    assert stage is not None and stage.driving == (True, False, True)
+    links, shared = stage.rows(begun)
+    assert len(jax.tree.leaves(links)) == len(jax.tree.leaves(program.linked(state).rows(state)[0])) + 2
+    assert [np.shape(leaf) for leaf in jax.tree.leaves(shared)] == [(), (), (), (2, 43)]
+    assert stage.short_state(begun, 5).inputs["lift"].shape == (5,)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.Midpoint(), negative_substeps="allow")])
+def test_driven_chains_in_loops_report_what_xla_reports(method):
+    system, runs = driven(41), []
+    start = leaning(system, internal={"thrust": np.zeros(41)})
+    how = {"dt": H, "steps": 40, "save_every": 8, "method": method, "inputs": DRIVE}
+    for chosen in ("auto", "xla"):
+        runs.append(co.simulate(system, start, backend=chosen, **how))
+    assert [run.plan.backend for run in runs] == ["native", "xla"]
+    assert {"work_drag", "work_push", "energy_budget"} <= set(runs[0].monitors)
+    assert max(differences(runs[0].records, runs[1].records)) < 1e-8
+    assert max(differences(dict(runs[0].monitors), dict(runs[1].monitors))) < 1e-7
+    assert max(differences(runs[0].extrema["work_drag"], runs[1].extrema["work_drag"])) < 1e-8
+    assert all(run.extrema[name][1] < 1e-12 for run in runs for name in ("balance", "constraint_gap"))
+
+
+def test_members_in_loops_are_gathered_with_what_they_have():
+    def chunk(rows, code):
+        limits = {"e": (np.array(-1.0), np.array(2.0))}
+        seen = {"e": np.arange(float(rows))}
+        return Chunk(np.ones((rows, 2)), np.full(2, rows), rows, code, 3 * rows, 3, seen, limits)
+
+    found = linked_members._gathered([chunk(3, Code.CONVERGED), chunk(1, Code.NOT_CONVERGED)], 3)
+    assert found.records.shape == (2, 3, 2) and list(found.rows) == list(found.steps) == [3, 1]
+    assert np.array_equal(np.isnan(found.monitors["e"]), [[False] * 3, [False, True, True]])
+    assert list(found.code) == [0, 1] and found.extrema["e"][1].shape == (2,) and found.final.shape == (2, 2)
+    assert backend._of_members(of_bobs(41)[0]) is linked_members
+
+
+@pytest.mark.long
+def test_ensembles_of_chains_in_loops_report_what_xla_reports():
+    masses = co.each([np.linspace(1, 2, 41), np.linspace(2, 1, 41), np.ones(41)])
+    system, runs = bobs(41).replace(masses=masses), []
+    for chosen in ("auto", "xla"):
+        fall = co.Event(lambda s: s.t + s.n[1] - 0.123)
+        start = leaning(bobs(41))
+        runs.append(co.simulate(system, start, dt=H, steps=40, save_every=8, events={"fall": fall}, backend=chosen))
+    assert [run.plan.backend for run in runs] == ["native", "xla"]
+    assert max(differences(runs[0].records, runs[1].records)) < 1e-8
+    assert max(differences(dict(runs[0].monitors), dict(runs[1].monitors))) < 1e-8
+    assert max(differences(runs[0].extrema["energy"], runs[1].extrema["energy"])) < 1e-8
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("members", [None, 2])
+def test_steppers_of_chains_in_loops_move_as_xla(members):
+    system, seen = driven(41), []
+    start = leaning(system, internal={"thrust": np.zeros(41)})
+    factor = 1.0 if members is None else np.array([1.0, -1.0])
+    for chosen in ("auto", "xla"):
+        stepper = co.Stepper(
+            system, start, dt=H, inputs={"side": 0.0, "lift": np.zeros(41)}, members=members, backend=chosen,
+            observe={"end": lambda s: s.n[-2:], "turning": lambda s: s.xi[0]}, accuracy=False,
+        )  # fmt: skip
+        found = [stepper.step({"side": factor * np.sin(k)}) for k in range(10)]
+        seen.append([np.concatenate([np.ravel(x) for x in each.values()]) for each in found])
+        assert isinstance(stepper._engine, LinkedEngine) == (chosen == "auto")
+    assert np.max(np.abs(np.array(seen[0]) - seen[1])) < 1e-11
+    with pytest.raises(co.errors.ArgumentError, match="cannot be saved"):
+        stepper.save("never.stepper")
+
+
+@pytest.mark.long
+def test_a_composed_step_that_fails_leaves_the_state_of_its_node(monkeypatch):
+    system = bobs(21)
+    program = StepProgram(replace_parameters(system, None), co.Suzuki4(co.Midpoint()))
+    state = program.method.begin(system, leaning(system), H)
+    given = program, Constants(system.parameters, {})
+    good = native.run(*given, state, H, 30, 1, monitors=False)
+    failed = native.run(*given, good.final, 40.0, 3, 1, monitors=False)
+    assert failed.code and failed.steps == failed.iterations == 0
+    assert max(differences(failed.final, good.final)) == 0
+
+
 @pytest.mark.long
 def test_the_code_of_three_links_is_that_of_all():
     plan = planned(bobs(13))
@@ -172,7 +313,7 @@ def test_loops_move_as_written_code(monkeypatch):
     system = bobs(13)
     start = leaning(system)
     written = co.simulate(system, start, dt=H, steps=40, **QUIET)
-    monkeypatch.setattr(rattle, "WRITTEN", 0)
+    monkeypatch.setattr(rattle, "LOOPED", 0)
     monkeypatch.setattr(native, "_kernels", OrderedDict())
     looped = co.simulate(bobs(13), start, dt=H, steps=40, **QUIET)
     assert written.plan.backend == looped.plan.backend == "native"

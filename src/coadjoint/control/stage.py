@@ -25,7 +25,8 @@ from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.methods.program import RENEWED, Constants, StepProgram
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.renewal import RENEWED
 
 
 class FiniteGraph(Graph):

@@ -198,7 +198,7 @@ class LinkedStage(Protocol):
 
     @property
     def structure(self) -> Any:
-        """Its `by_links` gives unknowns or equations (N·b,) as (N, b)."""
+        """Its `by_links` gives unknowns or equations (N·b,) as (N, b); `looped`: whether loops are to be preferred."""
         ...
 
     def shortened(self, count: int) -> LinkedStage:
@@ -225,6 +225,8 @@ class LinkedStage(Protocol):
         """The numbers of a state that belong to links, as arrays (N, …), and those that belong to none."""
         ...
 
+    def prepare(self, parameters: Parameters, state: State, h: Scalar) -> State: ...
+
     def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns: ...
 
     def residual(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Unknowns: ...
@@ -244,6 +246,10 @@ class LinkedStage(Protocol):
     def ended(self, parameters: Parameters, free: State, h: Scalar, impulse: Unknowns) -> State: ...
 
     def certificate(self, parameters: Parameters, record: State, h: Scalar, after: State) -> Mapping[str, Scalar]: ...
+
+    def accounted(self, parameters: Parameters, start: State, nodes: State, lengths: Any) -> State:
+        """Records, and the node at the end, with the account of energy that they lead from a start; steps leave it."""
+        ...
 
 
 class Program(Protocol):

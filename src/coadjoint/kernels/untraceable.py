@@ -38,6 +38,7 @@ class NotLinked(Untraceable):
     quiet = True
 
     def __init__(self, reason: str) -> None:
+        self.reason = reason
         super().__init__("the step of a link", reason)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
@@ -63,18 +64,21 @@ def at_node(system: System, state: State) -> State:
     return state.replace(xi=jnp.where(found, xi, state.xi), nu=jnp.where(found, nu, state.nu))
 
 
-def advanced(system: System, state: State, h: Scalar, renewed: object = None) -> State:
+AtNode = Callable[["System", State], State]
+
+
+def advanced(system: System, state: State, h: Scalar, renewed: object = None, at: AtNode = at_node) -> State:
     """The state at a node with the course of its internal state over the step of h from there.
 
     The rule is applied once where it is due: at the start of a run and after every step. A record, to which it has been
     applied already, stays unchanged, and so does any other state where `renewed` is given and does not hold. h: one
-    number, s.
+    number, s. at: gives a state the velocities that the rule reads.
     """
     if system.internal is None:
         return state
     due = state.internal_due != 0
     due = due if renewed is None else due & renewed
-    found = applied(system, at_node(system, state), h)
+    found = applied(system, at(system, state), h)
     before = state.internal, state.internal_mean, state.internal_end
     begin, mean, end = (
         jax.tree.map(lambda new, old: jnp.where(due, new, old), *pair)

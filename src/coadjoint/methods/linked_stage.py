@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,11 +16,15 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters, replaced
+from coadjoint.mechanics.forces import INPUTS, INTERNAL
+from coadjoint.mechanics.internal_state import stepped
 from coadjoint.mechanics.reactions import count, kicked, rate, site
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import Places, State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.work_balance import entered, with_jump
 from coadjoint.methods.rattle import Rattle, Reactions
+from coadjoint.methods.renewal import held
 
 RANDOM = 0.1
 """The size of random numbers that are added to a state, relative to 1 plus the number."""
@@ -36,6 +41,8 @@ class RattleOfLinks:
     skeleton: System
     step: Rattle
     structure: Coupled
+    driving: tuple[bool, ...] = ()
+    """Of which leaves of inputs and internal state, as `_driving` lists them, every link has a row."""
 
     @property
     def count(self) -> int:
@@ -55,7 +62,7 @@ class RattleOfLinks:
         skeleton = replaced(self.skeleton, group=Power(given.factor, count, "chain"), constraints=bound)
         how = self.step.structure(skeleton)
         assert isinstance(how, Coupled)
-        return RattleOfLinks(skeleton, self.step, how)
+        return RattleOfLinks(skeleton, self.step, how, self.driving)
 
     def per_link(self, parameters: PyTree) -> list[bool]:
         """Of which leaves of the constants every link has a row."""
@@ -76,6 +83,7 @@ class RattleOfLinks:
             g=jax.tree.map(lambda leaf: np.asarray(leaf)[:count], state.g),
             memory=Reactions(np.zeros(m), np.zeros(m), None),
             places=Places(group, Q, V),
+            **_each_driving(state, lambda leaf, own: np.asarray(leaf)[:count] if own else leaf, self.driving),
             **{name: np.zeros(size) for name, size in sizes.items()},
         )
 
@@ -89,7 +97,9 @@ class RattleOfLinks:
         turning = [group.view(x) for x in (state.mu, state.xi)]
         held = [self._multipliers(x) for x in (state.memory.step, state.memory.end)]
         links = [state.g, moving, V.view(group, state.a), turning, held]
-        return links, [state.t, state.t_rest]
+        driving = list(zip(jax.tree.leaves(_driving(state)), self.driving, strict=True))
+        others = [leaf for leaf, own in driving if not own]
+        return [*links, *(leaf for leaf, own in driving if own)], [state.t, state.t_rest, others, state.ledger]
 
     def _multipliers(self, strength: Array) -> list[Array]:
         ends = np.cumsum([0, *(one.size for one in self.skeleton.constraints)])
@@ -98,6 +108,12 @@ class RattleOfLinks:
 
     def _system(self, parameters: PyTree) -> System:
         return replace_parameters(self.skeleton, parameters.system)
+
+    def prepare(self, parameters: PyTree, state: State, h: Scalar) -> State:
+        """The state with its inputs and internal state over the step of h, and the ledger that it has."""
+        bare = state.replace(ledger=None)
+        renewed = held(self._system(parameters), bare, h, parameters.renewal, _with_velocities)
+        return renewed.replace(ledger=state.ledger)
 
     def guess(self, parameters: PyTree, state: State, h: Scalar) -> Array:
         """Where Newton's iteration begins, (unknowns,). h: one number, as below."""
@@ -125,9 +141,7 @@ class RattleOfLinks:
     def velocities(self, parameters: PyTree, free: State, impulse: Array) -> State:
         """A state after the kick with `impulse` (m,), and (ξ, ν) of its momenta."""
         system = self._system(parameters)
-        after = kicked(system, free, impulse)
-        found = inverse_legendre.velocities(system, after)
-        return after.replace(xi=found.xi, nu=found.nu)
+        return _with_velocities(system, kicked(system, free, impulse))
 
     def momenta(self, parameters: PyTree, state: State, moving: State) -> State:
         """A state with the momenta that the (ξ, ν) of another one have there."""
@@ -142,11 +156,34 @@ class RattleOfLinks:
     def ended(self, parameters: PyTree, free: State, h: Scalar, impulse: Array) -> State:
         """The state after the kick with `impulse` = ½hλ′ (m,)."""
         after, end = kicked(self._system(parameters), free, impulse), 2 * impulse / h
-        return after.replace(memory=replace(free.memory, step=end, end=end))
+        return stepped(after.replace(memory=replace(free.memory, step=end, end=end)))
 
     def certificate(self, parameters: PyTree, record: State, h: Scalar, after: State) -> dict[str, Array]:
         """The balance of momentum and Newton's residual of the step from a record, one number each."""
-        return self.step.certificate(self._system(parameters), record, h, after)
+        return self.step.certificate(self._system(parameters), record, h, _before_renewal(record, after))
+
+    def accounted(self, parameters: PyTree, start: State, nodes: State, lengths: Array) -> State:
+        """Records of steps of these lengths (steps,) and the node at their end, (steps + 1, …), with the ledger that
+        grows along them from a start whose inputs and internal state the first one renews."""
+        if start.ledger is None:
+            return nodes
+        system = self._system(parameters)
+
+        def renewed(before: State, after: State) -> State:
+            inputs = with_jump(system, INPUTS, before, before.replace(inputs=after.inputs))
+            return with_jump(system, INTERNAL, inputs, after.replace(ledger=inputs.ledger))
+
+        def on(ledger: Array, pair: PyTree) -> tuple[Array, Array]:
+            record, after, h = pair
+            ended = _before_renewal(record, after)
+            done = self.step.work_to(system, record, h, ended), self.step.impulse(system, record, h, ended)
+            found = renewed(ended.replace(ledger=entered(ledger, *done)), after).ledger
+            return found, found
+
+        first = renewed(start, jax.tree.map(lambda rows: rows[0], nodes).replace(ledger=start.ledger)).ledger
+        ahead, behind = (jax.tree.map(lambda rows, s=s: rows[s], nodes) for s in (np.s_[1:], np.s_[:-1]))
+        _, later = jax.lax.scan(on, first, (behind, ahead, lengths))
+        return nodes.replace(ledger=jnp.concatenate([first[None], later]))
 
     def nearby(self, state: State, random: np.random.Generator) -> State:
         """A random state with links near those of `state`, each at another place."""
@@ -160,18 +197,52 @@ class RattleOfLinks:
         memory = Reactions(random.normal(size=count(self.skeleton)), random.normal(size=count(self.skeleton)), None)
         eta = RANDOM * random.normal(size=group.dim)
         g = evaluate(lambda g, eta: group.compose(g, group.exp(eta)), state.g, eta)
-        return state.replace(g=g, memory=memory, **{name: moved(getattr(state, name)) for name in names})
+        driving = _each_driving(state, lambda leaf, own: moved(leaf), self.driving)
+        changes = {**driving, "internal_due": state.internal_due, "g": g, "memory": memory}
+        return state.replace(**{name: moved(getattr(state, name)) for name in names}, **changes)
+
+
+def _with_velocities(system: System, state: State) -> State:
+    """A state with the velocities of its momenta."""
+    found = inverse_legendre.velocities(system, state)
+    return state.replace(xi=found.xi, nu=found.nu)
+
+
+DRIVING = ("inputs", "internal", "internal_mean", "internal_end", "internal_due")
+
+
+def _driving(state: State) -> list[PyTree]:
+    return [getattr(state, name) for name in DRIVING]
+
+
+def _each_driving(
+    state: State, function: Callable[[Array, bool], PyTree], flags: tuple[bool, ...]
+) -> dict[str, PyTree]:
+    """function(leaf, flag) of what drives a state, by the names of its parts."""
+    leaves, structure = jax.tree.flatten(_driving(state))
+    found = [function(leaf, own) for leaf, own in zip(leaves, flags, strict=True)]
+    return dict(zip(DRIVING, jax.tree.unflatten(structure, found), strict=True))
+
+
+def _before_renewal(record: State, after: State) -> State:
+    """The node at the end of the step from a record, with the inputs and the internal state that the step ends with."""
+    held = stepped(record)
+    return after.with_course(held.internal, held.internal_mean, held.internal_end, held.internal_due).replace(
+        inputs=record.inputs
+    )
 
 
 def linked(skeleton: System, step: object, state: State) -> RattleOfLinks | None:
-    """The stage of a step that loops over links can run: RATTLE on a chain on flat spaces that nothing else drives."""
+    """The stage of a step that loops over links can run: RATTLE on a chain on flat spaces."""
     group, memory = skeleton.group, state.memory
     if not isinstance(step, Rattle) or not isinstance(memory, Reactions) or not isinstance(group, Power):
         return None
     how = step.structure(skeleton)
     if not isinstance(how, Coupled) or group.coupling != "chain":
         return None
-    driven = (skeleton.inputs, skeleton.internal, skeleton.hamiltonian, state.internal, state.inputs, state.ledger)
-    plain = all(part is None for part in (*driven, memory.base, memory.independent))
+    plain = all(part is None for part in (skeleton.hamiltonian, memory.base, memory.independent))
     holonomic = all(one.holonomic and one.size % group.count == 0 for one in skeleton.constraints)
-    return RattleOfLinks(skeleton, step, how) if plain and holonomic and skeleton.additional.flat else None
+    if not plain or not holonomic or not skeleton.additional.flat:
+        return None
+    driving = tuple(np.shape(leaf)[:1] == (group.count,) for leaf in jax.tree.leaves(_driving(state)))
+    return RattleOfLinks(skeleton, step, how, driving)

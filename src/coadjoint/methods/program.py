@@ -16,16 +16,16 @@ from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.identity import OPAQUE, parts
-from coadjoint.mechanics.internal_state import advanced, at_node, stepped
+from coadjoint.mechanics.internal_state import at_node, stepped
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.work_balance import entered, with_jump
+from coadjoint.mechanics.work_balance import entered
 from coadjoint.methods.linked_stage import RattleOfLinks, linked
 from coadjoint.methods.method import Method
 from coadjoint.methods.rattle import around
+from coadjoint.methods.renewal import ALL_HELD, RENEWED, held
 from coadjoint.methods.step import Step
 
 EVENTS = "values of events"
@@ -50,31 +50,7 @@ class Constants:
 
 jax.tree_util.register_dataclass(Constants, ["system", "monitors", "renewal"], [])
 
-RENEWED, INPUTS_HELD, ALL_HELD = 2.0, 3.0, 4.0
-"""See `Constants`; neither 0 nor 1, for which machine code would be specialised."""
-
 Monitor = Callable[[System, Step, State, PyTree, PyTree], PyTree]
-
-
-def held(system: System, state: State, h: Scalar, renewal: Scalar | None = None) -> State:
-    """The state at a node with the inputs and the internal state over the step of h from there.
-
-    h: one number, s. renewal: one number, see `Constants`.
-    """
-    driven = _with_inputs(system, state, renewal)
-    return with_jump(
-        system, INTERNAL, driven, advanced(system, driven, h, None if renewal is None else renewal != ALL_HELD)
-    )
-
-
-def _with_inputs(system: System, state: State, renewal: Scalar | None) -> State:
-    if system.inputs is None or not system.inputs.holds:
-        return state
-    motion = system.motion_at(at_node(system, state))
-    inputs = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion, state.inputs))
-    if renewal is not None:
-        inputs = jax.tree.map(lambda new, old: jnp.where(renewal == RENEWED, new, old), inputs, state.inputs)
-    return with_jump(system, INPUTS, state, state.replace(inputs=inputs))
 
 
 _current: ContextVar[str | None] = ContextVar("current", default=None)
@@ -138,7 +114,7 @@ class StepProgram:
     def linked(self, state: State) -> RattleOfLinks | None:
         """The only stage, where code that loops over links can run it (`linked_stage`)."""
         stages = self.stages
-        alone = len(stages) == len(self.substeps) == 1 and stages[0].fraction == 1.0
+        alone = len(stages) == 1 and stages[0].fraction == 1.0
         return linked(self.skeleton, stages[0].step, state) if alone and not self.stops else None
 
     @property

@@ -52,6 +52,9 @@ class Reactions:
 WRITTEN = 1000
 """Links times the square of a link's unknowns, up to which native code takes a chain of joints: 12 links on SO(3)."""
 
+LOOPED = 500
+"""The same above which loops over links are preferred, whose code does not grow with the links: 7 links on SO(3)."""
+
 
 @dataclass(frozen=True)
 class _Joined(Coupled):
@@ -62,6 +65,10 @@ class _Joined(Coupled):
     @property
     def native(self) -> bool:
         return self.layout.width == 1 and self.count * sum(self.sizes) ** 2 <= WRITTEN
+
+    @property
+    def looped(self) -> bool:
+        return self.count * sum(self.sizes) ** 2 > LOOPED
 
     @property
     def words(self) -> str:
@@ -220,10 +227,13 @@ class Rattle(Step):
 
     def work(self, system: System, record: State, h: Scalar) -> Array:
         """The work of the base, then ½h(⟨λ, b⟩ at node k + ⟨λ′, b⟩ at node k + 1) of each line of a reaction."""
-        inner = self.inner(system, record, h)
-        after, impulse = self._ended(system, record, h)
-        lines = powers(system, site(record), 0.5 * h * record.memory.step) + powers(system, site(after), impulse)
-        return jnp.concatenate([self.base.work(system, inner, h), lines])
+        return self.work_to(system, record, h, self.advance(system, record, h))
+
+    def work_to(self, system: System, record: State, h: Scalar, after: State) -> Array:
+        """The same; λ′ is in the memory of the state after the step."""
+        here, there = (site(record), record.memory.step), (site(after), after.memory.end)
+        lines = sum(powers(system, at, 0.5 * h * strength) for at, strength in (here, there))
+        return jnp.concatenate([self.base.work(system, self.inner(system, record, h), h), lines])
 
     def sources(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
         """Those of the base, and the changes of m by the reactions at both nodes."""

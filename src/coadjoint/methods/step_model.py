@@ -85,11 +85,16 @@ class StepModel:
     def _compile(self, backend: Backend) -> None:
         """Have the machine code that a single row needs, or fall back to XLA."""
         try:
-            self.kernel(1 if self.axes is None else ensemble.lanes())
+            self.kernel(1 if self._alone else ensemble.lanes())
             self.backend = "native"
         except Untraceable as reason:
             fall_back(reason, backend)
             self.backend = "xla"
+
+    @property
+    def _alone(self) -> bool:
+        """Whether machine code takes the steps of a single row at a time: of a run, and of loops over links."""
+        return self.axes is None or not native.written(self.program)
 
     # States and rows.
 
@@ -173,7 +178,7 @@ class StepModel:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The states after kept·every steps (rows, size), each `every`-th record with its unknowns (rows, kept, …), and
         status (rows, 4)."""
-        alone = self.axes is None and (not self._course or len(rows) == 1)
+        alone = self._alone and (not self._course or len(rows) == 1)
         width = 1 if alone else ensemble.lanes()
         kernel, count = self.kernel(width), -(-len(rows) // width)
         s, step = in_lanes(rows, width), in_lanes(h[:, None], width)
@@ -187,7 +192,10 @@ class StepModel:
         for i in range(count):
             p_i, h_i, s_i, records_i, status_i = (start + i * stride for start, stride in places)
             kernel.function(p_i, h_i, s_i, kept, every, records_i, *ignored, status_i)
-        return of_lanes(s, len(rows)), of_lanes(records, len(rows)), of_lanes(status, len(rows))
+        found = of_lanes(records, len(rows))
+        # Loops over links that are observed record all substeps, the first one first.
+        found = found[..., : self.size] if kernel.looped else found
+        return of_lanes(s, len(rows)), found, of_lanes(status, len(rows))
 
     def _by_xla(
         self, rows: np.ndarray, h: np.ndarray, steps: int, members: Sequence[int] | None, p: np.ndarray | None

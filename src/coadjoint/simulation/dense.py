@@ -15,7 +15,8 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_state import later_in, part_of
 from coadjoint.mechanics.state import State
-from coadjoint.methods.program import ALL_HELD, EVENTS
+from coadjoint.methods.program import EVENTS
+from coadjoint.methods.renewal import ALL_HELD
 from coadjoint.simulation.plan import Plan
 
 

@@ -30,8 +30,9 @@ from coadjoint.mechanics.trace_checks import functions_known, require_scalar
 from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
-from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
+from coadjoint.methods.program import Constants, StepProgram, as_read
 from coadjoint.methods.rattle import redundancy
+from coadjoint.methods.renewal import RENEWED
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation import setup_cache
 from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_forward, with_inputs

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.members import count_members
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.program import held
+from coadjoint.methods.renewal import held
 from coadjoint.spaces.named import named
 
 

@@ -28,7 +28,7 @@ from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
-from coadjoint.methods.program import held
+from coadjoint.methods.renewal import held
 from coadjoint.methods.step import Step
 from coadjoint.theory.discrete_connections import one_stage, positive_step
 from coadjoint.theory.slopes import impulse_of

@@ -85,6 +85,9 @@ class Rods:
     def _masses(self, p):
         return p if self.odd is None else p * jnp.where(np.arange(self.count) == self.odd, 2.0, 1.0)
 
+    def prepare(self, p, s, h):
+        return s
+
     def guess(self, p, s, h):
         return jnp.concatenate([jnp.ravel(s.v), s.strength])
 
@@ -125,6 +128,7 @@ class OneStage:
 
     stage: Rods
     stages = (SimpleNamespace(structure=SimpleNamespace(native=False)),)
+    substeps = (1.0,)
 
     def linked(self, state):
         return self.stage

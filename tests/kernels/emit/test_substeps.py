@@ -157,6 +157,9 @@ class Trying:
     stops: bool = False
     below: float = -np.inf
 
+    def linked(self, s):
+        return None
+
     def prepare(self, p, s, h):
         return s
 

@@ -20,7 +20,7 @@ class Counting:
     """x + h at every step; one monitor is x² − 4x, the other is not finite from x = `bad` on."""
 
     bad: float
-    stages = ()
+    stages, substeps = (), (1.0,)
 
     def linked(self, state):
         return None
@@ -30,9 +30,9 @@ class Counting:
         return {"square": x**2 - 4 * x, "bounded": jnp.where(x < self.bad, x, jnp.nan)[None]}
 
 
-def counted(program, parameters, state, h, records, save_every, monitors=True):
+def counted(program, parameters, state, h, records, save_every, monitors=True, substeps=False, pattern=None):
     """The steps that machine code does, one iteration each; it fails where x would exceed 8."""
-    assert save_every == 1 and not monitors
+    assert save_every == 1 and not monitors and substeps
     x = state["x"] + h * np.arange(records + 1)
     steps = min(records, round(float(8.0 - state["x"]) / h))
     code = Code.CONVERGED if steps == records else Code.NOT_CONVERGED

@@ -26,11 +26,11 @@ Lanes = dict[Emitter, Value]
 def sizes(plan: LinkPlan) -> dict[str, int]:
     """How many numbers of a link each array holds.
 
-    s, n: the state and the next one. f: that after the free step. z, y: the unknowns and the next ones. x, q:
-    `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r. w: W and y of the sweep. d: its solution.
+    s, n: the state and the next one. b: that at the node. f: that after the free step. z, y: the unknowns and the next
+    ones. x, q: `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r. w: W and y of the sweep. d: its solution.
     """
     m, slots, inner = plan.joint, plan.state.links.shape[1], plan.codes[plan.reach]
-    found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "f": slots}
+    found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "b": slots, "f": slots}
     found |= {"z": len(plan.blocks), "y": len(plan.blocks), "x": len(inner.solved), "q": len(inner.joints)}
     return found | {"t": 3 * m**2 + m, "w": m**2 + m, "d": m}
 

@@ -38,7 +38,7 @@ class _Check:
     """Both sides of the comparison at one state."""
 
     def __init__(self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
-        self.plan, self.stage, self.parameters, self.state = plan, stage, parameters, state
+        self.plan, self.stage, self.parameters = plan, stage, parameters
         random = np.random.default_rng(1834)
         self.unknowns = unknowns_of(stage)
         self.z = random.normal(size=self.unknowns.size)
@@ -47,11 +47,16 @@ class _Check:
         p = pack(parameters)[1]
         self.arrays = {
             "p": p[plan.parameters.links],
-            "s": self._numbers(state),
             "z": self.z[self.unknowns],
             "d": self.impulse[self.multipliers],
         }
-        self.shared = {"p": p[plan.parameters.shared], "s": pack(state)[1][plan.state.shared]}
+        self.shared = {"p": p[plan.parameters.shared]}
+        self._begin(state)
+
+    def _begin(self, state: PyTree) -> None:
+        """Compare from another state."""
+        self.state, self.arrays["s"] = state, self._numbers(state)
+        self.shared["s"] = pack(state)[1][self.plan.state.shared]
 
     def _numbers(self, state: PyTree) -> np.ndarray:
         return pack(state)[1][self.plan.state.links]
@@ -59,6 +64,8 @@ class _Check:
     def differences(self) -> dict[str, float]:
         """The largest relative difference of each function."""
         p, stage, h = self.parameters, self.stage, np.float64(LENGTH)
+        prepared, renewed = self._values("prepared"), evaluate(stage.prepare, p, self.state, h)
+        self._begin(renewed)
         free = evaluate(stage.free, p, self.state, h, self.z)
         self.arrays["f"] = self._numbers(free)
         moving = self._state(self._values("moving"), free)
@@ -68,6 +75,7 @@ class _Check:
         residual = evaluate(stage.residual, p, self.state, h, self.z)[self.unknowns]
         record = self._numbers(evaluate(stage.record, p, self.state, h, self.z))
         pairs = {
+            "an input": (prepared, self._numbers(renewed)),
             "the guess": (self._values("guess"), evaluate(stage.guess, p, self.state, h)[self.unknowns]),
             "the residual": (self._values("residual"), residual),
             "the step": (self._values("free"), self.arrays["f"]),

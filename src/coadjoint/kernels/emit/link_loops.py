@@ -3,6 +3,7 @@
     void step(parameters, h, state, records, save_every, record_out, monitor_out, extrema, status, workspace)
 
 It is that of `kernels.emit.stepping` without lanes of members, monitors and extrema; `workspace` is memory for arrays.
+Its loop runs over the substeps of all steps.
 A Newton iteration is a loop for K⁻¹r, K⁻¹G and the contributions of links to S, one for the rows of S, block
 elimination from the first link to the last and back, and a loop for the increments (`link_elimination`).
 """
@@ -15,13 +16,17 @@ from coadjoint.kernels.emit.emitter import BIT, DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.link_arrays import LinkArrays, sizes, stride
 from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
 from coadjoint.kernels.emit.stepping import NAME, POINTER
+from coadjoint.kernels.emit.substeps import constant_table
 from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
 
 
-def assemble(plan: LinkPlan, width: int) -> str:
-    """The module as LLVM assembly; width: of the SIMD lanes."""
-    return str(_LinkFunction(plan, width).module)
+def assemble(plan: LinkPlan, width: int, fractions: tuple[float, ...], everywhere: bool) -> str:
+    """The module as LLVM assembly; width: of the SIMD lanes.
+
+    fractions: the substeps as parts of h. everywhere: whether there is a record of each substep.
+    """
+    return str(_LinkFunction(plan, width, fractions, everywhere).module)
 
 
 def workspace(plan: LinkPlan) -> int:
@@ -31,17 +36,26 @@ def workspace(plan: LinkPlan) -> int:
 
 def _exact(plan: LinkPlan) -> list[Expr]:
     """Results and residuals, whose sums must not be reordered."""
-    roots = [*plan.after, *plan.record]
+    roots = [*plan.prepared, *plan.after, *plan.record]
     for code in plan.codes:
-        roots += [*code.guess, *code.residual, *code.chart, *code.free, *code.rate, *code.after, *code.record]
+        roots += [
+            *code.prepared,
+            *code.guess,
+            *code.residual,
+            *code.chart,
+            *code.free,
+            *code.rate,
+            *code.after,
+            *code.record,
+        ]
     return reachable(roots)
 
 
 class _LinkFunction:
     """Writes that function."""
 
-    def __init__(self, plan: LinkPlan, width: int) -> None:
-        self.plan = plan
+    def __init__(self, plan: LinkPlan, width: int, fractions: tuple[float, ...], everywhere: bool) -> None:
+        self.plan, self.fractions, self.everywhere = plan, fractions, everywhere
         self.module = ir.Module(name="coadjoint")
         kinds = [*[POINTER] * 3, INT64, INT64, *[POINTER] * 3, INT64.as_pointer(), POINTER]
         function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), name=NAME)
@@ -58,12 +72,13 @@ class _LinkFunction:
     def _function(self) -> None:
         b, plan, one = self.b, self.plan, self.arrays.one
         p, h, s, records, every, self.record_out, _, _, status, _ = self.arguments
-        self.h, self.every, number = b.load(h), every, b.mul(records, every)
+        self.full, self.every, number = b.load(h), every, b.mul(records, every)
         self._constants(p)
         self.arrays.transposed(s, plan.state, "s", reading=True)
         self.shared = [one.variable(DOUBLE, b.load(self._place(s, k))) for k in plan.state.shared]
-        self.steps, self.code, self.total, self.most, self.row, self.due = (
-            one.variable(INT64, INT64(0)) for _ in range(6)
+        self.before = [one.variable(DOUBLE) for _ in self.shared]
+        self.steps, self.code, self.total, self.most, self.row, self.due, self.part, self.spent = (
+            one.variable(INT64, INT64(0)) for _ in range(8)
         )
         self.kinds = sorted(set(plan.blocks))
         self.sums, self.chart = self.arrays.variables(), self.arrays.variables()
@@ -71,6 +86,7 @@ class _LinkFunction:
         loop, end = b.append_basic_block("step"), b.append_basic_block("end")
         b.cbranch(b.icmp_signed(">", number, INT64(0)), loop, end)
         b.position_at_end(loop)
+        self._opened()
         with self.arrays.scopes():
             self._step()
         alive = b.icmp_signed("==", b.load(self.code), INT64(0))
@@ -83,23 +99,57 @@ class _LinkFunction:
             b.store(b.load(variable), self._place(status, k))
         b.ret_void()
 
+    @property
+    def _changes(self) -> bool:
+        """Whether the state changes before a step has been found to be sound."""
+        return self.plan.driven or len(self.fractions) > 1
+
+    def _opened(self) -> None:
+        """Where a step begins: keep its state, and renew inputs and internal state."""
+        b, arrays, plan = self.b, self.arrays, self.plan
+        if not self._changes:
+            return
+        with b.if_then(b.icmp_signed("==", b.load(self.part), INT64(0))):
+            arrays.copied("s", "b")
+            for variable, kept in zip(self.shared, self.before, strict=True):
+                b.store(b.load(variable), kept)
+            if plan.driven:
+                with arrays.scopes():
+                    self._bind_shared()
+                    arrays.bind_all(plan.h, self.full)
+                    arrays.fill("n", lambda code: code.prepared)
+                    found = arrays.one.values(plan.prepared)
+                arrays.copied("n", "s")
+                for value, variable in zip(found, self.shared, strict=True):
+                    b.store(value, variable)
+
+    def _bind_shared(self) -> None:
+        for node, address in self.plan.address.items():
+            if address.array == "s" and address.link is None:
+                self.arrays.bind_all(node, self.b.load(self.shared[address.slot]))
+
+    def _length(self) -> Value:
+        """h of the substep."""
+        if len(self.fractions) == 1:
+            return self.full
+        table = constant_table(self.module, self.fractions)
+        return self.b.fmul(self.full, self.b.load(self.b.gep(table, [INT64(0), self.b.load(self.part)])))
+
     def _place(self, row: Value, k: Value) -> Value:
         return self.b.gep(row, [INT64(int(k))])
 
     def _constants(self, p: Value) -> None:
-        """Bind h and the parameters."""
+        """Bind the parameters."""
         plan = self.plan
-        self.arrays.bind_all(plan.h, self.h)
         for node, address in plan.address.items():
             if address.array == "p" and address.link is None:
                 self.arrays.bind_all(node, self.b.load(self._place(p, plan.parameters.shared[address.slot])))
         self.arrays.transposed(p, plan.parameters, "p", reading=True)
 
     def _step(self) -> None:
-        arrays = self.arrays
-        for node, address in self.plan.address.items():
-            if address.array == "s" and address.link is None:
-                arrays.bind_all(node, self.b.load(self.shared[address.slot]))
+        arrays, self.h = self.arrays, self._length()
+        self._bind_shared()
+        arrays.bind_all(self.plan.h, self.h)
         arrays.fill("z", lambda code: code.guess)
         settled, count = self._newton()
         arrays.set(self.sums, 0.0)
@@ -206,17 +256,39 @@ class _LinkFunction:
                 arrays.copied("n", "s")
                 for value, variable in zip(after, self.shared, strict=True):
                     b.store(value, variable)
-                b.store(b.add(b.load(self.steps), INT64(1)), self.steps)
-                b.store(b.add(b.load(self.total), count), self.total)
-                most = b.load(self.most)
-                b.store(b.select(b.icmp_signed(">", most, count), most, count), self.most)
+                self._counted(count)
             with failed:
                 b.store(code, self.code)
+                if self._changes:
+                    arrays.copied("b", "s")
+                    for kept, variable in zip(self.before, self.shared, strict=True):
+                        b.store(b.load(kept), variable)
+
+    def _counted(self, count: Value) -> None:
+        """Go on to the next substep, or to the next step."""
+        b = self.b
+        spent, part = b.add(b.load(self.spent), count), b.add(b.load(self.part), INT64(1))
+        last = b.icmp_signed("==", part, INT64(len(self.fractions)))
+        b.store(b.select(last, INT64(0), spent), self.spent)
+        b.store(b.select(last, INT64(0), part), self.part)
+        with b.if_then(last):
+            b.store(b.add(b.load(self.steps), INT64(1)), self.steps)
+            b.store(b.add(b.load(self.total), spent), self.total)
+            most, due = b.load(self.most), b.load(self.due)
+            b.store(b.select(b.icmp_signed(">", most, spent), most, spent), self.most)
+            again = b.select(b.icmp_signed("==", due, INT64(0)), self.every, due)
+            b.store(b.sub(again, INT64(1)), self.due)
 
     def _recorded(self) -> None:
+        """Write the record of a step that is due, or of each of its substeps."""
+        b = self.b
+        due, first = (b.icmp_signed("==", b.load(x), INT64(0)) for x in (self.due, self.part))
+        with b.if_then(due if self.everywhere else b.and_(due, first)):
+            self._written()
+
+    def _written(self) -> None:
         b, plan, arrays = self.b, self.plan, self.arrays
-        first = b.icmp_signed("==", b.load(self.due), INT64(0))
-        with b.if_then(first), arrays.scopes():
+        with arrays.scopes():
             size = plan.state.links.size + len(plan.state.shared)
             row = b.gep(self.record_out, [b.mul(b.load(self.row), INT64(size))])
 
@@ -228,4 +300,3 @@ class _LinkFunction:
             for value, k in zip(arrays.one.values(plan.record), plan.state.shared, strict=True):
                 b.store(value, self._place(row, k))
             b.store(b.add(b.load(self.row), INT64(1)), self.row)
-        b.store(b.sub(b.select(first, self.every, b.load(self.due)), INT64(1)), self.due)

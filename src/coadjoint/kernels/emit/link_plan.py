@@ -25,13 +25,14 @@ from coadjoint.kernels.untraceable import NotLinked
 class LinkCode:
     """The expressions of one link, number `link` of the short chain.
 
-    guess: z, (b,). residual: of z. solved, joints: `Schur.solved`. rows: L, D, U and the right side of S. increment:
-    δ. chart: how far it is into the chart. free: the state after Φ_h. moving, rate: it after the impulse d, with the
-    velocities of its momenta, and φ̇ of these. closing: L, D, U and the right side for the last impulse. after, record:
-    states.
+    prepared: the state after `prepare`, which is s in all that follows. guess: z, (b,). residual: of z. solved, joints:
+    `Schur.solved`. rows: L, D, U and the right side of S. increment: δ. chart: how far it is into the chart. free: the
+    state after Φ_h. moving, rate: it after the impulse d, with the velocities of its momenta, and φ̇ of these. closing:
+    L, D, U and the right side for the last impulse. after, record: states.
     """
 
     link: int
+    prepared: list[Expr]
     guess: list[Expr]
     residual: list[Expr]
     solved: list[Expr]
@@ -54,11 +55,11 @@ class LinkCode:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """The code of the first, of every inner and of the last links, and what all share: `after` of a state, `record` of
-    a record.
+    """The code of the first, of every inner and of the last links, and what all share: `prepared` and `after` of a
+    state, `record` of a record.
 
-    count: N. base: how many unknowns of a link are not multipliers. blocks: of which kind each unknown is. state,
-    parameters: the places of their numbers in a row.
+    driven: whether `prepare` changes a state. count: N. base: how many unknowns of a link are not multipliers. blocks:
+    of which kind each unknown is. state, parameters: the places of their numbers in a row.
     """
 
     count: int
@@ -69,6 +70,8 @@ class LinkPlan:
     state: LinkPlaces
     parameters: LinkPlaces
     codes: tuple[LinkCode, ...]
+    driven: bool
+    prepared: list[Expr]
     after: list[Expr]
     record: list[Expr]
     sweep: BlockSweep
@@ -101,8 +104,9 @@ def plan_links(stage: LinkedStage, parameters: PyTree, state: PyTree, pattern: t
             plan = _plan(chain)
         except (ArithmeticError, LookupError, TypeError, ValueError) as reason:
             raise NotLinked(f"its functions do not take {4 * reach + 1} links ({reason})") from reason
-        if any(chain.address[node].link is not None for node in reachable(plan.after) if node in chain.address):
-            raise NotLinked("the time depends on links")
+        together = reachable([*plan.prepared, *plan.after])
+        if any(chain.address[node].link is not None for node in together if node in chain.address):
+            raise NotLinked("the time or an input of all links depends on links")
         if all(_reach(chain, code) <= reach for code in plan.codes):
             return plan
     raise NotLinked("it reads links beyond its neighbours")
@@ -122,6 +126,7 @@ def _plan(chain: ShortChain) -> LinkPlan:
     def by_links(values: PyTree, places: np.ndarray) -> np.ndarray:
         return np.array(flat(values), object)[places]
 
+    prepared = trace(stage.prepare, p, s, h)
     guess = by_links(trace(stage.guess, p, s, h), chain.z_places)
     residual = by_links(trace(stage.residual, p, s, h, z), chain.z_places)
     residual = np.array(collect(list(residual.ravel())), object).reshape(residual.shape)
@@ -143,6 +148,7 @@ def _plan(chain: ShortChain) -> LinkPlan:
     codes = [
         LinkCode(
             link=c,
+            prepared=list(chain.of_links(prepared)[c]),
             guess=list(guess[c]),
             residual=list(residual[c]),
             solved=solved[c][0],
@@ -170,6 +176,8 @@ def _plan(chain: ShortChain) -> LinkPlan:
         state=chain.state,
         parameters=chain.parameters,
         codes=tuple(codes),
+        driven=any(x is not y for x, y in zip(flat(prepared), flat(s), strict=True)),
+        prepared=chain.shared(prepared),
         after=shared,
         record=chain.shared(record),
         sweep=sweep(graph, chain.joint),

@@ -35,7 +35,7 @@ def substeps(
 ) -> Done:
     """The stages over every substep; record and monitors are those of the first one, put into the variables `kept`."""
     b = emit.builder
-    table, course = _table(emit, inner.fractions), _Course(emit, plan)
+    table, course = constant_table(emit.module, inner.fractions), _Course(emit, plan)
     start = emit.values(inner.start)
     before, head, end = b.block, b.append_basic_block("substep"), b.append_basic_block("substeps")
     b.branch(head)
@@ -96,10 +96,10 @@ class _Course:
         return [self._emit.builder.load(self._place(INT64(i))) for i in range(self._count)]
 
 
-def _table(emit: Emitter, values: tuple[float, ...]) -> ir.Value:
+def constant_table(module: ir.Module, values: tuple[float, ...]) -> ir.Value:
     """Numbers in the module."""
     kind = ir.ArrayType(DOUBLE, len(values))
-    table = ir.GlobalVariable(emit.module, kind, name="substeps")
+    table = ir.GlobalVariable(module, kind, name="substeps")
     table.global_constant, table.linkage = True, "internal"
     table.initializer = ir.Constant(kind, [ir.Constant(DOUBLE, value) for value in values])  # pyright: ignore
     return table

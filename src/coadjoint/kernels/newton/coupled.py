@@ -125,6 +125,11 @@ class Coupled:
         return few or (self.layout.width == 1 and self.count * b**2 <= (WRITTEN if self.pairs else ALONE))
 
     @property
+    def looped(self) -> bool:
+        """Whether native code prefers loops over links, where it has them, to equations that it could write out."""
+        return False
+
+    @property
     def layout(self) -> LinkOrder:
         """Order and colours of the links."""
         return layout(self.count, self.pairs)

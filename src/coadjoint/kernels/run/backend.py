@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import ModuleType
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from coadjoint.errors import ArgumentError, shown, warn
 from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Program
-from coadjoint.kernels.run import ensemble, native, observed, xla
+from coadjoint.kernels.run import ensemble, linked_members, native, observed, xla
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -40,26 +41,30 @@ def choose(
     raises ArgumentError there.
     """
     require_backend(backend)
-    written = all(stage.structure.native for stage in program.stages)
-    looped = axes is None and native.loops(program, state)
-    if backend == "xla" or (backend == "auto" and not written and not looped):
+    possible = native.written(program) or native.linked(program, state) is not None
+    if backend == "xla" or (backend == "auto" and not possible):
         return "xla"
     try:
         if axes is None:
             native.compile(program, parameters, state, monitors)
         else:
-            ensemble.compile(program, parameters, state, monitors, axes)
+            _of_members(program).compile(program, parameters, state, monitors, axes)
     except Untraceable as reason:
         fall_back(reason, backend)
         return "xla"
     return "native"
 
 
+def _of_members(program: Program) -> ModuleType:
+    """What runs many members by native code."""
+    return ensemble if native.written(program) else linked_members
+
+
 def monitor_shapes(
     program: Program, parameters: PyTree, state: PyTree, backend: Backend
 ) -> Mapping[str, tuple[int, ...]]:
     """Names and shapes of the observations at a record of a single run, whose backend `choose` has chosen."""
-    if backend == "native" and not native.loops(program, state):
+    if backend == "native" and not native.loops(program, parameters, state):
         return native.compile(program, parameters, state).monitor_shapes
     found = evaluate(program.monitors, parameters, state, 1.0)
     return {name: np.shape(value) for name, value in found.items()}
@@ -95,7 +100,7 @@ def run(
     """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
     look()
     kernel = native if backend == "native" else xla
-    if backend == "native" and monitors and native.loops(program, state):
+    if backend == "native" and monitors and native.loops(program, parameters, state):
         kernel = observed
     return kernel.run(program, parameters, state, h, records, save_every, monitors)
 
@@ -114,5 +119,5 @@ def run_ensemble(
 ) -> EnsembleChunk:
     """`run` for many members; `axes`: True where a leaf of (parameters, state) has a leading axis of members."""
     look()
-    kernel = ensemble if backend == "native" else xla
+    kernel = _of_members(program) if backend == "native" else xla
     return kernel.run_ensemble(program, parameters, state, h, records, save_every, monitors, axes=axes)

@@ -23,6 +23,7 @@ from coadjoint.kernels.program import Code, LinkedStage, Program
 from coadjoint.kernels.run import disk_cache, plans
 from coadjoint.kernels.run.interruptible import Clock, Cut, PieceLength
 from coadjoint.kernels.run.machine import Machine, kept_machine, lanes, machine
+from coadjoint.kernels.untraceable import NotLinked
 from coadjoint.log import phase
 
 KEPT = 128
@@ -36,7 +37,7 @@ class Variant(NamedTuple):
 
     parameters, state: their layouts. pattern: that of `specialised`. monitors: whether it observes. width: of its
     lanes. course: whether the unknowns of every substep, with the state after it, follow
-    each record.
+    each record. substeps: whether a record is those of all substeps, of loops over links.
     """
 
     parameters: Layout
@@ -45,6 +46,7 @@ class Variant(NamedTuple):
     monitors: bool
     width: int
     course: bool = False
+    substeps: bool = False
 
 
 class Kernel(NamedTuple):
@@ -61,6 +63,11 @@ class Kernel(NamedTuple):
     pace: PieceLength
     course: int = 0
     workspace: int = 0
+
+    @property
+    def looped(self) -> bool:
+        """Whether it loops over links, and observes nothing."""
+        return self.workspace > 0
 
     @property
     def row(self) -> int:
@@ -113,17 +120,30 @@ def kernel_for(program: Program, parameters: PyTree, state: PyTree, variant: Var
 
 
 def _made(program: Program, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
-    stage = _looped(program, state, variant)
-    if stage is not None and variant.monitors:
-        return kernel_for(program, parameters, state, variant._replace(monitors=False))
-    return _kept(program, parameters, state, variant, stage)
+    stage = linked(program, state) if variant.width == 1 and not variant.course else None
+    if stage is not None:
+        try:
+            if variant.monitors:  # `run.observed` does so, from the records of all substeps
+                return kernel_for(program, parameters, state, _of_substeps(program, variant))
+            return _kept(program, parameters, state, variant, stage)
+        except NotLinked:
+            if not written(program):
+                raise
+    return _kept(program, parameters, state, variant, None)
+
+
+def _of_substeps(program: Program, variant: Variant) -> Variant:
+    """That of loops over links whose records are observed."""
+    return variant._replace(monitors=False, substeps=len(program.substeps) > 1)
 
 
 def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant, stage: LinkedStage | None) -> Kernel:
     """The kernel from the disk cache, or planned and stored there."""
-    _, shape, *given = variant
+    shape, (_, _, *given) = variant.state if stage is None else _links_layout(program, variant), variant
     name = plans.name(program, parameters, state, "kernel", *given, *(() if stage is None else ("links",)))
     found = disk_cache.find(name)
+    if found is not None and "unlike" in found:
+        raise NotLinked(found["unlike"])
     code = None if found is None else kept_machine(found["code"])
     if found is not None and code is not None:
         monitored = {one: tuple(shape) for one, shape in found["monitors"]}
@@ -134,7 +154,11 @@ def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant,
         planned = plan(program, parameters, state, variant.pattern, variant.monitors)
         made = load(planned.with_course() if variant.course else planned, variant.width)
     else:
-        made = _load_links(stage, parameters, state, variant)
+        try:
+            made = _load_links(program, stage, parameters, state, variant)
+        except NotLinked as reason:
+            disk_cache.keep(name, {"unlike": reason.reason})
+            raise
     if made.record == shape:
         shapes, names = list(made.monitor_shapes.items()), list(made.certificates)
         kept = {"code": made.machine.name, "monitors": shapes, "certificates": names, "course": made.course}
@@ -142,23 +166,34 @@ def _kept(program: Program, parameters: PyTree, state: PyTree, variant: Variant,
     return made
 
 
-def loops(program: Program, state: PyTree) -> bool:
-    """Whether native code steps a single run by loops over links: where it does not write out their equations."""
-    written = all(stage.structure.native for stage in program.stages)
-    return not written and program.linked(state) is not None
+def written(program: Program) -> bool:
+    """Whether native code can write out the equations of all stages."""
+    return all(stage.structure.native for stage in program.stages)
 
 
-def _looped(program: Program, state: PyTree, variant: Variant) -> LinkedStage | None:
-    one = variant.width == 1 and not variant.course
-    return program.linked(state) if one and loops(program, state) else None
+def linked(program: Program, state: PyTree) -> LinkedStage | None:
+    """The stage that loops over links may run; None for a system without, or with too few of them to gain by it."""
+    stage = program.linked(state)
+    return stage if stage is not None and (stage.structure.looped or not written(program)) else None
 
 
-def _load_links(stage: LinkedStage, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
+def loops(program: Program, parameters: PyTree, state: PyTree) -> bool:
+    """Whether the kernel of a single run loops over links, and leaves observing to `run.observed`."""
+    return linked(program, state) is not None and compile(program, parameters, state).looped
+
+
+def _load_links(program: Program, stage: LinkedStage, parameters: PyTree, state: PyTree, variant: Variant) -> Kernel:
     """The kernel of loops over links; raises NotLinked where these are not all alike."""
     planned = plan_links(stage, parameters, state, variant.pattern)
     require_links(planned, stage, parameters, state)
-    code = machine(link_loops.assemble(planned, lanes()))
-    return _kernel(code, variant.state, {}, (), 0, link_loops.workspace(planned))
+    code = machine(link_loops.assemble(planned, lanes(), program.substeps, variant.substeps))
+    return _kernel(code, _links_layout(program, variant), {}, (), 0, link_loops.workspace(planned))
+
+
+def _links_layout(program: Program, variant: Variant) -> Layout:
+    """The layout of a record of loops over links."""
+    parts = len(program.substeps) if variant.substeps else 1
+    return variant.state if parts == 1 else layout(np.zeros(parts * variant.state.size))
 
 
 def load(planned: StepPlan, width: int) -> Kernel:
@@ -198,14 +233,17 @@ def _record_layout(planned: StepPlan) -> Layout:
 
 
 def run(
-    program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int, monitors: bool = True
-) -> Chunk:
+    program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int,
+    monitors: bool = True, *, substeps: bool = False, pattern: tuple[int, ...] | None = None,
+) -> Chunk:  # fmt: skip
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 
+    substeps: as in `Variant`. pattern: that of `specialised`, by default of these parameters.
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
-    kernel = kernel_for(program, parameters, state, Variant(shape_p, shape_s, specialised(p), monitors, 1))
+    variant = Variant(shape_p, shape_s, specialised(p) if pattern is None else pattern, monitors, 1)
+    kernel = kernel_for(program, parameters, state, _of_substeps(program, variant) if substeps else variant)
     try:
         result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
     except Cut as cut:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,7 @@ import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.chunk import Chunk
-from coadjoint.kernels.packing import layout, pack
+from coadjoint.kernels.packing import flattened, layout, pack
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run import native
 from coadjoint.kernels.run.compiled import compiled
@@ -25,28 +27,35 @@ MOST = 64
 
 
 class _Seen(NamedTuple):
-    """The observations of some steps, a row for each: monitors, certificates, and whether all of them are finite."""
+    """The observations of some steps, a row for each: monitors, certificates, and whether all of them are finite.
 
-    monitors: dict[str, Array]
-    certificates: dict[str, Array]
+    nodes: the records and the node at their end as rows of numbers, (steps + 1, size), if observing completes them.
+    """
+
+    monitors: Mapping[str, Any]
+    certificates: Mapping[str, Any]
     finite: Array
+    nodes: Any
 
 
 def run(
-    program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int, monitors: bool = True
-) -> Chunk:
+    program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int,
+    monitors: bool = True, *, pattern: tuple[int, ...] | None = None,
+) -> Chunk:  # fmt: skip
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 
-    Every step is observed; one where an observation is not finite fails.
+    Every step is observed; one where an observation is not finite fails. pattern: as in `native.run`.
     """
-    total, together = records * save_every, max(min(ROOM // (8 * layout(state).size), MOST), 1)
+    size = 8 * layout(state).size * len(program.substeps)
+    total, together = records * save_every, max(min(ROOM // size, MOST), 1)
+    part = partial(_part, program, parameters, h=h, together=together, pattern=pattern)
     whole, parts = None, []
     while whole is None or (whole.steps < total and not whole.code):
         done = 0 if whole is None else whole.steps
-        part = _part(program, parameters, state, h, min(together, total - done), together)
+        found = part(state, min(together, total - done))
         due = slice(-done % save_every, None, save_every)
-        parts.append(jax.tree.map(lambda rows, due=due: rows[due], (part.records, dict(part.monitors))))
-        whole, state = _continued(whole, part), part.final
+        parts.append(jax.tree.map(lambda rows, due=due: rows[due], (found.records, dict(found.monitors))))
+        whole, state = _continued(whole, found), found.final
     kept, seen = jax.tree.map(lambda *rows: np.concatenate(rows), *parts)
     return replace(whole, records=kept, monitors=seen)
 
@@ -66,43 +75,63 @@ def _continued(before: Chunk | None, part: Chunk) -> Chunk:
     )
 
 
-def _part(program: Program, parameters: PyTree, state: PyTree, h: Scalar, steps: int, together: int) -> Chunk:
+def _part(
+    program: Program, parameters: PyTree, state: PyTree, steps: int, *, h: Scalar, together: int,
+    pattern: tuple[int, ...] | None,
+) -> Chunk:  # fmt: skip
     """Some steps, with a record, monitors and, in `extrema`, the limits of each; up to one that fails."""
-    chunk = native.run(program, parameters, state, h, steps, 1, monitors=False)
-    seen = _seen(program, parameters, chunk, h, together)
-    good = chunk.steps if np.all(seen.finite) else int(np.argmin(seen.finite))
+    advance = partial(native.run, program, parameters, state, h, save_every=1, monitors=False, pattern=pattern)
+    chunk = advance(steps, substeps=True)
+    parts = len(program.substeps)
+    nodes = _nodes(chunk, together, parts)
+    seen = _seen(program, parameters, state, nodes, h)
+    finite = seen.finite[: chunk.steps]
+    good = chunk.steps if np.all(finite) else int(np.argmin(finite))
     if good < chunk.steps:
-        chunk = replace(native.run(program, parameters, state, h, good, 1, monitors=False), code=Code.NOT_FINITE)
-        seen = jax.tree.map(lambda rows: rows[:good], seen)
-    both = {**seen.monitors, **seen.certificates}
-    limits = {name: (np.min(rows, 0, initial=np.inf), np.max(rows, 0, initial=-np.inf)) for name, rows in both.items()}
-    return replace(chunk, monitors=seen.monitors, extrema=limits)
+        chunk = replace(advance(good, substeps=True), code=Code.NOT_FINITE)
+    nodes = nodes if seen.nodes is None else seen.nodes
+    read, end = layout(state), good * parts
+    final = chunk.final if seen.nodes is None else read.unpack(nodes[end])
+    both = {name: rows[:good] for name, rows in {**seen.monitors, **seen.certificates}.items()}
+    return replace(
+        chunk,
+        records=read.views(nodes[:end:parts]),
+        final=final,
+        monitors={name: both[name] for name in seen.monitors},
+        extrema={name: (np.min(x, 0, initial=np.inf), np.max(x, 0, initial=-np.inf)) for name, x in both.items()},
+    )
 
 
-def _seen(program: Program, parameters: PyTree, chunk: Chunk, h: Scalar, together: int) -> _Seen:
-    """The observations of the steps of a chunk; the last node fills what is missing of `together` steps."""
-    end = pack(chunk.final)[1]
-    rows = np.tile(end, (together + 1, 1))
+def _nodes(chunk: Chunk, together: int, parts: int) -> np.ndarray:
+    """The records of a chunk, of each substep, and the node at its end, which fills what is missing of `together`
+    steps: (together·parts + 1, size)."""
+    rows = np.tile(pack(chunk.final)[1], (together * parts + 1, 1))
     if chunk.steps:
-        rows[: chunk.steps] = np.concatenate([x.reshape(chunk.steps, -1) for x in jax.tree.leaves(chunk.records)], 1)
+        given = np.concatenate([x.reshape(chunk.steps, -1) for x in jax.tree.leaves(chunk.records)], 1)
+        rows[: chunk.steps * parts] = given.reshape(chunk.steps * parts, -1)
+    return rows
+
+
+def _seen(program: Program, parameters: PyTree, start: PyTree, nodes: np.ndarray, h: Scalar) -> _Seen:
+    """The observations of the steps between nodes."""
     require_own_xla()
     with jax.enable_x64(True):
-        found = _observe(program, parameters, chunk.final, rows, np.float64(h))
-    return jax.tree.map(lambda values: np.asarray(values)[: chunk.steps], found)
+        return jax.tree.map(np.asarray, _observe(program, parameters, start, nodes, np.float64(h)))
 
 
 @compiled()
-def _observe(program: Program, parameters: PyTree, like: PyTree, rows: Array, h: Scalar) -> _Seen:
-    """The observations of steps from the records in `rows` to the node of the next row."""
-    read = layout(like).views
-
-    def one(row: Array, following: Array) -> _Seen:
-        record = read(row)
-        stage = program.linked(record)
-        seen, certificates = dict(program.monitors(parameters, record, h)), {}
-        if stage is not None:
-            certificates = dict(stage.certificate(parameters, record, h, read(following)))
-        values = [jnp.ravel(jnp.isfinite(value)) for value in (*seen.values(), *certificates.values())]
-        return _Seen(seen, certificates, jnp.all(jnp.concatenate(values)))
-
-    return jax.vmap(one)(rows[:-1], rows[1:])
+def _observe(program: Program, parameters: PyTree, start: PyTree, rows: Array, h: Scalar) -> _Seen:
+    """The observations of steps from the records in `rows` to the node of the next row, after a start."""
+    given = jax.vmap(layout(start).views)(rows)
+    stage, parts = program.linked(start), len(program.substeps)
+    lengths = jnp.tile(h * np.array(program.substeps), (len(rows) - 1) // parts)
+    nodes = given if stage is None else stage.accounted(parameters, start, given, lengths)
+    before, after = (jax.tree.map(lambda rows, s=s: rows[s], nodes) for s in (np.s_[:-1], np.s_[1:]))
+    first = jax.tree.map(lambda rows: rows[::parts], before)
+    seen, certificates = dict(jax.vmap(lambda record: program.monitors(parameters, record, h))(first)), {}
+    if stage is not None:
+        found = jax.vmap(lambda *pair: stage.certificate(parameters, *pair))(before, lengths, after)
+        certificates = {name: jnp.max(jnp.reshape(x, (-1, parts)), axis=1) for name, x in found.items()}
+    values = [jnp.reshape(jnp.isfinite(x), (len(x), -1)) for x in (*seen.values(), *certificates.values())]
+    whole = None if nodes is given else jax.vmap(flattened)(nodes)
+    return _Seen(seen, certificates, jnp.all(jnp.concatenate(values, axis=1), axis=1), whole)

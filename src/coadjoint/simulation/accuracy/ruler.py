@@ -15,7 +15,8 @@ from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
 from coadjoint.mechanics.state import Places, State
-from coadjoint.methods.program import INPUTS_HELD, Constants
+from coadjoint.methods.program import Constants
+from coadjoint.methods.renewal import INPUTS_HELD
 from coadjoint.methods.step_model import StepModel
 from coadjoint.simulation.accuracy.local_error import (
     Bilinear,

@@ -7,6 +7,7 @@ import threading
 import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -22,7 +23,7 @@ from coadjoint.kernels.emit.online import ALWAYS, SELDOM
 from coadjoint.kernels.emit.plan import plan
 from coadjoint.kernels.packing import Layout, flattened, layout
 from coadjoint.kernels.program import Code, Program, StatusFlag
-from coadjoint.kernels.run import disk_cache, plans, xla
+from coadjoint.kernels.run import disk_cache, native, plans, xla
 from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -114,6 +115,69 @@ def native_engine(
         while len(_engines) > KEPT:
             _engines.popitem(last=False)
     return made
+
+
+class LinkedEngine:
+    """The steps of a chain of joints by loops over its links, for a member after the other; XLA observes.
+
+    kernel: of single runs without monitors. watch, layouts, commanded: as for `XlaEngine`.
+    """
+
+    lanes = 1
+
+    def __init__(
+        self, kernel: native.Kernel, program: Program, watch: Watch, layouts: tuple[Layout, Layout], commanded: PyTree
+    ):
+        self._kernel, self._commanded = kernel, np.array(commanded, int)
+        self._observed = partial(_observed, program, watch, layouts) if watch.functions else None
+
+    def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
+        """Read commands, take `steps` steps, write observations, with members on as many threads."""
+        before, length = buffers.status[..., 0].copy(), buffers.h.ctypes.data
+
+        def member(index: int) -> None:
+            if before[index, 1]:
+                return
+            p = buffers.parameters[index % len(buffers.parameters)]
+            state, record, status = buffers.state[index], np.empty(self._kernel.record.size), np.zeros(4, np.int64)
+            state[self._commanded, 0] = buffers.commands[index]
+            if steps:
+                given, out = (p.ctypes.data, length, state.ctypes.data), (record.ctypes.data, 0, 0, status.ctypes.data)
+                self._kernel.function(*given, 1, steps, *out)
+            done, _, total, most = buffers.status[index, :, 0]
+            buffers.status[index, :, 0] = done + status[0], status[1], total + status[2], max(most, status[3])
+
+        if threads == 1 or groups == 1:
+            for index in range(groups):
+                member(index)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(member, range(groups)))
+        if self._observed is not None:
+            require_own_xla()
+            parameters = np.broadcast_to(buffers.parameters[..., 0], (groups, buffers.parameters.shape[1]))
+            with jax.enable_x64(True):
+                buffers.observations[...] = self._observed(parameters, buffers.state[..., 0])
+        return _told(buffers, before)
+
+
+@compiled("watch", "layouts")
+def _observed(program: Program, watch: Any, layouts: Any, parameters: Any, states: Any) -> Any:
+    def one(p: Any, s: Any) -> Any:
+        seen = watch(layouts[0].unpack(p), layouts[1].unpack(s))
+        return jnp.concatenate([jnp.zeros(0), *(jnp.ravel(value) for value in seen)])
+
+    return jax.vmap(one)(parameters, states)
+
+
+def linked_engine(
+    program: StepProgram, watch: Watch, constants: Constants, begun: State, pattern: tuple[int, ...],
+    commanded: Sequence[int],
+) -> LinkedEngine:  # fmt: skip
+    """The engine of a chain that is too long to write out; raises Untraceable where loops do not run it."""
+    layouts = layout(constants), layout(begun)
+    kernel = native.kernel_for(program, constants, begun, native.Variant(*layouts, pattern, False, 1))
+    return LinkedEngine(kernel, program, watch, layouts, commanded)
 
 
 class XlaEngine:

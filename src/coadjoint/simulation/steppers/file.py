@@ -37,7 +37,10 @@ def to_bytes(stepper: PyTree) -> bytes:
 
 def _content(stepper: PyTree, engine: object) -> bytes:
     if not isinstance(engine, NativeEngine):
-        raise ArgumentError("A stepper that runs by XLA cannot be saved: only native code can leave the process.")
+        raise ArgumentError(
+            "A stepper that runs by XLA, or loops over links, cannot be saved: only native code of a complete step can "
+            "leave the process."
+        )
     face = {**asdict(stepper.face), **{name: getattr(stepper.face, name).shapes for name in _FIELDS}}
     header = {
         "lanes": engine.lanes,

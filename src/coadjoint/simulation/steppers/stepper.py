@@ -23,6 +23,7 @@ from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
 from coadjoint.kernels.run.ensemble import lanes
+from coadjoint.kernels.run.native import written
 from coadjoint.kernels.run.portable_code import exported_code, linked
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
@@ -57,7 +58,7 @@ from coadjoint.simulation.steppers.building import (
     program_of,
 )
 from coadjoint.simulation.steppers.c_library import StepSlopes, sources
-from coadjoint.simulation.steppers.engines import Observe, XlaEngine, native_engine, watch
+from coadjoint.simulation.steppers.engines import Observe, XlaEngine, linked_engine, native_engine, watch
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.interface import Buffers, Engine, NativeEngine, Prepared, StepperInterface, put
 from coadjoint.simulation.steppers.stepping import Stepping
@@ -213,12 +214,13 @@ class Stepper(Stepping):
             compiled_in=compiled_in,
         )
 
-    def _native(self, face: StepperInterface, constants: Constants, begun: State) -> NativeEngine:
+    def _native(self, face: StepperInterface, constants: Constants, begun: State) -> Engine:
         width = 1 if face.members is None else lanes()
         values = np.full(face.parameters.size, np.nan)
         for place, number in face.compiled_in:
             values[place] = number
-        return native_engine(self._program, self._watch, constants, begun, specialised(values), face.commanded, width)
+        given = self._program, self._watch, constants, begun, specialised(values), face.commanded
+        return native_engine(*given, width) if written(self._program) else linked_engine(*given)
 
     def export_c(
         self,
