@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from llvmlite import ir
 
+from coadjoint.kernels.emit.emitter import Value
 from coadjoint.kernels.emit.loops import DOUBLE, INT64, NUMBERS, Loops
 
 VOID = ir.VoidType()
@@ -16,13 +17,13 @@ BLOCK = 8
 class DenseAlgebra(NamedTuple):
     """Functions of a module."""
 
-    copy: Any
-    product: Any
-    full: Any
-    transpose: Any
-    solve: Any
-    cholesky: Any
-    cholesky_solve: Any
+    copy: Value
+    product: Value
+    full: Value
+    transpose: Value
+    solve: Value
+    cholesky: Value
+    cholesky_solve: Value
 
 
 def dense(module: ir.Module) -> DenseAlgebra:
@@ -42,7 +43,7 @@ def _copy(module: ir.Module) -> ir.Value:
     return f.function
 
 
-def _product(module: ir.Module) -> Any:
+def _product(module: ir.Module) -> Value:
     """product(C, A, B, rows, inner, columns, strides of C, A, B, factor): C ← C + factor A B; zeros of A are
     skipped."""
     f = Loops(module, "product", VOID, *[NUMBERS] * 3, *[INT64] * 6, DOUBLE)
@@ -59,7 +60,7 @@ def _product(module: ir.Module) -> Any:
     return f.function
 
 
-def _full(module: ir.Module) -> Any:
+def _full(module: ir.Module) -> Value:
     """full(…): as `product`, of an A with few zeros, by blocks of BLOCK columns that stay in registers.
 
     The last block ends with the last column, and leaves those that the block before has changed.
@@ -92,7 +93,7 @@ def _full(module: ir.Module) -> Any:
     return f.function
 
 
-def _transpose(module: ir.Module) -> Any:
+def _transpose(module: ir.Module) -> Value:
     """transpose(to, from, rows, columns, stride of from): to (columns, rows)."""
     f = Loops(module, "transpose", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     to, source, rows, columns, stride = f.args
@@ -102,7 +103,7 @@ def _transpose(module: ir.Module) -> Any:
     return f.function
 
 
-def _solve(module: ir.Module) -> Any:
+def _solve(module: ir.Module) -> Value:
     """solve(A, B, m, columns, strides of A, B): B ← A⁻¹B by Gauss with the largest pivots; A is used up.
 
     A singular A leaves numbers that are not finite.
@@ -143,7 +144,7 @@ def _solve(module: ir.Module) -> Any:
     return f.function
 
 
-def _cholesky(module: ir.Module) -> Any:
+def _cholesky(module: ir.Module) -> Value:
     """cholesky(S, m): the lower half of S (m, m) becomes L with S = LLᵀ; not finite where S is not positive."""
     f = Loops(module, "cholesky", VOID, NUMBERS, INT64)
     S, m = f.args
@@ -164,7 +165,7 @@ def _cholesky(module: ir.Module) -> Any:
     return f.function
 
 
-def _cholesky_solve(module: ir.Module) -> Any:
+def _cholesky_solve(module: ir.Module) -> Value:
     """cholesky_solve(L, B, m, columns, back): B (m, columns) ← L⁻¹B, or L⁻ᵀL⁻¹B where back is not 0."""
     f = Loops(module, "cholesky_solve", VOID, NUMBERS, NUMBERS, *[INT64] * 3)
     L, B, m, columns, back = f.args

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import Value
 
 DOUBLE, INT64 = ir.DoubleType(), ir.IntType(64)
 NUMBERS, INTEGERS = DOUBLE.as_pointer(), INT64.as_pointer()
@@ -17,7 +18,7 @@ FUSED = ("contract",)
 class Loops:
     """A function that is being written: values are LLVM's, integers may be Python's."""
 
-    def __init__(self, module: ir.Module, name: str, result: Any, *arguments: Any, inside: bool = True):
+    def __init__(self, module: ir.Module, name: str, result: Value, *arguments: Value, inside: bool = True):
         """inside: whether only this module calls it."""
         self.function = ir.Function(module, ir.FunctionType(result, arguments), name=name)
         if inside:
@@ -29,44 +30,44 @@ class Loops:
         self.b = ir.IRBuilder(self._entry)
         self.args = self.function.args
 
-    def integer(self, value: Any) -> Any:
+    def integer(self, value: Value) -> Value:
         """An integer as an LLVM value."""
         return INT64(value) if isinstance(value, int) else value
 
-    def add(self, *values: Any) -> Any:
+    def add(self, *values: Value) -> Value:
         """The sum of integers."""
         first, *rest = map(self.integer, values)
         for value in rest:
             first = self.b.add(first, value)
         return first
 
-    def times(self, first: Any, second: Any) -> Any:
+    def times(self, first: Value, second: Value) -> Value:
         """The product of integers."""
         return self.b.mul(self.integer(first), self.integer(second))
 
-    def place(self, array: Any, index: Any) -> Any:
+    def place(self, array: Value, index: Value) -> Value:
         """A pointer to the number of an array."""
         return self.b.gep(array, [self.integer(index)])
 
-    def at(self, array: Any, index: Any) -> Any:
+    def at(self, array: Value, index: Value) -> Value:
         """A number of an array."""
         return self.b.load(self.place(array, index))
 
-    def block(self, array: Any, index: Any, kind: ir.VectorType) -> Any:
+    def block(self, array: Value, index: Value, kind: ir.VectorType) -> Value:
         """A pointer to neighbouring numbers of an array as a vector."""
         return self.b.bitcast(self.place(array, index), kind.as_pointer())
 
-    def spread(self, value: Any, kind: ir.VectorType) -> Any:
+    def spread(self, value: Value, kind: ir.VectorType) -> Value:
         """A vector of one value."""
         first = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, INT64(0))
         same = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
         return self.b.shuffle_vector(first, ir.Constant(kind, ir.Undefined), same)
 
-    def put(self, array: ir.Value, index: Any, value: Any) -> None:
+    def put(self, array: ir.Value, index: Value, value: Value) -> None:
         """Set a number of an array."""
         self.b.store(value, self.place(array, index))
 
-    def plus(self, a: ir.Value, b: Any, c: ir.Value) -> ir.Value:
+    def plus(self, a: ir.Value, b: Value, c: ir.Value) -> ir.Value:
         """a + b c."""
         return self.b.fadd(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 
@@ -74,7 +75,7 @@ class Loops:
         """a − b c."""
         return self.b.fsub(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 
-    def variable(self, kind: ir.Type, value: object) -> Any:
+    def variable(self, kind: ir.Type, value: object) -> Value:
         """A place for a value that changes."""
         here = self.b.block
         first = ir.IRBuilder(self._entry)
@@ -85,7 +86,7 @@ class Loops:
         return found
 
     @contextmanager
-    def over(self, end: object, start: object = 0) -> Iterator[Any]:
+    def over(self, end: object, start: object = 0) -> Iterator[Value]:
         """for i in range(start, end)."""
         b, begin, stop = self.b, self.integer(start), self.integer(end)
         body, after = b.append_basic_block("loop"), b.append_basic_block("end")
