@@ -12,9 +12,8 @@ import subprocess
 import tempfile
 import uuid
 import zipfile
-from math import pi
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 from coadjoint.checks import CLOSE
 from coadjoint.errors import ArgumentError
@@ -23,10 +22,6 @@ from coadjoint.kernels.run.portable_code import exported_code, linked
 from coadjoint.simulation.steppers.base import StepperBase
 from coadjoint.simulation.steppers.c_library import ERRORS, sources
 from coadjoint.simulation.steppers.fields import variables
-from coadjoint.units import Powers, unit_of
-
-BASE = ("kg", "m", "s", "rad", "A")
-"""The base units of FMI that units here are made of; a revolution is 2π rad."""
 
 _SOURCE = """#include "{name}.h"
 
@@ -270,38 +265,3 @@ def _description(stepper: StepperBase, name: str, guid: str) -> Element:
         for place in range(len(outputs)):
             SubElement(unknowns, "Unknown", index=str(len(inputs) + place + 1))
     return root
-
-
-def with_units(content: bytes, units: dict[str, str]) -> bytes:
-    """A unit whose description declares the units of variables, name → unit as in "rad/s" (FMI 2.0, 2.2.2)."""
-    if not units:
-        return content
-    kept = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(content)) as before, zipfile.ZipFile(kept, "w", zipfile.ZIP_DEFLATED) as after:
-        for part in before.infolist():
-            data = before.read(part)
-            after.writestr(part, _declared(data, units) if part.filename == "modelDescription.xml" else data)
-    return kept.getvalue()
-
-
-def _declared(description: bytes, units: dict[str, str]) -> bytes:
-    root = fromstring(description)
-    declared = Element("UnitDefinitions")
-    for unit in dict.fromkeys(units.values()):
-        factor, powers = unit_of(unit, "A variable")
-        SubElement(SubElement(declared, "Unit", {"name": unit}), "BaseUnit", _base(factor, powers))
-    root.insert([one.tag for one in root].index("CoSimulation") + 1, declared)
-    for scalar in root.iter("ScalarVariable"):
-        if unit := units.get(scalar.attrib["name"].partition("[")[0]):
-            next(scalar.iter("Real")).set("unit", unit)
-    return tostring(root, "utf-8", xml_declaration=True)
-
-
-def _base(factor: float, powers: Powers) -> dict[str, str]:
-    mass, length, time, angle, turns, current = powers
-    factor *= (2.0 * pi) ** turns
-    found = dict(zip(BASE, (mass, length, time, angle + turns, current), strict=True))
-    if any(power != int(power) for power in found.values()):
-        raise ArgumentError("A variable of a functional mock-up unit has a unit with a root, which FMI does not know.")
-    exponents = {name: str(int(power)) for name, power in found.items() if power}
-    return exponents | ({"factor": repr(factor)} if factor != 1.0 else {})

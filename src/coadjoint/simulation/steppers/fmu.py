@@ -1,25 +1,32 @@
-"""Functional mock-up units (FMI 2.0, co-simulation) of steppers, for other simulators; PythonFMU writes them."""
+"""Functional mock-up units (FMI 2.0, co-simulation) of steppers, by Python or compiled, with units of variables."""
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import secrets
 import sys
 import tempfile
+import zipfile
 from collections import Counter
 from collections.abc import Mapping
+from math import pi
 from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.simulation.steppers.code_archive import save
-from coadjoint.simulation.steppers.compiled_fmu import compiled_unit, with_units
+from coadjoint.simulation.steppers.compiled_fmu import compiled_unit
 from coadjoint.simulation.steppers.fields import variables
 from coadjoint.simulation.steppers.file import to_bytes
 from coadjoint.simulation.steppers.stepping import Stepping
-from coadjoint.units import unit_of
+from coadjoint.units import Powers, unit_of
+
+BASE = ("kg", "m", "s", "rad", "A")
+"""The base units of FMI that units here are made of; a revolution is 2π rad."""
 
 _SCRIPT = '''"""The unit `{name}`: a saved stepper of coadjoint."""
 
@@ -67,7 +74,7 @@ def save_fmu(
 
     def content(target: Path) -> bytes:
         name = _named(stepper, target.stem)
-        return with_units(_by_python(stepper, name) if by_python else compiled_unit(stepper, name), units)
+        return _with_units(_by_python(stepper, name) if by_python else compiled_unit(stepper, name), units)
 
     return save(path, overwrite, content)
 
@@ -113,3 +120,38 @@ def _by_python(stepper: Stepping, name: str) -> bytes:
             sys.path[:] = path
             sys.modules.pop(module, None)
         return Path(built).read_bytes()
+
+
+def _with_units(content: bytes, units: dict[str, str]) -> bytes:
+    """A unit whose description declares the units of variables, name → unit as in "rad/s" (FMI 2.0, 2.2.2)."""
+    if not units:
+        return content
+    kept = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as before, zipfile.ZipFile(kept, "w", zipfile.ZIP_DEFLATED) as after:
+        for part in before.infolist():
+            data = before.read(part)
+            after.writestr(part, _declared(data, units) if part.filename == "modelDescription.xml" else data)
+    return kept.getvalue()
+
+
+def _declared(description: bytes, units: dict[str, str]) -> bytes:
+    root = fromstring(description)
+    declared = Element("UnitDefinitions")
+    for unit in dict.fromkeys(units.values()):
+        factor, powers = unit_of(unit, "A variable")
+        SubElement(SubElement(declared, "Unit", {"name": unit}), "BaseUnit", _base(factor, powers))
+    root.insert([one.tag for one in root].index("CoSimulation") + 1, declared)
+    for scalar in root.iter("ScalarVariable"):
+        if unit := units.get(scalar.attrib["name"].partition("[")[0]):
+            next(scalar.iter("Real")).set("unit", unit)
+    return tostring(root, "utf-8", xml_declaration=True)
+
+
+def _base(factor: float, powers: Powers) -> dict[str, str]:
+    mass, length, time, angle, turns, current = powers
+    factor *= (2.0 * pi) ** turns
+    found = dict(zip(BASE, (mass, length, time, angle + turns, current), strict=True))
+    if any(power != int(power) for power in found.values()):
+        raise ArgumentError("A variable of a functional mock-up unit has a unit with a root, which FMI does not know.")
+    exponents = {name: str(int(power)) for name, power in found.items() if power}
+    return exponents | ({"factor": repr(factor)} if factor != 1.0 else {})
