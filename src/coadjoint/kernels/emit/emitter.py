@@ -287,7 +287,7 @@ def outer(roots: Iterable[Expr], inner: set[Expr]) -> list[Expr]:
     dependent: set[Expr] = set(inner)
     used: dict[Expr, None] = {}
     for node in reachable(roots):
-        if any(a in dependent for a in node.args):
+        if not dependent.isdisjoint(node.args):
             dependent.add(node)
             used.update((a, None) for a in node.args if a not in dependent)
     used.update((root, None) for root in roots if root not in dependent)

@@ -58,7 +58,7 @@ class Expr:
         return self.op == "const" and self.value == value
 
 
-def reachable(roots: Iterable[Expr], inputs: Callable[[Expr], Iterable[Expr]] = lambda node: node.args) -> list[Expr]:
+def reachable(roots: Iterable[Expr], inputs: Callable[[Expr], Iterable[Expr]] | None = None) -> list[Expr]:
     """Every node that the roots use, arguments before their users; inputs: those that a node uses, its arguments."""
     seen: dict[int, Expr] = {}
     stack = list(roots)
@@ -66,5 +66,5 @@ def reachable(roots: Iterable[Expr], inputs: Callable[[Expr], Iterable[Expr]] = 
         node = stack.pop()
         if node.number not in seen:
             seen[node.number] = node
-            stack.extend(inputs(node))
+            stack += node.args if inputs is None else inputs(node)
     return [seen[number] for number in sorted(seen)]
