@@ -26,6 +26,9 @@ from coadjoint.control.tangents import Tangents
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
 
+PARKED = 1e-8
+"""The length of a step after the end of a motion that is shorter than the program, in units of the others."""
+
 FLOOR = 1e-9
 """The least eigenvalue of a Hessian, of its largest number."""
 
@@ -96,26 +99,37 @@ class Expanding:
         hessian = _pattern(function, "hessian", self.width + self.nu)
         return bool(np.any(hessian[: self.width, self.width :]))
 
-    def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, before: np.ndarray) -> Expansion:
-        """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN if unknown."""
+    def lengths(self, left: int) -> np.ndarray:
+        """The lengths of all steps, (N,), s, of a motion of `left` steps."""
+        return np.where(np.arange(self.count) < left, 1.0, PARKED) * self.h
+
+    def __call__(
+        self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, before: np.ndarray, left: int
+    ) -> Expansion:
+        """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN if unknown.
+
+        left: the steps of the motion; at its end it stays for those that remain.
+        """
         inverses = self.tangents.inverses(x, u, p, self.h)
-        steps = self._linear(x[:-1], u, z, p, self.h)
+        steps = self._linear(x[:-1], u, z, p, self.lengths(left)[:, None])
         M = self.tangents.rows(steps.M, inverses[1:])
         c = self.tangents.rows((steps.c - x[1:])[:, :, None], inverses[1:])[:, :, 0]
-        H, g, last_H, last_g = self._costs(x, u, p, M, c)
+        H, g, last_H, last_g = self._costs(x, u, p, M, c, 0.5 * self.lengths(left))
         C, limits, last_C, last_limits = self._constraints(x, u, p)
         bounds = (self.lower - u) / self.scale, (self.upper - u) / self.scale
         stages = Stages(H, g, M, c, C, limits, bounds, last_H, last_g, last_C, last_limits)
         return Expansion(self._with_slack(self._with_rates(stages, u, before)), steps, inverses)
 
     def _costs(
-        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray
+        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray, half: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        n, nx, nu, half = self.count, self.width, self.nu, 0.5 * self.h
+        n, nx, nu = self.count, self.width, self.nu
         later = u[:, self._at_end]
         _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, later]), p, self.h)
-        hessian = np.multiply(half, hessian.reshape(2 * n, nx + nu, nx + nu), out=self._hessians)
-        H, g, ahead, slope = hessian[:n], half * gradient[:n], hessian[n:], half * gradient[n:]
+        both = np.concatenate([half, half])[:, None]
+        hessian = np.multiply(both[:, :, None], hessian.reshape(2 * n, nx + nu, nx + nu), out=self._hessians)
+        gradient = both * gradient
+        H, g, ahead, slope = hessian[:n], gradient[:n], hessian[n:], gradient[n:]
         _, gradient, last = self._final(x[-1:], later[-1:], p, self.h)
         ahead[-1] += last.reshape(nx + nu, nx + nu)
         slope[-1] += gradient[0]

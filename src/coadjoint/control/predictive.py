@@ -43,11 +43,12 @@ VIOLATED = 1e-5
 
 
 class MotionPlan(NamedTuple):
-    """Nodes x (N + 1, nx), inputs u (N, nu) and unknowns z (N, nz)."""
+    """Nodes x (N + 1, nx), inputs u (N, nu) and unknowns z (N, nz); left: the steps until the end of the motion."""
 
     x: np.ndarray
     u: np.ndarray
     z: np.ndarray
+    left: int
 
 
 @dataclass
@@ -82,7 +83,9 @@ class Controller(Remade):
         delay: int,
         iterations: int,
         fallback: Callable[[State], PyTree] | None,
+        shortest: int | None = None,
     ):
+        self.shortest = problem.count if shortest is None else shortest
         self.problem, self.steps, self.delay, self.iterations = problem, period, delay, iterations
         self._fallback = fallback
         self._transcription = transcription = transcribe(problem)
@@ -170,7 +173,7 @@ class Controller(Remade):
         clock = self._now(t, passed or 0, self._before if row is None else row)
         reason = self._iterate(measured, clock)
         if self._judged is not None and self._plan is not None and not reason:
-            self._judged.judge(t + self.delay * self.problem.dt, *self._plan, self._p)
+            self._judged.judge(t + self.delay * self.problem.dt, *self._plan[:3], self._p)
         answer = self._answer(state, clock, reason, began, preparation)
         self.record.note(answer)
         return answer
@@ -187,23 +190,28 @@ class Controller(Remade):
         before = self._clock.inputs[passed + self.delay]
         plan = self._shifted(passed, before)
         with np.errstate(all="ignore"):
-            self._prepared = passed, plan, self._expanding(plan.x, plan.u, plan.z, self._p, before)
+            self._prepared = passed, plan, self._expanded(plan, before)
 
     def _shifted(self, passed: int, before: np.ndarray) -> MotionPlan:
         """The plan some steps later, whose last input is held and whose last nodes follow from it."""
         assert self._plan is not None
-        x, u, z = self._plan
+        x, u, z, left = self._plan
+        left = max(left - passed, self.shortest)
         if passed:
             x, u, z = (np.concatenate([rows[passed:], rows[-1:].repeat(passed, 0)]) for rows in (x, u, z))
         u = self._expanding.continuous(u, before)
         if passed:
-            self._follow(x, u, z, len(u) - passed)
-        return MotionPlan(x, u, z)
+            self._follow(x, u, z, left, max(left - passed, 0))
+        return MotionPlan(x, u, z, left)
 
-    def _follow(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, first: int) -> bool:
+    def _expanded(self, plan: MotionPlan, before: np.ndarray) -> Expansion:
+        return self._expanding(plan.x, plan.u, plan.z, self._p, before, plan.left)
+
+    def _follow(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, left: int, first: int = 0) -> bool:
         """Simulate the nodes from `first` on in place; False if a step has no solution."""
+        lengths = self._expanding.lengths(left)
         for k in range(first, len(u)):
-            found = self._simulated(x[k], u[k], z[max(k - 1, 0)], self._p, self.problem.dt)
+            found = self._simulated(x[k], u[k], z[max(k - 1, 0)], self._p, lengths[k])
             if found is None:
                 x[k + 1 :] = x[k]
                 return False
@@ -248,7 +256,7 @@ class Controller(Remade):
         u = expanding.continuous(np.clip(u, expanding.lower, expanding.upper), clock.inputs[-1])
         x, z = still.x.copy(), still.z.copy()
         begun = moved = float(np.max(np.abs(u - still.u), initial=0.0))
-        self._plan, good = MotionPlan(x, u, z), self._follow(x, u, z, 0)
+        self._plan, good = MotionPlan(x, u, z, still.left), self._follow(x, u, z, still.left)
         while good and 0.5 * begun < moved < 10 * begun:
             self._prepare_again(clock)
             assert self._prepared is not None and self._plan is not None
@@ -263,7 +271,7 @@ class Controller(Remade):
         assert self._plan is not None
         plan = self._plan._replace(u=self._expanding.continuous(self._plan.u, clock.inputs[-1]))
         with np.errstate(all="ignore"):
-            self._prepared = 0, plan, self._expanding(*plan, self._p, clock.inputs[-1])
+            self._prepared = 0, plan, self._expanded(plan, clock.inputs[-1])
 
     def _predicted(self, measured: np.ndarray, clock: Timeline) -> np.ndarray | None:
         x, z = measured, np.zeros(self._transcription.sizes[2])
@@ -279,8 +287,8 @@ class Controller(Remade):
         count, nz = self.problem.count, self._transcription.sizes[2]
         x, u, z = np.tile(first, (count + 1, 1)), np.tile(self._guess, (count, 1)), np.zeros((count, nz))
         u = self._expanding.continuous(np.clip(u, self._expanding.lower, self._expanding.upper), clock.inputs[-1])
-        self._follow(x, u, z, 0)
-        self._plan = MotionPlan(x, u, z)
+        self._follow(x, u, z, count)
+        self._plan = MotionPlan(x, u, z, count)
 
     def _step(self, plan: MotionPlan, expansion: Expansion, first: np.ndarray) -> str:
         """One quadratic program, and the plan moved by its solution."""
@@ -306,7 +314,7 @@ class Controller(Remade):
             u[1:, expanding.begins] = u[:-1, expanding.ends]
         x = tangents.moved_by(plan.x, y, u, self._p, self.problem.dt)
         x[0] = first
-        self._plan = MotionPlan(x, u, plan.z - dz)
+        self._plan = MotionPlan(x, u, plan.z - dz, plan.left)
         return ""
 
     def _answer(self, state: State, clock: Timeline, reason: str, began: float, preparation: float) -> MpcSolution:
@@ -321,9 +329,9 @@ class Controller(Remade):
             status, row = self._instead(state)
             self._plan = None
         if self._plan is None:
-            x, u = np.zeros((0, self._expanding.nx)), np.tile(row, (count, 1))
+            x, u, left = np.zeros((0, self._expanding.nx)), np.tile(row, (count, 1)), count
         else:
-            x, u, _ = self._plan
+            x, u, _, left = self._plan
         inputs = np.concatenate([clock.inputs, u])
         self._clock = Timeline(clock.t, inputs, age)
         rows = named(inputs[1 : 1 + self.steps])
@@ -331,7 +339,8 @@ class Controller(Remade):
         sentence = f"No new plan: {reason}." if reason else ""
         seconds = time.perf_counter() - began - preparation
         violated = {} if reason else self._violated
-        return MpcSolution(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds, violated)
+        plan, nodes = named(u[:left]), x[: left + 1]
+        return MpcSolution(command, rows, status, sentence, plan, nodes, clock.t, preparation, seconds, violated)
 
     def _instead(self, state: State) -> tuple[str, np.ndarray]:
         """The inputs without a plan."""
@@ -378,6 +387,8 @@ class Controller(Remade):
             raise ArgumentError("A controller with a delay has no C library: leave out `delay`.")
         if len(self._expanding.begins):
             raise ArgumentError("A controller of linear inputs has no C library: take inputs that are held.")
+        if self.shortest < self.problem.count:
+            raise ArgumentError("A controller whose horizon shrinks has no C library: leave out `shortest`.")
         texts = sources(self.problem, name, whole(iterations, "iterations"), {"t": "s", **(units or {})})
         return write_library(folder, name, texts, overwrite)
 
@@ -393,7 +404,13 @@ class Controller(Remade):
 
 
 def controller(
-    problem: ProblemData, period: object, delay: object, iterations: Any, fallback: Any, changing: Any
+    problem: ProblemData,
+    period: object,
+    delay: object,
+    iterations: Any,
+    fallback: Any,
+    changing: Any,
+    shortest: object = None,
 ) -> Controller:
     """The controller of a problem; the arguments are those of `Problem.controller`."""
     require_controllable(problem)
@@ -403,9 +420,14 @@ def controller(
         raise ArgumentError(f"Argument `period` must not be longer than the horizon of {problem.length:g} s.")
     if late > steps:
         raise ArgumentError("Argument `delay` must not be longer than the period.")
+    least = None if shortest is None else steps_of(shortest, problem.dt, "shortest", 1)
+    if least is not None and not steps <= least <= problem.count:
+        raise ArgumentError(f"Argument `shortest` must lie between the period and the horizon of {problem.length:g} s.")
+    if least is not None and any(one.soft for one in problem.path.values()):
+        raise ArgumentError("A horizon that shrinks keeps the bounds of its `path`: leave out `soft`.")
     if fallback is not None:
         checks.function(fallback, "fallback", "a function of the state")
     names = (changing,) if isinstance(changing, str) else changing
     checks.texts(names, "changing", 'names of parameters, such as ("mass",)')
     problem = replace(problem, duration=None, changing=(*problem.changing, *names))
-    return Controller(problem, steps, late, whole(iterations, "iterations"), fallback)
+    return Controller(problem, steps, late, whole(iterations, "iterations"), fallback, least)

@@ -220,6 +220,7 @@ class Problem(WithOverview, ProblemData):
         iterations: int = 1,
         fallback: Callable[[State], object] | None = None,
         changing: Sequence[str] = (),
+        shortest: float | None = None,
     ) -> Controller:
         """Model predictive control of this problem: `controller(state)` is the command for a state, by one iteration.
 
@@ -235,6 +236,8 @@ class Problem(WithOverview, ProblemData):
             fallback: state → {name: command}, the inputs without a plan; by default the inputs' guesses.
             changing: names of further parameters that `controller.change` may set from period to period, by default
                 none.
+            shortest: s, a multiple of dt: the end of the first plan is kept, and the horizon shrinks until it is that
+                short; by default it recedes.
 
         The start of the problem only gives its system and internal state. Raises ArgumentError and LagrangianError for
         unsuitable problems.
@@ -243,7 +246,7 @@ class Problem(WithOverview, ProblemData):
         problem = self
         if horizon is not None:
             problem = replace(self, duration=None, steps=steps_of(horizon, self.dt, "horizon", 1))
-        return controller(problem, period, delay, iterations, fallback, changing)
+        return controller(problem, period, delay, iterations, fallback, changing, shortest)
 
     def regulator(self, at: State | None = None, inputs: Mapping[str, object] | None = None) -> Regulator:
         """The linear-quadratic regulator about a state at rest, for this cost over an endless horizon.

@@ -178,7 +178,7 @@ def _linear(transcription: Transcription, expanding: Expanding) -> tuple[np.ndar
             "velocities, and `inputs` that balance the forces there."
         )
     rows = np.stack([x, x])
-    stages = expanding(rows, u[None], found[1][None], p, u).stages
+    stages = expanding(rows, u[None], found[1][None], p, u, 1).stages
     nx, M = expanding.width, stages.M[0]
     g, H = stages.g[0] + M.T @ stages.last_g, stages.H[0] + M.T @ stages.last_H @ M
     if np.max(np.abs(g), initial=0.0) > STILL * max(1.0, float(np.max(np.abs(H), initial=0.0))):
