@@ -328,7 +328,9 @@ def test_a_program_about_the_same_plan_is_the_same_again():
     controller(problem.start)
     again = controller(problem.start)
     plan, expanding = controller._plan, controller._expanding
-    first, second = ([part.copy() for part in expanding(*plan, controller._p, np.zeros(3)).stages[:4]] for _ in "12")
+    first, second = (
+        [part.copy() for part in expanding(*plan[:3], controller._p, np.zeros(3), plan.left).stages[:4]] for _ in "12"
+    )
     assert again.status == "solved" and all(map(np.array_equal, first, second))
-    last_H = [expanding(*plan, controller._p, np.zeros(3)).stages.last_H.copy() for _ in "12"]
+    last_H = [expanding(*plan[:3], controller._p, np.zeros(3), plan.left).stages.last_H.copy() for _ in "12"]
     assert np.array_equal(*last_H)

@@ -90,7 +90,10 @@ class LinearSteps:
         self._shapes = [(count, *result.shape) for result in results]
 
     def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, h: float | np.ndarray) -> Steps:
-        """The linear steps about N nodes (N, nx), whose c holds Φ alone: take off the next node. h: of all, or (N, 1)."""
+        """The linear steps about N nodes (N, nx), whose c holds Φ alone: take off the next node.
+
+        h: of all steps, or of each, (N, 1).
+        """
         results = zip(self._tables(x, u, z, p, h), self._shapes, strict=True)
         r, after, rw, rz, aw, az = (found.reshape(shape) for found, shape in results)
         if not rz.size:
