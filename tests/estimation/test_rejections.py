@@ -27,7 +27,8 @@ PROCESS, START = boat()
 
 
 def filter(native: bool = True, members: int | None = None, **options: Any) -> Filter:
-    fix = Measurement(lambda m: m.n, deviation=0.1, **{"gate": 0.999, **options})
+    defaults: dict[str, Any] = {"function": lambda m: m.n, "deviation": 0.1, "gate": 0.999}
+    fix = Measurement(**{**defaults, **options})
     found = Filter(
         PROCESS, START, measurements={"gps": fix}, deviations={"q": 0.1, "nu": 0.01}, accuracy=False, members=members
     )
@@ -109,10 +110,28 @@ def test_a_robust_update_is_the_least_of_its_cost(native: bool, loss: Loss):
     e = np.asarray(one.state.n)
     r = y - e
     slope = np.linalg.solve(P, e) - float(loss.weight(np.array(r @ r / 0.01), 2)) * r / 0.01
-    assert np.max(np.abs(slope)) < 1e-5 * np.linalg.norm(r / 0.01) and nis == pytest.approx(y @ y / 0.02)
+    assert np.max(np.abs(slope)) < 1e-10 * np.linalg.norm(r / 0.01) and nis == pytest.approx(y @ y / 0.02)
     plain = filter(native, gate=None)
     plain.update({"gps": y})
     assert np.linalg.norm(e) < 0.8 * np.linalg.norm(np.asarray(plain.state.n))
+
+
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize(
+    ("loss", "y"), [(Student(1), 1.5), (Student(4), 2.0), (Huber(0.5), 1.5), (Huber(), 40.0), (Student(1), 1e6)]
+)
+def test_the_weight_of_a_precise_sensor_converges_near_the_turn_over_of_a_loss(native: bool, loss: Loss, y: float):
+    """½ e²/P + ρ((y − e)²/R), P = 0.01 ≫ R = 0.0016, has no slope at the estimate, where w contracts slowly."""
+    fix: dict[str, Any] = {"function": lambda m: m.n[0], "gate": None, "loss": loss, "deviation": 0.04}
+    one = filter(native, **fix)
+    y = 0.2 * y
+    one.update({"gps": y})
+    e = float(one.state.n[0])
+    slope = e / 0.01 - float(loss.weight(np.array((y - e) ** 2 / 0.0016), 1)) * (y - e) / 0.0016
+    assert abs(slope) < 1e-9 * max(e / 0.01, 1.0)
+    one = filter(native, **fix)
+    one.update({"gps": 0.0})
+    assert one.state.n[0] == 0
 
 
 @pytest.mark.parametrize("loss", [Huber(), Student(3)])

@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint.estimation.innovation import FilterMemory, failed_order, require_finite
 from coadjoint.estimation.prepared import PreparedMeasurement
 from coadjoint.estimation.process import Process
-from coadjoint.kernels.emit.filter_correction import INFLATE, RESET, STOP, SURE, TINY, TRIPS
+from coadjoint.kernels.emit.filter_correction import INFLATE, RESET, SETTLED, STOP, SURE, TINY, TRIPS
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 from coadjoint.kernels.run.kalman import Filters, MeasurementCode, Model, OneFilter
 
@@ -53,14 +53,31 @@ def corrected(
 
 
 def robust(A: np.ndarray, R: np.ndarray, nu: np.ndarray, loss: tuple[float, float, float]) -> np.ndarray:
-    """The weights w (members,) with which R/w is the covariance of the M-estimate: w = weight(d²), d² = rᵀR⁻¹r, of the
-    residual r = (R/w)S⁻¹ν that the correction leaves. A = HPHᵀ, (members, m, m)."""
+    """The weights w (members,) with which R/w is the covariance of the M-estimate: w = weight(s), s = d² = rᵀR⁻¹r, of
+    the residual r = (R/w)S⁻¹ν that the correction leaves; of several the largest. A = HPHᵀ, (members, m, m).
+
+    s is convex in w and s^(−½) concave, so that the root for the tangent of s (Student), or of s^(−½) (Huber), at a w
+    above the solution lies above it too: Newton's steps from the largest weight pass no solution.
+    """
     a, b, student = loss
-    w = np.ones(len(nu))
+    w = np.full(len(nu), a / b if student else 1.0)
     for _ in range(TRIPS):
         z = np.linalg.solve(A + R / w[:, None, None], nu[:, :, None])[:, :, 0]
-        square = np.einsum("bi,ij,bj->b", z, R, z) / w**2
-        w = a / (b + square) if student else np.minimum(1.0, a / np.sqrt(np.maximum(square, TINY)))
+        v = z @ R
+        square = np.einsum("bi,bi->b", z, v) / w**2
+        rest = np.einsum("bi,bi->b", v, np.linalg.solve(A + R / w[:, None, None], v[:, :, None])[:, :, 0]) / w**3
+        if student:
+            fall = np.maximum(square - rest, 0.0)  # −½ w ds/dw
+            half = 0.5 * (b + square + 2 * fall)
+            after = a / (half + np.sqrt(np.maximum(half**2 - 2 * a * fall / w, 0.0)))
+        else:
+            some = np.maximum(square, TINY)
+            reach, kept = a / np.sqrt(some), np.where(square > TINY, rest / some, 1.0)
+            near = np.minimum(reach / w, 1.0)
+            after = np.minimum(1.0, reach * kept / (1 - near + near * kept))
+        if np.all(np.abs(after - w) <= SETTLED * w):
+            return after
+        w = after
     return w
 
 

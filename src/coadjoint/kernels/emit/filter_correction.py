@@ -14,8 +14,9 @@ INFLATE, RESET, STOP = 1, 2, 3
 filter fails."""
 SURE = 1e9
 
-TRIPS, TINY = 30, 1e-300
-"""Iterations of the weight of a robust measurement, and the least square distance in it."""
+TRIPS, SETTLED, TINY = 60, 1e-14, 1e-300
+"""Newton's steps of the weight of a robust measurement at most, the relative step that ends them, and the least square
+distance in them."""
 
 
 def correction(module: ir.Module, algebra: DenseAlgebra) -> Value:
@@ -152,26 +153,63 @@ def _weight(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, measurement: Va
     """w of the loss, 1 without one, with S = A + R/w: `estimation.engines.robust`."""
     place, one = f.times(measurement, 3), DOUBLE(1.0)
     a, b, kind = (f.at(m.numbers("losses"), f.add(place, i)) for i in range(3))
-    weight, z = f.variable(DOUBLE, one), m.numbers("K")
-    root = f.function.module.declare_intrinsic("llvm.sqrt", [DOUBLE])
+    weight, step = f.variable(DOUBLE, one), f.variable(DOUBLE, one)
     with f.b.if_then(f.b.fcmp_ordered(">=", kind, DOUBLE(0.0))):
-        with f.over(TRIPS):
-            _whitened(f, m, algebra, size, R, f.b.load(weight))
-            f.b.call(algebra.copy, [z, m.numbers("nu"), size])
-            f.b.call(algebra.cholesky_solve, [m.numbers("S"), z, size, INT64(1), INT64(1)])
-            square = f.variable(DOUBLE, DOUBLE(0.0))
-            with f.over(size) as i, f.over(size) as j:
-                term = f.b.fmul(f.at(z, i), f.at(R, f.add(f.times(i, size), j)))
-                f.b.store(f.plus(f.b.load(square), term, f.at(z, j)), square)
+        student = f.b.fcmp_ordered(">", kind, DOUBLE(0.0))
+        f.b.store(f.b.select(student, f.b.fdiv(a, b), one), weight)
+        with f.over(TRIPS), f.b.if_then(f.b.fcmp_ordered(">", f.b.load(step), DOUBLE(SETTLED))):
             w = f.b.load(weight)
-            distance = f.b.fdiv(f.b.load(square), f.b.fmul(w, w))
-            student = f.b.fdiv(a, f.b.fadd(b, distance))
-            some = f.b.select(f.b.fcmp_ordered(">", distance, DOUBLE(TINY)), distance, DOUBLE(TINY))
-            huber = f.b.fdiv(a, f.b.call(root, [some]))
-            huber = f.b.select(f.b.fcmp_ordered("<", huber, one), huber, one)
-            f.b.store(f.b.select(f.b.fcmp_ordered(">", kind, DOUBLE(0.0)), student, huber), weight)
+            found = _distance(f, m, algebra, size, R, w)
+            after = f.b.select(student, _student(f, a, b, w, *found), _huber(f, a, w, *found))
+            f.b.store(f.b.call(_intrinsic(f, "fabs"), [f.b.fdiv(f.b.fsub(after, w), w)]), step)
+            f.b.store(after, weight)
         _whitened(f, m, algebra, size, R, f.b.load(weight))
     return f.b.load(weight)
+
+
+def _intrinsic(f: Loops, name: str) -> Value:
+    return f.function.module.declare_intrinsic(f"llvm.{name}", [DOUBLE])
+
+
+def _distance(
+    f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: Value, w: Value
+) -> tuple[Value, Value]:
+    """s = d² of the residual that a correction with R/w leaves, and s + ½ w ds/dw."""
+    z, v, S = m.numbers("K"), m.numbers("KR"), m.numbers("S")
+    _whitened(f, m, algebra, size, R, w)
+    f.b.call(algebra.copy, [z, m.numbers("nu"), size])
+    f.b.call(algebra.cholesky_solve, [S, z, size, INT64(1), INT64(1)])
+    clear(f, v, size)
+    f.b.call(algebra.product, [v, R, z, size, size, INT64(1), INT64(1), size, INT64(1), DOUBLE(1.0)])
+    square, rest = f.variable(DOUBLE, DOUBLE(0.0)), f.variable(DOUBLE, DOUBLE(0.0))
+    with f.over(size) as i:
+        f.b.store(f.plus(f.b.load(square), f.at(z, i), f.at(v, i)), square)
+    f.b.call(algebra.cholesky_solve, [S, v, size, INT64(1), INT64(0)])
+    with f.over(size) as i:
+        f.b.store(f.plus(f.b.load(rest), f.at(v, i), f.at(v, i)), rest)
+    w2 = f.b.fmul(w, w)
+    return f.b.fdiv(f.b.load(square), w2), f.b.fdiv(f.b.load(rest), f.b.fmul(w2, w))
+
+
+def _student(f: Loops, a: Value, b: Value, w: Value, square: Value, rest: Value) -> Value:
+    """The root of w (b + s) = a with the tangent of s."""
+    zero = DOUBLE(0.0)
+    fall = f.b.fsub(square, rest)
+    fall = f.b.select(f.b.fcmp_ordered(">", fall, zero), fall, zero)
+    half = f.b.fmul(DOUBLE(0.5), f.plus(f.b.fadd(b, square), DOUBLE(2.0), fall))
+    inside = f.minus(f.b.fmul(half, half), f.b.fmul(DOUBLE(2.0), a), f.b.fdiv(fall, w))
+    inside = f.b.select(f.b.fcmp_ordered(">", inside, zero), inside, zero)
+    return f.b.fdiv(a, f.b.fadd(half, f.b.call(_intrinsic(f, "sqrt"), [inside])))
+
+
+def _huber(f: Loops, a: Value, w: Value, square: Value, rest: Value) -> Value:
+    """The root of w = a s^(−½) with the tangent of s^(−½), at most 1."""
+    one, some = DOUBLE(1.0), f.b.fcmp_ordered(">", square, DOUBLE(TINY))
+    reach = f.b.fdiv(a, f.b.call(_intrinsic(f, "sqrt"), [f.b.select(some, square, DOUBLE(TINY))]))
+    kept, near = f.b.select(some, f.b.fdiv(rest, square), one), f.b.fdiv(reach, w)
+    near = f.b.select(f.b.fcmp_ordered("<", near, one), near, one)
+    after = f.b.fdiv(f.b.fmul(reach, kept), f.plus(f.b.fsub(one, near), near, kept))
+    return f.b.select(f.b.fcmp_ordered("<", after, one), after, one)
 
 
 def _apply(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: Value, weight: Value) -> None:
