@@ -146,6 +146,24 @@ def test_an_error_of_a_direction_is_an_angle_up_to_half_a_turn(h: list[float], c
     np.testing.assert_allclose(np.asarray(slopes) @ np.asarray(slopes).T, np.eye(2), atol=1e-12)
 
 
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize("off", [0.0, 1e-9])
+def test_a_direction_opposite_to_the_estimate_is_half_a_turn_away_and_a_gate_rejects_it(native: bool, off: float):
+    def fresh(gate: float | None) -> Filter:
+        one = Measurement(lambda m: m.g[0], space=co.Sphere(), deviation=S, gate=gate)
+        found = Filter(process(), InertialState(), measurements={"y": one}, deviations={"attitude": 0.1})
+        if not native:
+            found._engine._filters = None
+        return found
+
+    filter, y = fresh(0.999), np.array([-1.0, off, 0.0])
+    found = filter.update({"y": y})["y"]
+    assert not found.used and found.nis == pytest.approx(np.pi**2 / (0.01 + S**2), rel=1e-6)
+    taken = fresh(None)
+    assert taken.update({"y": y})["y"].used
+    assert np.all(np.isfinite(taken.P)) and np.arccos(taken.state.rotation[0][0]) > 0.5 * np.pi * 0.01 / (0.01 + S**2)
+
+
 def test_the_slope_of_a_difference_is_the_inverse_differential_of_exp():
     """∂(h ⊖ y) = J_r⁻¹(h ⊖ y) dξ of h exp(dξ), not the identity."""
     space = measured_space(co.SO3(), np.eye(3), "body", None, "y")

@@ -2,9 +2,9 @@
 
     body: y = h exp(e), h ⊖ y = log(y⁻¹h) = −e;    space: y = exp(e) h, h ⊖ y = log(h y⁻¹) = −e
 
-On a group; on the sphere h ⊖ y = Bᵀ Log_y(h), with an orthonormal basis B of the tangent plane at y; of vectors h − y,
-and of angles the same within half a turn. The derivative of h ⊖ y by h is the inverse of the trivialised differential,
-dlog = (dexp)⁻¹, at the actual y, so that a residual is linearised where it is.
+On a group; on the sphere h ⊖ y = Bᵀ Log_y(h), with an orthonormal basis B of the tangent plane at y, and (π, 0) for
+opposite directions; of vectors h − y, and of angles the same within half a turn. The derivative of h ⊖ y by h is the
+inverse of the trivialised differential, dlog = (dexp)⁻¹, at the actual y, so that a residual is linearised where it is.
 
 Source: J. Solà, J. Deray, D. Atchuthan, *A micro Lie theory for state estimation in robotics* (2018), sections II, III.
 """
@@ -28,6 +28,8 @@ from coadjoint.spaces.charts import CHARTS, Chart, along_bearing, bearing, beari
 from coadjoint.spaces.sphere import Sphere
 
 SIDES = ("body", "space")
+OPPOSITE = 1e-6
+"""The distance from −y, rad, within which a direction counts as opposite to y."""
 OFF = 1e-2
 """The largest distance of a measured element from its group."""
 
@@ -173,8 +175,12 @@ class Directions(MeasuredSpace):
     def difference(self, h: PyTree, y: Array) -> Array:
         y, B = self._frame(y)
         h = _unit(h)
+        w, v = y @ h, h @ B
+        # The logarithm of opposite directions has no value: the angle is π, and the axis and the slopes are chosen.
+        opposite = (w < 0) & (v @ v < OPPOSITE**2)
         # An angle φ about an axis is that of the quaternion (cos φ, sin φ) halved.
-        return 0.5 * of_quaternion(jnp.concatenate([(y @ h)[None], h @ B, jnp.zeros(1)]))[:2]
+        turn = jnp.concatenate([w[None], jnp.where(opposite, np.eye(2)[0], v), jnp.zeros(1)])
+        return jnp.where(opposite, np.pi * np.eye(2)[0] - v, 0.5 * of_quaternion(turn)[:2])
 
     @property
     def origin(self) -> np.ndarray:
