@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import NoReturn
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -72,18 +73,16 @@ class FmiInstance(Fmi2Slave):
             )
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Hold the inputs over `step_size`, s; False, with a message in the log, if that fails."""
+        """Hold the inputs over `step_size`, s; raises CoadjointError, with its message in the log, if that fails."""
         dt = self.stepper.face.dt
         steps = whole_steps(step_size, dt)
         if steps is None:
-            return self._failed(
-                f"A communication step must be a whole number of steps of {dt!r} s, but is {step_size!r} s."
-            )
+            self._failed(f"A communication step must be a whole number of steps of {dt!r} s, but is {step_size!r} s.")
         try:
             with self._logging():
                 self.stepper.step(self._commands if self._commands.size else None, n=steps)
         except CoadjointError as error:
-            return self._failed(str(error))
+            self._failed(str(error))
         for sentence in self._told:
             self.log(sentence, Fmi2Status.warning)
         self._told.clear()
@@ -97,9 +96,10 @@ class FmiInstance(Fmi2Slave):
             yield
         self._told += [str(one.message) for one in told]
 
-    def _failed(self, sentence: str) -> bool:
+    def _failed(self, sentence: str) -> NoReturn:
+        """Log and raise: of False PythonFMU makes "discard", on which masters end a simulation without an error."""
         self.log(sentence, Fmi2Status.error)
-        return False
+        raise CoadjointError(sentence)
 
     def to_xml(self, model_options: Table | None = None) -> Element:
         """The model's description: starts to the last bit, and outputs as unknowns of the start (FMI 2.0, 2.2.8)."""
