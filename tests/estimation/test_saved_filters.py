@@ -121,8 +121,7 @@ def test_wrong_uses_of_a_saved_filter_raise_one_sentence_and_change_nothing(body
 
 def test_a_strapdown_filter_awaits_its_first_reading_and_goes_on_bitwise(tmp_path):
     process = StrapdownProcess(noise={"gyroscope": 1e-4, "accelerometer": 1e-3})
-    far = Measurement(lambda m: m.q[0], 0.01, gate=0.9, after_rejections=(1, "stop"))
-    seen = {"depth": Measurement(lambda m: m.q[2], 0.01), "north": far}
+    seen = {"depth": Measurement(lambda m: m.q[2], 0.01, gate=0.9, after_rejections=(1, "stop"))}
     first = co.estimation.InertialState()
     found = Filter(process, first, measurements=seen, deviations={"attitude": 0.01, "velocity": 0.1, "position": 1.0})
     loaded = load_filter(found.save(tmp_path / "unit.filter"))
@@ -133,8 +132,8 @@ def test_a_strapdown_filter_awaits_its_first_reading_and_goes_on_bitwise(tmp_pat
         one.update({"depth": 0.3})
         one.predict(0.01)
     assert np.array_equal(loaded.rows, found.rows)
-    with pytest.raises(StepError, match="1 values of `north` in a row are beyond its gate"):
-        loaded.update({"depth": 0.4, "north": 1e3})
+    with pytest.raises(StepError, match="1 values of `depth` in a row are beyond its gate"):
+        loaded.update({"depth": 1e3})
     assert np.array_equal(loaded.rows, found.rows)
     many = Filter(process, first, measurements=seen, deviations={"position": 1.0}, members=3)
     with pytest.raises(ArgumentError, match="has 3 members cannot be saved"):

@@ -19,7 +19,7 @@ from coadjoint import checks
 from coadjoint.archives import stored_array
 from coadjoint.arrays import PyTree
 from coadjoint.disk import reading
-from coadjoint.errors import ArgumentError, FileError, StepError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.estimation.innovation import FilterMemory, Innovation, failed_order, require_finite
 from coadjoint.estimation.timetable import series
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
@@ -139,7 +139,7 @@ class SavedFilter:
             for name, value in given.items():
                 one = series(name, ([0.0], [value]), "inputs", sizes, None)
                 held.rows[0, self._places[self.face.inputs.place(name)]] = one.values[0]
-        self._once(held, PREDICT, 0, np.array([float(dt)]))
+        self._held, _ = self._once(held, PREDICT, 0, np.array([float(dt)]))
         self._awaited -= set(given)
 
     def update(self, measured: Mapping[str, PyTree]) -> dict[str, Innovation]:
@@ -153,17 +153,15 @@ class SavedFilter:
         for name, value in measured.items():
             checks.known(name, self._sizes, "measurement", "The filter")
             values[name] = series(name, ([0.0], [value]), "measured", self._sizes, None).values[0]
-        kept, found = self._held, {}
-        try:
-            for name, value in values.items():
-                nis, used = self._once(self._held, CORRECT, self._numbers[name], value)
-                found[name] = Innovation(nis, used > 0, used > 1)
-        except StepError:
-            self._held = kept
-            raise
+        held, found = self._held, {}
+        for name, value in values.items():
+            held, (nis, used) = self._once(held, CORRECT, self._numbers[name], value)
+            found[name] = Innovation(nis, used > 0, used > 1)
+        self._held = held
         return found
 
-    def _once(self, held: FilterMemory, order: int, number: int, data: np.ndarray) -> list[float]:
+    def _once(self, held: FilterMemory, order: int, number: int, data: np.ndarray) -> tuple[FilterMemory, list[float]]:
+        """What is held after an order, and (NIS, used)."""
         one = self._one
         one.row[:], one.P[:], one.rejected[:] = held
         one.data[: len(data)] = data
@@ -172,8 +170,7 @@ class SavedFilter:
             recovery = (0, 0) if order == PREDICT else self._seen[number].recovery
             raise failed_order(float(one.flat[self._time]), order, name, recovery, int(one.rejected[0, number]))
         require_finite(one.row, lambda rows: rows[:, self._time])
-        self._held = FilterMemory(one.row.copy(), one.P.copy(), one.rejected.copy())
-        return one.output[0].tolist()
+        return FilterMemory(one.row.copy(), one.P.copy(), one.rejected.copy()), one.output[0].tolist()
 
 
 def _opened(archive: zipfile.ZipFile, header: Table) -> SavedFilter:
