@@ -11,6 +11,7 @@ from rovs import rov
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
+from coadjoint.extending import evaluate
 from coadjoint_vehicles import Craft, Vehicle
 from coadjoint_vehicles.controllers import Hover, Manoeuvre
 from coadjoint_vehicles.controllers.thrusting import accelerations
@@ -114,6 +115,33 @@ def test_a_run_whose_thrusters_are_at_their_limits_warns_with_the_share_of_time_
     found: Any = mission_summary(run.dataset)
     assert found["saturated"]["thrusters"] > 0.5 and found["lost"]["surge"]["mean"] > 1.0
     assert any(f"{found['saturated']['thrusters']:.0%} of the time" in w and "N of surge" in w for w in run.warnings)
+
+
+def test_thrusters_at_their_limits_give_the_torque_for_the_acceleration_that_they_reach():
+    """Of a centre of mass 20 mm below O: m z_g a tips the vehicle where a is not reached."""
+    M = np.diag([18.0, 19.0, 27.0, 0.5, 0.5, 0.5])
+    M[0, 4] = M[4, 0] = 12.0 * 0.02
+    M[1, 3] = M[3, 1] = -12.0 * 0.02
+    part: Any = rov().part("thrusters")
+    allocator = Manoeuvre(mass=M).allocator(part)
+    wrench = M @ [20.0, 0, 0.1, 0, 0, 0.2]
+    thrusts = evaluate(allocator.thrusts, wrench)
+    X, Y, Z, K, pitch, N = part.nominal_matrix @ thrusts
+    assert 50.0 < X < 0.5 * wrench[0] and abs(Y) < 1e-2
+    assert pitch == pytest.approx(M[4, 0] / M[0, 0] * X, rel=1e-3) and pitch < 0.5 * wrench[4]
+    np.testing.assert_allclose([Z, K, N], [2.7, 0.0, 0.1], atol=0.02)
+    assert np.abs(evaluate(allocator.lost, wrench, thrusts)[3:]).max() < 0.02
+    within = 0.05 * wrench
+    np.testing.assert_allclose(part.nominal_matrix @ evaluate(allocator.thrusts, within), within, atol=1e-9)
+
+
+@pytest.mark.long
+def test_a_speed_out_of_reach_leaves_a_vehicle_with_a_low_centre_of_mass_level_and_at_its_depth():
+    vehicle = rov(center_of_mass=(0, 0, 0.02), center_of_buoyancy=(0, 0, -0.02))
+    made = fly(vehicle, Manoeuvre(surge_limit=20.0), 40.0, {"depth": 0.0, "heading": 0.0, "speed": 3.0}, (0, 0, 0))
+    assert np.abs(made.dataset.q.values[:, 2]).max() < 0.3
+    assert np.abs(made.dataset.euler_angles.values[:, 1]).max() < np.radians(10.0)
+    assert made.dataset.nu.values[-1, 0] > 0.8
 
 
 @pytest.mark.long

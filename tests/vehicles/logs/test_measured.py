@@ -106,8 +106,9 @@ def test_microseconds_are_one_unit_however_log_and_vehicle_spell_them(tmp_path, 
     log = read_log(written(tmp_path, f"time_s,u_m_s,{header}\n0,1,1500\n1,1,1600\n"))
     assert list(log.inputs["jet"]) == [1500, 1600]
     for unit in ("µs", "us"):
-        jet = Thrusters("jet", "T200", positions=[[0, 0, 0]], directions=[[1, 0, 0]], unit=unit)
-        craft = Craft(Vehicle(name="ball", mass=4.0, inertia=(1, 1, 1), added_mass=(1, 1, 1, 1, 1, 1), parts=(jet,)))
+        jet = Thrusters("jet", "T200", positions=np.zeros((1, 3)), directions=np.eye(3)[:1], unit=unit)
+        ball = Vehicle(name="ball", mass=4.0, inertia=np.ones(3), added_mass=np.ones(6), parts=(jet,))
+        craft = Craft(ball)
         require_commands(craft.system, craft.start(), log, ())
         assert jet.no_signal == 0.0
 

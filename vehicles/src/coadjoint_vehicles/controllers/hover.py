@@ -100,11 +100,13 @@ class Manoeuvre(Thrusting):
         a = (PI(U_c − u), −k_d v, 0) + PID(depth error) d,    d the direction of down, depth error up to `reach`
         PI(U_c − u) begins from (D₁U_c + D₂|U_c|U_c)/M₁₁,    (D₁, D₂) = `drag`, of the vehicle going ahead
 
-    and the rest as `Hover` does; k_d is that of `depth_gains`.
+    of which D₁u + D₂|u|u is a force ahead without torque, and the rest as `Hover` does; k_d is that of `depth_gains`.
     Set points: `depth` (m), `heading` (rad), `speed` (m/s through the water), so that missions for torpedoes fit.
     Fields, the keys of [controller] with kind = "manoeuvre", all optional: those of `Thrusting`. depth_gains: k_p, k_i,
     k_d, in 1/s², 1/s³, 1/s. speed_gains: k_p, k_i, k_d, in 1/s, 1/s², 1. surge_limit, heave_limit: largest
-    accelerations, m/s². drag: D₁ and D₂, N s/m and N s²/m². Missing values are proposed. Raises ArgumentError.
+    accelerations, m/s², the one against drag included; by default 0.8 of the smaller of those that the thrusters give
+    both ways along the axis by itself. drag: D₁ and D₂, N s/m and N s²/m². Missing values are proposed. Raises
+    ArgumentError.
     """
 
     kind: ClassVar[str] = "manoeuvre"
@@ -155,7 +157,10 @@ class Manoeuvre(Thrusting):
         wanted = jnp.stack([ahead, aside, zero]) + down * feedback.down
         ahead, down = (jnp.clip(a, -b, b) for a, b in ((ahead, own.surge_limit), (down, own.heave_limit)))
         acceleration = jnp.stack([ahead, aside, zero]) + down * feedback.down
-        commands, lost = self.commands(acceleration, turn, feedback, own, vehicle)
+        # The force against drag accelerates nothing, and needs no torque about O.
+        braking = (own.drag[0] + own.drag[1] * jnp.abs(v[0])) * v[0]
+        moved = acceleration.at[0].add(-braking / own.mass[0, 0])
+        commands, lost = self.commands(moved, turn, feedback, own, vehicle, braking)
         lost = jnp.concatenate([lost[:3] + own.mass[:3, :3] @ (wanted - acceleration), lost[3:]])
         return commands, {"lost": lost, "depth": of_depth, "speed": of_speed, "attitude": of_attitude}
 

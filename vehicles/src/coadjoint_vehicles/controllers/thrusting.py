@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -30,6 +31,8 @@ LARGEST_ACCELERATION = 5.0
 """m/s², rad/s²: assumed of thrusters without limits."""
 NOTHING = 1e-14
 """A part of the largest authority that is round-off."""
+NEGLIGIBLE = 1e-9
+"""A part of the thrusters' mean arm that is round-off."""
 SWALLOWED = 0.05
 """The part of the largest thrust that a dead band may have at its edge without a warning."""
 SHARE = 0.5
@@ -46,7 +49,8 @@ class Thrusting(Controller):
     W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
     turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
     parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate` along the axes that the thrusters
-    control, and where one of them is at its limit force gives way before torque.
+    control. Where one of them is at its limit force gives way before torque, which then is that for the acceleration
+    that is left.
 
     thrusters: the name of the part. attitude_gains: k_R in 1/s², k_I in 1/s³, k_ω in 1/s. reach: a place further off is
     approached as if it were there, m. weigh: how much of net weight and righting torque is fed forward, 0 to 1. mass:
@@ -152,18 +156,46 @@ class Thrusting(Controller):
     def memory(self) -> dict[str, PyTree]:
         return {"lost": np.zeros(6)}
 
+    def allocator(self, part: Thrusters) -> Allocator:
+        """That of a part, with the torque C F that an acceleration by F needs, C = M₂₁ M₁₁⁻¹.
+
+        Thrusters at their limits then give the torque for the acceleration that they reach, not for the one wanted.
+        """
+        if part not in self._allocators:
+            M = np.asarray(self.mass, dtype=float)
+            C = np.linalg.solve(M[:3, :3].T, M[3:, :3].T).T
+            C = np.where(np.abs(C) < NEGLIGIBLE * part.allocator.units[3], 0.0, C)
+            self._allocators[part] = replace(part.allocator, coupling=C if np.any(C) else None)
+        return self._allocators[part]
+
+    @cached_property
+    def _allocators(self) -> dict[Thrusters, Allocator]:
+        """By part, so that an allocation is traced once."""
+        return {}
+
     def commands(
-        self, acceleration: Array, turn: Array, feedback: Feedback, own: Named, vehicle: Vehicle
+        self,
+        acceleration: Array,
+        turn: Array,
+        feedback: Feedback,
+        own: Named,
+        vehicle: Vehicle,
+        drag: Array | float = 0.0,
     ) -> tuple[dict[str, PyTree], Array]:
-        """The thrusters' commands for a (m/s²) and α (rad/s²), body axes, and the wrench (6,) that limits take away."""
+        """The thrusters' commands for a (m/s²) and α (rad/s²), body axes, and the wrench (6,) that limits take away.
+
+        drag: D, N, against which they push ahead as well, at O.
+        """
         weight = jnp.concatenate([own.net_weight * feedback.down, jnp.cross(own.righting, feedback.down)])
         turning = coadjoint(own.mass, jnp.concatenate([feedback.velocity, feedback.omega])) * MOMENTS
         wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
         part = self._part(vehicle)
-        thrusts = part.allocator.thrusts(wrench)
+        wrench = wrench.at[0].add(drag)
+        allocator = self.allocator(part)
+        thrusts = allocator.thrusts(wrench)
         commands = part.commands_for(thrusts, part.nominal)
         given = thrusts if part.dead_band is None else part.thrusts(commands, part.nominal)
-        return {part.name: commands}, part.allocator.lost(wrench, given)
+        return {part.name: commands}, allocator.lost(wrench, given)
 
     def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Named) -> tuple[Array, Array]:
         """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""

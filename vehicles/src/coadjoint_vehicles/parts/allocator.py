@@ -33,6 +33,8 @@ class Allocator:
 
     weights: w, (6,) of the axes, torques divided by L: where a limit is in the way, the thrusts within the limits have
     least Σ_j (w_j (B f − W)_j)² over the controllable axes. thruster_weights: v, (n,), all alike by default.
+    coupling: (3, 3), m: of the torque, for which attitude comes before position, the part C F that goes with the force
+    F, so that of a force that limits take away C goes with it.
     edges: the thrusts at both edges of each dead band, (2, n) N, None without bands: f is 0, an edge, or beyond it.
     """
 
@@ -43,6 +45,7 @@ class Allocator:
     weights: Sequence[float] | np.ndarray = ATTITUDE_FIRST
     thruster_weights: np.ndarray | None = None
     edges: np.ndarray | None = None
+    coupling: np.ndarray | None = None
 
     @cached_property
     def units(self) -> np.ndarray:
@@ -86,6 +89,15 @@ class Allocator:
         return found
 
     @property
+    def _apart(self) -> np.ndarray:
+        """(1, 0; −C, 1), (6, 6), without the axes that thrusters do not control."""
+        found = np.eye(6)
+        if self.coupling is not None:
+            controlled = np.isin(np.arange(6), self.kept)
+            found[3:, :3] = np.where(np.outer(controlled[3:], controlled[:3]), -self.coupling, 0.0)
+        return found
+
+    @property
     def _weighed(self) -> np.ndarray:
         return np.ones(len(self.low)) if self.thruster_weights is None else self.thruster_weights
 
@@ -101,7 +113,7 @@ class Allocator:
     def _thrusts(self, wrench: Array) -> Array:
         free = jnp.asarray(self.inverse) @ wrench
         limited = np.isfinite(self.low) | np.isfinite(self.high)
-        scaled = self.matrix[self.kept] / self.units[self.kept, None] / self._weighed
+        scaled = (self._apart @ self.matrix)[self.kept] / self.units[self.kept, None] / self._weighed
         A = np.asarray(self.weights)[self.kept, None] * scaled / max(np.linalg.norm(scaled, 2), 1e-300)
         found = jnp.zeros(len(self.low))
         for axes, some in independent(A):
@@ -115,6 +127,6 @@ class Allocator:
         return found
 
     def lost(self, wrench: Array, thrusts: Array) -> Array:
-        """W − B f, (6,), along the controllable axes, and 0 along the others."""
+        """W − B f, (6,), less the torque that goes with its force, along the controllable axes; 0 along the others."""
         controlled = np.isin(np.arange(6), self.kept)
-        return jnp.where(controlled, wrench - jnp.asarray(self.matrix) @ thrusts, 0.0)
+        return jnp.asarray(self._apart) @ jnp.where(controlled, wrench - jnp.asarray(self.matrix) @ thrusts, 0.0)
