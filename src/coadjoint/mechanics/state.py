@@ -187,7 +187,7 @@ class Motion(NamedTuple):
     xi: ξ = g⁻¹ġ, (dim G,). n, nu: g⁻¹q and ν = g⁻¹q̇, (ambient,), or by the names of the spaces, `motion.n.name`.
     a: advected parameters, as n. t: s. inputs: those of the run, `motion.inputs.name`. internal: the mean of the
     internal state over the step. mu, pi: the momenta μ = ∂_ξℓ, (dim G,), and π = ∂_νℓ, as n, at the same place; from a
-    singular ℋ those of the step. Units are those of the Lagrangian.
+    singular ℋ those of the step. momenta: () ↦ (μ, π), which gives both. Units are those of the Lagrangian.
     """
 
     xi: Array
@@ -217,10 +217,10 @@ class NodeMotion(NamedTuple):
 
         def rule(motion: co.mechanics.NodeMotion, h, p):  # advances an internal state, once a step
 
-    xi, n, nu, a, t, inputs, mu, pi: as in `Motion`, at the node; ξ and ν are those of (μ, π), where ℓ or ℋ is given.
-    internal: the internal state at the node. g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names
-    as n. ahead: the inputs in the middle of the step that starts there, which an actuator follows over it. Forces act
-    within steps and have the body frame only.
+    xi, n, nu, a, t, inputs, momenta, mu, pi: as in `Motion`, at the node; ξ and ν are those of (μ, π), where ℓ or ℋ is
+    given. internal: the internal state at the node. g: as in `State`. q: q = g·n in the space frame, (ambient,), or by
+    names as n. ahead: the inputs in the middle of the step that starts there, which an actuator follows over it. Forces
+    act within steps and have the body frame only.
     """
 
     xi: Array
