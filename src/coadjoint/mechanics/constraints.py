@@ -98,11 +98,6 @@ class Bound(Portable):
         return isinstance(self.constraint, Holonomic)
 
     @property
-    def budgeted(self) -> bool:
-        """Whether its reaction has a line in the energy budget: it may do work or change a spatial momentum."""
-        return self.moving or not self.holonomic
-
-    @property
     def functions(self) -> list[Callable[..., PyTree]]:
         """The user's functions."""
         if isinstance(self.constraint, Holonomic):

@@ -77,7 +77,7 @@ def source(system: ReducedFunctions, at: Site, strength: Array) -> Array:
 
 def powers(system: ReducedFunctions, at: Site, strength: Array) -> Array:
     """The power of every reaction that has a line in the energy budget, (lines,)."""
-    lines = [one.power(system, at, strength[part]) for one, part in parts(system) if one.budgeted]
+    lines = [one.power(system, at, strength[part]) for one, part in parts(system) if one.moving]
     return jnp.stack(lines) if lines else jnp.zeros(0)
 
 

@@ -19,11 +19,17 @@ from coadjoint.mechanics.system import System
 
 
 def energy_lines(system: System) -> tuple[str, ...]:
-    """The names of the energy terms: forces, `time`, constraints, and held `inputs` and `internal` that reach ℓ."""
+    """The names of the energy terms: forces, `time`, moving constraints, and held `inputs`, `internal` that reach ℓ."""
     forces = system.forces.names if system.forces is not None else ()
     time = (TIME,) if system.depends_on_time else ()
-    constraints = (one.name for one in system.constraints if one.budgeted)
+    constraints = (one.name for one in system.constraints if one.moving)
     return (*forces, *time, *constraints, *_jumping(system))
+
+
+def changing_momentum(system: System) -> tuple[str, ...]:
+    """The names of the forces and nonholonomic constraints, which change the Kelvin–Noether quantities."""
+    forces = system.forces.names if system.forces is not None else ()
+    return (*forces, *(one.name for one in system.constraints if not one.holonomic))
 
 
 def _jumping(system: System) -> tuple[str, ...]:
@@ -36,9 +42,10 @@ def _jumping(system: System) -> tuple[str, ...]:
 
 
 def with_ledger(system: System, state: State, asked: bool) -> State:
-    """The state with an empty ledger; with none without monitors, or where nothing changes the energy."""
+    """The state with an empty ledger; with none without monitors, or where nothing changes energy or momentum."""
     lines = len(energy_lines(system))
-    return state.replace(ledger=np.zeros((2, lines + system.group.dim)) if asked and lines else None)
+    needed = asked and (lines or changing_momentum(system))
+    return state.replace(ledger=np.zeros((2, lines + system.group.dim)) if needed else None)
 
 
 def with_jump(system: System, held: str, before: State, after: State) -> State:

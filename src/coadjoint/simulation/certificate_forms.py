@@ -31,7 +31,7 @@ MEANINGS = {
     "Legendre": "the residual of ∂ℓ = (μ, π) for the velocities at the nodes",
     "group defect": "the distance of g from its group: round-off",
     "constraints": "the largest |φ| of the holonomic constraints",
-    "their rates": "the largest |φ̇| and |A·(ξ, ν) − b| of the constraints",
+    "constraint rates": "the largest |φ̇| and |A·(ξ, ν) − b| of the constraints",
     "solved": "how XLA solves the equations of a step",
     "iterations": "Newton's iterations; more than five a step mean that dt is large",
     "time": "the time in the kernel, the speed, and the time of set-up",

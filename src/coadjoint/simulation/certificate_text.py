@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from coadjoint.errors import printable
+from coadjoint.mechanics.forces import INPUTS, INTERNAL, TIME
 from coadjoint.mechanics.invariance import in_words
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.work_balance import changing_momentum, energy_lines
 from coadjoint.methods.method import Method
 from coadjoint.simulation import energy_budget
 from coadjoint.simulation.accuracy.verdict import Accuracy
@@ -22,7 +24,7 @@ from coadjoint.texts import Table
 Lines = Iterator[tuple[str, str]]
 """Titles and texts."""
 
-MUST_VANISH = ("balance", "group_defect", "constraint_gap")
+MUST_VANISH = ("balance", "group_defect", "constraint_gap", "constraint_rate")
 """The residuals that the short form shows."""
 
 
@@ -118,9 +120,10 @@ def _conserved(run: Result) -> Iterator[str]:
 
 
 def driven(run: Result, name: str) -> bool:
-    """Whether forces or jumps change a monitored quantity, so that its budget shows the error."""
-    budget = {"energy": "energy_budget", "discrete_energy": "energy_budget", "kelvin_noether": "kelvin_noether_budget"}
-    return budget.get(name) in run.ends
+    """Whether forces, reactions or jumps change a monitored quantity, so that its budget shows the error."""
+    if name == "kelvin_noether":
+        return "kelvin_noether_budget" in run.ends and bool(changing_momentum(run.system))
+    return name in ("energy", "discrete_energy") and "energy_budget" in run.ends
 
 
 def _known(run: Result, name: str) -> bool:
@@ -203,14 +206,24 @@ def order(method: Method, system: System) -> str:
 
 
 def _change(run: Result, c: Table, name: str) -> str:
-    """A quantity at the start, with its largest change; at both ends if forces change it."""
+    """A quantity at the start, with its largest change; at both ends if forces or reactions change it."""
     first, last = (np.ravel(value) for value in run.ends[name])
     shown = f"{first[0]:.10g}" if len(first) == 1 else f"{len(first)} quantities, norm {np.linalg.norm(first):.6g}"
     if driven(run, name):
         end = last[0] if len(last) == 1 else np.linalg.norm(last)
-        return f"{shown} at the start, {end:.6g} at the end; forces change it"
+        return f"{shown} at the start, {end:.6g} at the end; {_causes(run.system, name)}"
     kind = "relative" if run.sizes(name) > 0 else "absolute"
     return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
+
+
+def _causes(system: System, name: str) -> str:
+    """What changes the energy or the Kelvin–Noether quantities, as a clause."""
+    words = {TIME: "explicit time", INPUTS: "jumps of inputs", INTERNAL: "jumps of the internal state"}
+    words |= {one.name: f"the reaction of `{one.name}`" for one in system.constraints}
+    lines = changing_momentum(system) if name == "kelvin_noether" else energy_lines(system)
+    found = list(dict.fromkeys(words.get(line, "forces") for line in lines))
+    plural = len(found) > 1 or found[0].startswith(("forces", "jumps"))
+    return f"{', '.join(found[:-1])}{' and ' * (len(found) > 1)}{found[-1]} {'change' if plural else 'changes'} it"
 
 
 def _step_sizes_in_words(run: Result) -> str:

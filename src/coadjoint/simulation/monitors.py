@@ -17,7 +17,7 @@ from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.work_balance import energy_put_in, momentum_put_in
+from coadjoint.mechanics.work_balance import energy_lines, energy_put_in, momentum_put_in
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
@@ -112,7 +112,7 @@ def legendre_energy(system: System, step: Step, record: State, h: Scalar, consta
     Watched(
         "energy_budget", "Legendre energy less what was put in", like="energy", line="budget", title="energy budget"
     ),
-    when=lambda system, method, state: state.ledger is not None,
+    when=lambda system, method, state: state.ledger is not None and bool(energy_lines(system)),
 )
 def energy_budget(system: System, step: Step, record: State, h: Scalar, constants: PyTree) -> dict[str, Array]:
     """The work W of each force, and E − ΣW, which is constant to the method's order."""
@@ -214,7 +214,7 @@ def constraint_gap(system: System, step: Step, record: State, h: Scalar, constan
         "constraint_rate",
         "largest |φ̇| and |A·(ξ, ν) − b| of the constraints, at the node",
         line="residual",
-        title="their rates",
+        title="constraint rates",
         largest="largest |φ̇| or |A·(ξ, ν) − b| at the nodes",
     ),
     when=lambda system, method, state: bool(system.constraints),

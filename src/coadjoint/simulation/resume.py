@@ -26,7 +26,15 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.verdict import accuracy_from
-from coadjoint.simulation.configuration import fingerprint, method_form, method_from, start_form, start_from, versions
+from coadjoint.simulation.configuration import (
+    fingerprint,
+    method_form,
+    method_from,
+    named,
+    start_form,
+    start_from,
+    versions,
+)
 from coadjoint.simulation.dataset import attributes, member_coordinates
 from coadjoint.simulation.execution import execute
 from coadjoint.simulation.folder import create, holds_run, sweep_beside, tidy
@@ -138,7 +146,7 @@ def streamed(
     `chosen` are the Kelvin–Noether quantities of the user; accuracy: whether it is judged; traces: those of its kernel.
     """
     folder = Path(path).absolute()
-    marks = fingerprint(run.plan, run.position.state, run.one, traces)
+    marks = _marks(run, traces)
     held = holds_run(folder)
     form, numbers = start_form(run.start)
     header = {
@@ -171,6 +179,24 @@ def streamed(
     then, _ = read_configuration(run_manifest(folder))
     _require_same(folder, then, marks, header)
     return _taken_up(run, folder)
+
+
+def _marks(run: Result, traces: Traced) -> dict[str, str]:
+    """The fingerprint of a run that was set up, and the names of what its dataset holds."""
+    marks = fingerprint(run.plan, run.position.state, run.one, traces)
+    return {**marks, "names": ", ".join(_names(run.system, run.position.state))}
+
+
+def _names(system: System, state: State) -> list[str]:
+    """The names in a dataset that a system gives: of forces, constraints, quantities, inputs and internal states."""
+    forces = system.forces.names if system.forces is not None else ()
+    given = {"inputs": state.inputs, "internal": state.internal}
+    return [
+        *(f"force `{name}`" for name in forces),
+        *(f"constraint `{one.name}`" for one in system.constraints),
+        *(f"quantity `{name}`" for name, _ in system.quantities),
+        *(f"{kind}{path}" for kind, tree in given.items() for path, _ in named(tree)),
+    ]
 
 
 def _with_store(run: Result, store: Store) -> StreamedRun | StreamedEnsemble:
@@ -232,7 +258,7 @@ def resume(
         backend, accuracy = header["backend"], header["accuracy"]
     problem = SimulationProblem(system, start, method, *grid, kelvin_noether, inputs, backend, until)
     run = problem.set_up(traces := Traced())
-    marks = fingerprint(run.plan, run.position.state, run.one, traces)
+    marks = _marks(run, traces)
     with as_written(place):
         _require_same(place, header, marks)
         taken = _taken_up(run, place)
@@ -272,6 +298,7 @@ _PARTS = {
     "start": "the values at the start",
     "monitors": "the monitored quantities",
     "grid": "the step size or the number of steps",
+    "names": "the names",
 }
 
 
@@ -292,6 +319,8 @@ def _require_same(folder: Path, then: Table, marks: dict[str, str], now: Table |
     if now is not None and now["method"] != then["method"]:
         differing.insert(0, f"the method differs ({then['title']} there, {now['title']} here)")
     told = differing or [f"{part} differ" for part in different[:1]]
+    if told == ["the names differ"]:
+        told = [f"its names are {before['names'] or 'none'} there and {marks['names'] or 'none'} here"]
     if not told:
         return
     packages = versions()

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import Force, Motion
 from coadjoint.models.multibody.joints import KINDS
 from coadjoint.portable import Portable
@@ -135,7 +136,12 @@ class Bond(Portable):
         return self.acting(-getattr(p, self.name).damping * rate, motion, p)
 
     def motor(self, motion: Motion, p: PyTree) -> Force:
-        """The input of the joint's name at its coordinate."""
+        """The input of the joint's name at its coordinate; raises ArgumentError where there is none."""
+        if getattr(motion.inputs, self.name, None) is None:
+            raise ArgumentError(
+                f'The motor of the joint `{self.name}` needs an input: give inputs={{"{self.name}": …}}, a number or '
+                "a signal, to co.simulate or co.trajectory."
+            )
         return self.acting(getattr(motion.inputs, self.name), motion, p)
 
 
