@@ -71,7 +71,8 @@ def require_members_on_constraints(system: ReducedFunctions, parameters: PyTree,
     if any(_rank(matrix) < len(matrix) for matrix in found["mobility"] if len(matrix)):
         raise ArgumentError(
             "The members of an ensemble need independent constraints, but some rows follow from others at the start: "
-            "leave these out."
+            "leave these out, or take joints that hold less, such as `spherical` and `cylindrical` for two of the four "
+            "hinges of a planar loop."
         )
 
 

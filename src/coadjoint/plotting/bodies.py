@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import attitude
 from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry
@@ -36,13 +36,14 @@ class Solid:
 
     shapes: of `box`, `ellipsoid`, `rod`, `mesh`. place: (nodes, 3) m, by default the run's x or q, else the origin.
     turn: (nodes, 3, 3), from the body to space, by default the run's rotation. track: whether its path is drawn, by
-    default where it moves.
+    default where it moves. of: the names of the constraints that the run of a mechanism must have.
     """
 
     shapes: Sequence[Shape]
     place: PyTree = None
     turn: Any = None
     track: bool | None = None
+    of: tuple[str, ...] | None = None
 
 
 def box(size: object, at: object = (0.0, 0.0, 0.0)) -> Shape:
@@ -78,7 +79,11 @@ def linkage(mechanism: Mechanism) -> list[Solid]:
     """The bodies of a mechanism: rods to its joints, which are balls, and wheels of the radius with which they roll.
 
     run.plot.scene(path="linkage.html", bodies=bodies.linkage(linkage))
+
+    Raises ArgumentError for anything but a Mechanism; the scene raises it for a run of another system.
     """
+    if not hasattr(mechanism, "bodies") or not hasattr(mechanism, "joints"):
+        raise ArgumentError(f"Argument `mechanism` must be a multibody.Mechanism, but is {shown(mechanism)}.")
     held: dict[str, list[list[float]]] = {name: [] for name in mechanism.bodies}
     wheels: dict[str, Shape] = {}
     for key, joint in mechanism.joints.items():
@@ -92,7 +97,8 @@ def linkage(mechanism: Mechanism) -> list[Solid]:
             axis = 0.0 if joint.axis is None else mechanism.reference(joint.second)[0].T @ joint.axis
             wheels[joint.second] = ellipsoid(float(joint.radius or 0.0) * (1 - 0.95 * np.abs(np.broadcast_to(axis, 3))))
     radius = 0.03 * max((float(np.linalg.norm(at)) for points in held.values() for at in points), default=1.0) or 0.03
-    return [Solid([*_bars(held[name], radius), *([wheels[name]] if name in wheels else [])]) for name in held]
+    of = tuple(one.name for one in mechanism.system.constraints)
+    return [Solid([*_bars(held[name], radius), *([wheels[name]] if name in wheels else [])], of=of) for name in held]
 
 
 def _bars(points: list[list[float]], radius: float) -> list[Shape]:
@@ -110,7 +116,9 @@ def scene(runs: Sequence[Entry], solids: Sequence[Solid] | None = None, z_down: 
     """
     members = [_member(run, solids, max(POINTS // len(runs), 50), len(runs) == 1) for run in runs]
     name = str(runs[0].dataset.attrs.get("system", "")) or "run"
-    sentences = (f"{one.label}: {len(one.bodies)} bodies over {one.time[-1] - one.time[0]:.6g} s." for one in members)
+    sentences = (
+        f"{one.label}: {_counted(len(one.bodies))} over {one.time[-1] - one.time[0]:.6g} s." for one in members
+    )
     title, pivot = name if len(runs) == 1 else f"{len(runs)} runs of {name}", _pivot(members)
     return Scene(title, " ".join(sentences), members, down=z_down, pivot=pivot, frames=pivot is not None)
 
@@ -128,6 +136,7 @@ def _member(run: Entry, solids: Sequence[Solid] | None, capacity: int, alone: bo
     found = poses(run)
     if solids is None:
         solids = [Solid([]) for _ in found]
+    _require_own(run, solids, len(found))
     described = [_pose(solid, found[min(i, len(found) - 1)], len(run.time)) for i, solid in enumerate(solids)]
     kept = thin(*(place for place, _ in described), *(turn for _, turn in described), capacity=capacity)
     extent = max(float(np.max(np.ptp(np.concatenate([place for place, _ in described]), axis=0))), 0.0)
@@ -136,6 +145,23 @@ def _member(run: Entry, solids: Sequence[Solid] | None, capacity: int, alone: bo
     ]
     label = str(run.dataset.attrs.get("system", "run")) if alone else run.label
     return Member(label, COLOURS[run.place % len(COLOURS)], run.time[kept], made, _readouts(run, described, kept))
+
+
+def _require_own(run: Entry, solids: Sequence[Solid], count: int) -> None:
+    """Raise ArgumentError where solids are those of a mechanism, and the run is one of another system."""
+    variables = {str(name) for name in run.dataset.data_vars if str(name).startswith("reaction_")}
+    described = [solid.of for solid in solids if solid.of is not None]
+    for own in set(described):
+        expected = {f"reaction_{kind}{name}" for name in own for kind in ("", "step_")}
+        if len(described) != count or variables not in (set(), expected):
+            raise ArgumentError(
+                f"Argument `bodies` must describe the mechanism of the run, which has {_counted(count)}, but is that "
+                f"of another, of {_counted(len(described))} with the joints {', '.join(own) or 'none'}."
+            )
+
+
+def _counted(bodies: int) -> str:
+    return f"{bodies} bod{'y' if bodies == 1 else 'ies'}"
 
 
 def _body(solid: Solid, place: np.ndarray, turn: np.ndarray, extent: float) -> DrawnBody:

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.state import Force, Motion
+from coadjoint.mechanics.state import Force, Motion, State
 from coadjoint.models.multibody.joints import KINDS
 from coadjoint.portable import Portable
 
@@ -143,6 +143,46 @@ class Bond(Portable):
                 "a signal, to co.simulate or co.trajectory."
             )
         return self.acting(getattr(motion.inputs, self.name), motion, p)
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate(Portable):
+    """A joint's coordinate as a function of a state, or of the motion in a cost: JAX differentiates it.
+
+        angle = linkage.coordinate("hinge")
+        run = co.simulate(…, until=co.Event(lambda state: jnp.sin(angle(state) - 0.7), direction="rising"))
+
+    One number, of joints with two coordinates (2,): rad, from −π to π, or m. An event takes the sine of an angle less
+    its value, because the angle jumps by a turn at π. p: the parameters, by default those of the system that made the
+    record, or else of the mechanism; needed where `replace` changed points of joints.
+    """
+
+    bond: Bond
+    parameters: PyTree
+
+    def __call__(self, state: State | Motion, p: PyTree = None) -> Array:
+        with jax.enable_x64(True):
+            _, _, n, a, p = self._at(state, p)
+            return self._single(self.bond.coordinates(n, a, p))
+
+    def speed(self, state: State | Motion, p: PyTree = None) -> Array:
+        """Its rate, rad/s or m/s."""
+        with jax.enable_x64(True):
+            xi, nu, n, a, p = self._at(state, p)
+            return self._single(self.bond.speeds(xi, nu, n, a, p))
+
+    def _at(self, state: State | Motion, p: PyTree) -> tuple[Array, Array, Array, PyTree, PyTree]:
+        """ξ, ν, n by links, a by names, and the parameters."""
+        a = state.a
+        if isinstance(state, State):
+            of = state.origin.system
+            p = of.parameters if p is None and of is not None else p
+            a = state.places.advected.view(state.places.group, state.a)
+        xi, nu, n = (jnp.reshape(one, (-1, 3)) for one in (state.xi, state.nu, state.n))
+        return xi, nu, n, a, self.parameters if p is None else p
+
+    def _single(self, found: Array) -> Array:
+        return found[0] if len(found) == 1 else found
 
 
 @dataclass(frozen=True)

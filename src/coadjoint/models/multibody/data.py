@@ -44,11 +44,19 @@ class Recorded(Protocol):
     @property
     def system(self) -> System: ...
 
+    @property
+    def dataset(self) -> xarray.Dataset: ...
+
+    @property
+    def final(self) -> State: ...
+
 
 def joint_data(bonds: Mapping[str, Bond], run: State | Recorded, system: System) -> xarray.Dataset:
     """NAME and NAME_speed of every joint with coordinates, over the times of records, and over members."""
     import xarray
 
+    if not isinstance(run, State) and not hasattr(run, "records"):
+        return _of_file(bonds, run, system)
     states, of = (run, run.origin.system or system) if isinstance(run, State) else (run.records, run.system)
     if states.places != system.places or set(of.parameters or ()) != set(system.parameters or ()):
         raise ArgumentError("Argument `run` must be a run of this mechanism, but is one of another system.")
@@ -59,6 +67,18 @@ def joint_data(bonds: Mapping[str, Bond], run: State | Recorded, system: System)
         return _dataset(bonds, nodes, of.parameters)
     rows = ({name: leaf[k] for name, leaf in nodes.items()} for k in range(len(t)))
     return xarray.concat([_dataset(bonds, row, member_of(of.parameters, k)) for k, row in enumerate(rows)], "member")
+
+
+def _of_file(bonds: Mapping[str, Bond], run: Recorded, system: System) -> xarray.Dataset:
+    """`joint_data` of a single run that was read from a file, whose last record holds its parameters."""
+    found = run.dataset
+    reactions = {f"reaction_{kind}{one.name}" for one in system.constraints for kind in ("", "step_")}
+    own = {str(name) for name in found.data_vars if str(name).startswith("reaction_")}
+    if own != reactions or np.shape(found.get("R"))[-3:] != (system.group.dim // 3, 3, 3):
+        raise ArgumentError("Argument `run` must be a run of this mechanism, but is one of another system.")
+    of, t = run.final.origin.system or system, found["time"].values
+    nodes = {name: found[key].values for name, key in {"g": "R", "n": "n", "mu": "mu", "pi": "pi"}.items()}
+    return _dataset(bonds, {"t": t, **nodes}, of.parameters)
 
 
 def _dataset(bonds: Mapping[str, Bond], nodes: Mapping[str, np.ndarray], p: PyTree) -> xarray.Dataset:

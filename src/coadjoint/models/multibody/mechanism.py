@@ -18,11 +18,12 @@ from coadjoint.mechanics.reactions import count
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.multibody.bodies import Body
-from coadjoint.models.multibody.bonds import Bond, Energy, HeldCoordinates, HeldSpeeds
+from coadjoint.models.multibody.bonds import Bond, Coordinate, Energy, HeldCoordinates, HeldSpeeds
 from coadjoint.models.multibody.data import Recorded, joint_data
 from coadjoint.models.multibody.joints import KINDS, SPACE, Joint, labels
 from coadjoint.models.multibody.placing import Placing
 from coadjoint.models.quantities import vector
+from coadjoint.overview import Overview, WithOverview, listed
 from coadjoint.spaces import Defining, RelativePoses
 from coadjoint.spaces.links import GROUND
 
@@ -43,7 +44,7 @@ UNITS = {
 }
 
 
-class Mechanism:
+class Mechanism(WithOverview):
     """N rigid bodies on joints in maximal coordinates: SO(3)ᴺ with the mass centres q ∈ ℝ³ᴺ, trees and loops alike.
 
         pendulum = multibody.Mechanism(
@@ -94,6 +95,16 @@ class Mechanism:
         self.bonds = {key: self.bonds[key] for key in self.joints}
         self._require_names()
         self.system = self._system({})
+
+    def _overview(self) -> Overview:
+        facts = {
+            "bodies": listed(self.bodies),
+            "joints": listed(f"{key} ({joint.kind})" for key, joint in self.joints.items()),
+            "mass": f"{sum(body.mass for body in self.bodies.values()):.6g} kg",
+            "rows": count(self.system),
+            "motors": listed(key for key, joint in self.joints.items() if joint.motor),
+        }
+        return Overview(f"Mechanism {self.name}", facts)
 
     def _require_ends(self, key: str, joint: Joint) -> None:
         """Raise ArgumentError unless a joint is between two bodies that exist, or of a gear two joints alike."""
@@ -246,7 +257,18 @@ class Mechanism:
     def _projected(self, held: Mapping[str, Constraint], *arguments: PyTree) -> tuple[PyTree, ...]:
         """g, q, ξ and q̇ moved the least onto all joints, and onto what is held of them."""
         system = self._system({f"{key}__held": one for key, one in held.items()}) if held else self.system
-        place = system.project(self._state(*arguments))
+        try:
+            place = system.project(self._state(*arguments))
+        except ArgumentError as error:
+            if len(held) < 2:
+                raise
+            what = "coordinates" if all(isinstance(one, Holonomic) for one in held.values()) else "speeds"
+            near = self.freedoms(self.system.project(self._state(*arguments)))
+            raise ArgumentError(
+                f"No state has the {what} given for {listed(f'`{key}`' for key in held)}: the mechanism has {near} "
+                f"{'freedom' if near == 1 else 'freedoms'} near there, so that others follow from some. Leave out the "
+                "numbers that follow, or give those of one motion."
+            ) from error
         return place.g, place.q, place.xi, place.qdot
 
     def freedoms(self, state: State) -> int:
@@ -256,6 +278,19 @@ class Mechanism:
             return free
         independent = checked_start(self.system, state)
         return free - (count(self.system) if independent is None else len(independent))
+
+    def coordinate(self, joint: str) -> Coordinate:
+        """The coordinate of a joint as a function of a state, for events, quantities, costs and derivatives.
+
+            angle = linkage.coordinate("hinge")
+            slope = jax.grad(lambda k: angle(co.trajectory(…).final))(1.0)
+
+        See `Coordinate`. Raises ArgumentError for unknown joints and those without coordinates.
+        """
+        checks.known(joint, self.joints, "joint", "Argument `joint`")
+        if not labels(joint, self.joints[joint].kind):
+            raise ArgumentError(f"The joint `{joint}` is {self.joints[joint].kind} and has no coordinates of its own.")
+        return Coordinate(self.bonds[joint], self.system.parameters)
 
     def joint_data(self, run: State | Recorded) -> xarray.Dataset:
         """The coordinates and speeds of the joints at the records of a run, with turns counted.

@@ -90,6 +90,9 @@ class _Reading:
         self.report: list[str] = []
         self.above: dict[str, DescribedJoint] = {}
         for joint in joints:
+            for end in (joint.parent, joint.child):
+                if end not in links:
+                    raise joint.element.fail(checks.unknown(f"link {end!r}", "names a link, but the file", end, links))
             if joint.child in self.above:
                 raise joint.element.fail(f"is a second joint that has the link {joint.child!r} as its child.")
             self.above[joint.child] = joint
