@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rovs import rov
+from rovs import TAM, rov
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
@@ -183,6 +183,20 @@ def test_thrusters_that_cannot_push_as_a_controller_needs_are_told(controller, t
     fewer = replace(part, allocation=part.allocation[:, thrusters], effectiveness=1.0)
     with pytest.raises(ArgumentError, match=f"give nothing in {lacking}"):
         controller.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))
+
+
+def test_thrusters_that_push_one_way_are_told_so_by_controllers_and_imports():
+    from coadjoint_vehicles.importing.flying import doubts, fitting
+
+    part: Any = rov().part("thrusters")
+    downwards = TAM.copy()
+    downwards[2] = np.abs(TAM[2])
+    one_way = rov(parts=(replace(part, allocation=downwards, effectiveness=1.0, limit=(0.0, 1.0)),))
+    said = "push only one way in heave and push only together with other axes in yaw"
+    with pytest.raises(ArgumentError, match=f"those of `ROV` {said}"):
+        Manoeuvre().fitted(one_way)
+    assert fitting(one_way) == [] and doubts(one_way) == [f"No controller fits: its thrusters {said}."]
+    assert fitting(rov(parts=(part,), center_of_mass=(0.1, 0, 0.02))) == ["manoeuvre", "hover", "pose"]
 
 
 @pytest.mark.parametrize("thruster", [0, 4])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -80,12 +81,10 @@ class Thrusting(Controller):
         M, all_of = Level(vehicle).mass, loads(vehicle)
         late = 0.5 * self.period + self.delay + float(part.parameters().get("lag", 0.0))
         most = accelerations(part, M)
-        lacking = [axis for axis in self.NEEDS if most[AXES.index(axis)] == 0]
-        if lacking:
+        if said := lacking(part, most, self.NEEDS):
             raise ArgumentError(
                 f"The controller `{type(self).__name__}` needs thrusters that push in {', '.join(self.NEEDS)}, "
-                f"but those of "
-                f"`{vehicle.name}` give nothing in {', '.join(lacking)}."
+                f"but those of `{vehicle.name}` {said}."
             )
         given = self.proposed(most, late)
         return replace(
@@ -226,6 +225,25 @@ def accelerations(part: Thrusters, M: np.ndarray) -> np.ndarray:
             ahead, astern = (_most(allocator, side * M[:, axis]) for side in (1, -1))
         found[axis] = ahead if axis == 0 and astern == 0 else min(ahead, astern)
     return np.minimum(found, LARGEST_ACCELERATION)
+
+
+def lacking(part: Thrusters, most: np.ndarray, needed: Sequence[str]) -> str:
+    """How thrusters fail to push along axes that are needed: "push only one way in heave"; "" where they do not.
+
+    most: the accelerations of `accelerations`, (6,).
+    """
+    allocator, found = part.allocator, dict[str, list[str]]()
+    for axis in (AXES.index(name) for name in needed):
+        if most[axis] > 0:
+            continue
+        row = allocator.matrix[axis]
+        row = np.where(np.abs(row) > 1e-9 * np.max(np.abs(allocator.matrix)), row, 0.0)
+        ways = [np.any(side * row * np.sign(end) > 0) for side in (1, -1) for end in (allocator.low, allocator.high)]
+        ahead, astern = ways[0] or ways[1], ways[2] or ways[3]
+        how = "give nothing" if axis not in allocator.kept or not (ahead or astern) else "push only one way"
+        how = "push only together with other axes" if how != "give nothing" and ahead and astern else how
+        found.setdefault(how, []).append(AXES[axis])
+    return " and ".join(f"{how} in {', '.join(names)}" for how, names in found.items())
 
 
 def _most(allocator: Allocator, along: np.ndarray) -> float:

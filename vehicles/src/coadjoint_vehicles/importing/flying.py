@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from coadjoint.extending import to_toml
+from coadjoint_vehicles.controllers.hover import Hover, Manoeuvre, Pose
+from coadjoint_vehicles.controllers.thrusting import accelerations, lacking
 from coadjoint_vehicles.importing.report import Report
 from coadjoint_vehicles.model.vehicle import Vehicle
 from coadjoint_vehicles.parts.airfoil import Airfoil
-from coadjoint_vehicles.parts.allocator import AXES, LEAST_AUTHORITY
+from coadjoint_vehicles.parts.allocator import LEAST_AUTHORITY
 from coadjoint_vehicles.parts.ballast import Ballast
 from coadjoint_vehicles.parts.fin import Fin
 from coadjoint_vehicles.parts.moving_mass import MovingMass
 from coadjoint_vehicles.parts.propeller import Propeller
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
-NEEDED = {"manoeuvre": (0, 2, 5), "hover": (0, 1, 2, 5), "pose": (0, 1, 2, 3, 4, 5)}
-"""The axes, 0 surge to 5 yaw, that controllers of thrusters push along."""
+NEEDED = {one.kind: one.NEEDS for one in (Manoeuvre, Hover, Pose)}
+"""The axes that controllers of thrusters push along."""
 SPEEDS = {"manoeuvre": 0.3, "cruise": 1.0}
 """m/s, of a first mission."""
 
@@ -26,8 +30,7 @@ def fitting(vehicle: Vehicle, unlimited: bool = False) -> list[str]:
     jets = [part for part in vehicle.parts if isinstance(part, Thrusters)]
     found = []
     if len(jets) == 1:
-        kept = set(jets[0].allocator.kept.tolist())
-        found = [kind for kind, axes in NEEDED.items() if kept >= set(axes)]
+        found = [kind for kind, axes in NEEDED.items() if not _lacking(vehicle, jets[0], axes)]
     turning = np.zeros(2)
     for part in vehicle.parts:
         if isinstance(part, (Fin, Airfoil)) and part.limit is not None:
@@ -42,6 +45,17 @@ def fitting(vehicle: Vehicle, unlimited: bool = False) -> list[str]:
     ):
         found.append("sawtooth")
     return found
+
+
+def _lacking(vehicle: Vehicle, jets: Thrusters, needed: Sequence[str]) -> str:
+    """How thrusters fail to push along axes that are needed, by the mass that they move; "" where they do not."""
+    arm = vehicle.mass * np.cross(np.eye(3), vehicle.center_of_mass)
+    inertia = np.asarray(vehicle.inertia, dtype=float)
+    about = (np.diag(inertia) if inertia.ndim == 1 else inertia) + arm.T @ arm / vehicle.mass
+    body = np.block([[vehicle.mass * np.eye(3), arm.T], [arm, about]])
+    added = np.asarray(vehicle.added_mass, dtype=float)
+    M = body + (np.diag(added) if added.ndim == 1 else added)
+    return lacking(jets, accelerations(jets, M), needed)
 
 
 def flies(vehicle: Vehicle) -> str:
@@ -77,10 +91,8 @@ def doubts(vehicle: Vehicle) -> list[str]:
         return [f"The files give {endless} no limit: add `limit` in the vehicle file, {fit}."]
     if fitting(vehicle):
         return []
-    if len(jets) == 1:
-        lacking = ", ".join(AXES[axis] for axis in NEEDED["manoeuvre"] if axis not in jets[0].allocator.kept)
-        if lacking:
-            return [f"No controller fits: its thrusters do not push in {lacking}."]
+    if len(jets) == 1 and (said := _lacking(vehicle, jets[0], NEEDED["manoeuvre"])):
+        return [f"No controller fits: its thrusters {said}."]
     if any(part.limit is None for part in jets):
         return ["No controller fits: its thrusters have no limit; give them one, `limit` in the vehicle file."]
     return ["No controller fits: write one, or command the actuators by inputs."]
