@@ -82,6 +82,18 @@ def test_a_battery_sags_as_the_root_of_its_equation():
     assert np.all(rest == 0) and SHEET.supplied(np.full(8, 1500.0), 16.8, 0.03)[0] == 16.8
 
 
+def test_the_most_thrust_is_commanded_to_the_limit_though_the_battery_sags():
+    made = eight(voltage=14.8, resistance=0.02)
+    assert made.allocate([1000.0, 0, 0, 0, 0, 0]) == pytest.approx(1900.0)
+    np.testing.assert_allclose(made.extremes, eight(voltage=14.8).extremes)
+
+
+def test_a_resistance_that_leaves_no_voltage_is_refused_with_its_value_and_unit():
+    with pytest.raises(ArgumentError, match=r"`resistance` of the thrusters `thrusters` must .* 20 Ω .* unit mΩ"):
+        eight(voltage=14.8, resistance=20.0)
+    assert eight(voltage=14.8, resistance=0.09).curve.resistance == 0.09
+
+
 VOLTAGE = 'voltage = { value = 14.8, unit = "V" }'
 
 

@@ -42,6 +42,19 @@ class Supplied(ForceCurve):
                 f"of its data sheet, but is {self.voltage:g} V."
             )
 
+    def require_supply(self, commands: np.ndarray, of: str) -> None:
+        """Raise ArgumentError where the battery would fall to 0 V at these commands of all thrusters, (n,)."""
+        if self.resistance is None or traced(self.voltage, self.resistance):
+            return
+        left, current = self.sheet.supplied(commands, float(self.voltage), float(self.resistance))
+        if left <= 0:
+            most = float(np.sum(np.interp(commands, self.sheet.commands, self.sheet.currents[0])))
+            raise ArgumentError(
+                f"Argument `resistance{of}` must leave a voltage at full thrust, but {self.resistance:g} Ω takes "
+                f"{self.voltage:g} V away by {self.voltage / self.resistance:.3g} A of the {most:.3g} A of "
+                f"{len(current)} thrusters: is its unit mΩ?"
+            )
+
     @property
     def sheet(self) -> DataSheet:
         """Its data sheet."""

@@ -24,6 +24,7 @@ from coadjoint_vehicles.parts.force_curves import Polynomial
 from coadjoint_vehicles.parts.measured import Measured, lag_or_none, measured, numbers, share
 from coadjoint_vehicles.parts.part import Command, Flow, Part, towards
 from coadjoint_vehicles.parts.published_curves import force_curve
+from coadjoint_vehicles.parts.supplied_curve import Supplied
 
 COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
 """The dimension of values in the unit of the commands."""
@@ -89,6 +90,8 @@ class Thrusters(Part):
         if self.limit is not None:
             low, high = np.min(self.limit[0]), np.max(self.limit[1])
             self.curve.require_growth((low, high), self.name)
+            if isinstance(self.curve, Supplied):
+                self.curve.require_supply(np.broadcast_to(high, (self.count,)), of)
             reach = np.min(np.max(np.abs(self.limit - self.curve.neutral), axis=0))
             if self.dead_band is not None and self.dead_band >= reach:
                 raise ArgumentError(
@@ -227,6 +230,12 @@ class Thrusters(Part):
         return named(self.parameters())
 
     @property
+    def _without_load(self) -> Named:
+        """`nominal` at the voltage of the battery without load, as `commands_for` has it."""
+        found = self.parameters()
+        return named({**found, "curve": {k: v for k, v in found["curve"].items() if k != "resistance"}})
+
+    @property
     def nominal_matrix(self) -> np.ndarray:
         """B, (6, n), with the numbers of the part as it was made."""
         return evaluate(self.matrix, self.nominal)
@@ -247,11 +256,14 @@ class Thrusters(Part):
 
     @property
     def extremes(self) -> tuple[np.ndarray, np.ndarray]:
-        """The thrusts of each thruster at the lowest and at the highest command, (n,) N; without limits infinite."""
+        """The thrusts of each thruster at the lowest and at the highest command, (n,) N; without limits infinite.
+
+        Of a battery at the voltage without load, as in `commands_for`: at the most thrust all commands are the highest.
+        """
         if self.limit is None:
             return np.full(self.count, -np.inf), np.full(self.count, np.inf)
         ends = (np.broadcast_to(end, (self.count,)) for end in self.limit)
-        low, high = (evaluate(self.thrusts, end, self.nominal) for end in ends)
+        low, high = (evaluate(self.thrusts, end, self._without_load) for end in ends)
         return low, high
 
 
