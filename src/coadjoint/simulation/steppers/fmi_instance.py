@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -21,10 +20,13 @@ from pythonfmu.enums import Fmi2Status
 from coadjoint.checks import CLOSE
 from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import CoadjointError
+from coadjoint.log import logger
 from coadjoint.simulation.steppers.fields import variables
 from coadjoint.simulation.steppers.file import to_bytes
 from coadjoint.simulation.steppers.stepping import load_stepper, opened
 from coadjoint.texts import Table
+
+_LOG = logger(__name__)
 
 FILE = "stepper.step"
 """The saved stepper among the resources of a unit."""
@@ -73,16 +75,18 @@ class FmiInstance(Fmi2Slave):
             )
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Hold the inputs over `step_size`, s; raises CoadjointError, with its message in the log, if that fails."""
+        """Hold the inputs over `step_size`, s; False, with a message in the log, if that fails."""
         dt = self.stepper.face.dt
         steps = whole_steps(step_size, dt)
         if steps is None:
-            self._failed(f"A communication step must be a whole number of steps of {dt!r} s, but is {step_size!r} s.")
+            return self._failed(
+                f"A communication step must be a whole number of steps of {dt!r} s, but is {step_size!r} s."
+            )
         try:
             with self._logging():
                 self.stepper.step(self._commands if self._commands.size else None, n=steps)
         except CoadjointError as error:
-            self._failed(str(error))
+            return self._failed(str(error))
         for sentence in self._told:
             self.log(sentence, Fmi2Status.warning)
         self._told.clear()
@@ -96,10 +100,11 @@ class FmiInstance(Fmi2Slave):
             yield
         self._told += [str(one.message) for one in told]
 
-    def _failed(self, sentence: str) -> NoReturn:
-        """Log and raise: of False PythonFMU makes "discard", on which masters end a simulation without an error."""
+    def _failed(self, sentence: str) -> bool:
+        """Log with the master, which may drop it, and with Python; False, of which PythonFMU makes "discard"."""
         self.log(sentence, Fmi2Status.error)
-        raise CoadjointError(sentence)
+        _LOG.error("%s", sentence)
+        return False
 
     def to_xml(self, model_options: Table | None = None) -> Element:
         """The model's description: starts to the last bit, and outputs as unknowns of the start (FMI 2.0, 2.2.8)."""
