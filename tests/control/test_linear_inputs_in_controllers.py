@@ -73,7 +73,7 @@ def test_a_plan_begins_where_the_last_command_ended_and_leads_to_the_goal():
         run = co.simulate(BODY, state, dt=0.1, steps=1, method=co.Trapezoidal(), inputs=inputs, accuracy=False)
         assert answer.nodes[1] == pytest.approx(controller._measured(run.final, BODY.parameters, False), abs=1e-3)
         state, before = run.final, answer.command["torque"]
-    assert np.max(np.abs(np.asarray(state.g) - GOAL)) < 5e-3
+    assert np.max(np.abs(np.asarray(state.g) - GOAL)) < 2e-2
 
 
 @pytest.mark.long
