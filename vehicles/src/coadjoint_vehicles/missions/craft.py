@@ -82,13 +82,19 @@ def set_up(file: MissionSections) -> Setup:
     if "last way point" in legs.ends:
         require_to_go(craft.controller, start.q)
     arrived = arrival(craft.controller) if len(legs.points) else None
-    told = {"vehicle_length": float(vehicle.length or 1.0)}
+    told = {"vehicle_length": float(vehicle.length or 1.0), "vehicle_height": _height(vehicle)}
     told |= {"way_points": legs.points.ravel().tolist()} if len(legs.points) else {}
     told |= {GEOMETRY: json.dumps(geometry(vehicle))}
     told |= {} if legs.bottom is None else {BOTTOM: legs.bottom}
     told |= {} if craft.controller is None else craft.controller.attributes()
     told |= supply(craft.vehicle, craft.parameters)
     return Setup(system, start, inputs or None, legs.until(grid, arrived), told, doubts)
+
+
+def _height(vehicle: PyTree) -> float:
+    """The height of the hull, m; without one that of a cylinder of its length and volume."""
+    length = float(vehicle.length or 1.0)
+    return float(vehicle.height or vehicle.diameter or np.sqrt(4 * float(vehicle.volume) / (np.pi * length)) or length)
 
 
 def bottom_of_sensors(file: MissionSections) -> float | Bottom | None:

@@ -57,10 +57,10 @@ def figures(output: MissionOutputSection, folder: Path, dataset: xarray.Dataset)
 
 
 def left_water(dataset: xarray.Dataset) -> list[str]:
-    """A warning where the craft, or members, left the water by more than their length; saved nodes only."""
-    length = float(dataset.attrs["vehicle_length"])
+    """A warning where the craft, or members, left the water by more than half their height; saved nodes only."""
+    half = 0.5 * float(dataset.attrs["vehicle_height"])
     depth = np.asarray(dataset.q.values)[..., 2]
-    out = depth < -length
+    out = depth < -half
     if not np.any(out):
         return []
     if depth.ndim > 1:
@@ -69,8 +69,8 @@ def left_water(dataset: xarray.Dataset) -> list[str]:
         return [f"{whose} the water, up to {-np.nanmin(depth):.3g} m above it."]
     when = float(np.asarray(dataset.time.values)[np.argmax(out)])
     return [
-        f"The vehicle leaves the water: from t = {when:.6g} s on by more than its length, up to {-np.min(depth):.3g} "
-        'm, with forces as in water; [mission] ends = "surface" ends there.'
+        f"The vehicle leaves the water: from t = {when:.6g} s on by more than half its height, for {np.mean(out):.0%} "
+        f'of the time, up to {-np.min(depth):.3g} m, with forces as in water; [mission] ends = "surface" ends there.'
     ]
 
 
