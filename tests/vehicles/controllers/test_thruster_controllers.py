@@ -13,7 +13,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.extending import evaluate
 from coadjoint_vehicles import Craft, Vehicle
-from coadjoint_vehicles.controllers import Hover, Manoeuvre
+from coadjoint_vehicles.controllers import Cruise, Hover, Manoeuvre
 from coadjoint_vehicles.controllers.thrusting import accelerations
 from coadjoint_vehicles.parts import Damping, Thrusters
 from coadjoint_vehicles.trim.under_way import Level
@@ -167,6 +167,11 @@ def test_the_largest_accelerations_are_those_at_which_a_thruster_is_at_its_limit
     # Four thrusters at 45°, two of them astern: the astern limit of 32 N comes first.
     assert most[0] * M[0, 0] == pytest.approx(4 * 0.707 * 32.0, rel=1e-9)
     assert most[2] * M[2, 2] == pytest.approx(4 * 32.0, rel=1e-9)
+
+
+def test_a_part_that_does_not_fit_is_named_once():
+    with pytest.raises(ArgumentError, match=r"but found thrusters\.$"):
+        Cruise(speed=0.3).fitted(rov())
 
 
 def test_a_vehicle_without_thrusters_has_no_hover():

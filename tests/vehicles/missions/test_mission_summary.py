@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 import xarray
 
-from coadjoint_vehicles.missions.results import astray, tilted
+from coadjoint_vehicles.missions.results import astray, left_water, tilted
 from coadjoint_vehicles.missions.summary import mission_summary, spread
+
+
+@pytest.mark.parametrize(("depth", "warns"), [(-0.08, False), (-0.1, True)])
+def test_a_vehicle_above_the_surface_by_half_its_height_is_a_warning(depth, warns):
+    q = ("time", "axis"), np.array([[0.0, 0.0, 2.0], *[[0.0, 0.0, depth]] * 3])
+    said = left_water(
+        xarray.Dataset({"q": q}, {"time": np.arange(4.0)}, {"vehicle_length": 1.75, "vehicle_height": 0.17})
+    )
+    assert bool(said) == warns
+    if warns:
+        assert "from t = 1 s on by more than half its height, for 75% of the time, up to 0.1 m" in said[0]
 
 
 def circle(radius=10.0, turns=1.0, nodes=4001):
@@ -114,4 +125,7 @@ def test_a_set_point_that_is_far_off_for_most_of_a_mission_has_a_warning(changes
     assert len(found) == len(said) and all(part in one for part, one in zip(said, found, strict=True))
     turned = made.assign(inputs_heading=made.inputs_heading + np.pi)
     assert any("`heading`: it is 179° off" in one for one in astray(turned))
-    assert astray(turned.assign_attrs(trial="{}")) == []
+    assert astray(turned.assign_attrs(trial="{}")) == [] and not any("larger gains" in one for one in astray(turned))
+    calm = turned.copy()
+    calm["internal_rudder"] = turned.internal_rudder.copy(data=np.full(turned.sizes["time"], 0.1))
+    assert any("larger gains of the controller may hold it" in one for one in astray(calm))

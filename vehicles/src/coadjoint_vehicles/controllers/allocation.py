@@ -40,8 +40,7 @@ def allocation(motion: UnderWay) -> Allocation:
     if not screws.any() or min(largest[1:]) <= LEAST_AUTHORITY * max(largest):
         raise ArgumentError(
             "This controller needs parts that push ahead and fins that pitch and turn the vehicle, each with a "
-            "limit, but "
-            f"found {', '.join(motion.names) or 'no part that is commanded'}."
+            f"limit, but found {', '.join(dict.fromkeys(motion.names)) or 'no part that is commanded'}."
         )
     shares, alone = _shares(torques)
     if not alone[0]:  # No fins control roll: the righting moment balances their roll as a side effect.

@@ -33,7 +33,7 @@ def _numbers(value: object, name: str) -> Array:
     with suppress(TypeError, ValueError):
         found = np.asarray(value, dtype=float)
     if not np.all(np.isfinite(found)) or isinstance(value, (bool, str)):
-        raise ArgumentError(f"{name} must hold numbers, but is {value!r}.")
+        raise ArgumentError(f"{name} must hold finite numbers, but is {value!r}.")
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint_vehicles.logs.records import VehicleRecords
 from coadjoint_vehicles.missions.electric import electric_summary
-from coadjoint_vehicles.model.saturation import at_limits, lost
+from coadjoint_vehicles.model.saturation import OFTEN, at_limits, lost
 
 if TYPE_CHECKING:
     import xarray
@@ -61,6 +61,9 @@ def tracking(log: VehicleRecords) -> dict[str, dict[str, float]]:
     }
 
 
+REMEDY = " Its actuators are rarely at their limits: larger gains of the controller may hold it."
+
+
 def errors(log: VehicleRecords) -> dict[str, np.ndarray]:
     """Set point minus value at the nodes, (nodes,), of each set point that is a coordinate or a speed; degrees."""
     roll, pitch, heading = log.attitude.T
@@ -105,6 +108,7 @@ def missed(log: VehicleRecords) -> list[str]:
         found.append(
             f"The vehicle does not follow `{name}`: it is {np.mean(np.abs(error)):.3g}{unit} off in the mean, and "
             f"{abs(error[-1]):.3g}{unit} at the end."
+            + (REMEDY if name == "heading" and max(saturation(log).values(), default=1.0) <= OFTEN else "")
         )
     return found
 
