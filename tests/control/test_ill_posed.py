@@ -209,3 +209,17 @@ def test_options_of_ipopt_in_the_working_directory_are_not_read(tmp_path, monkey
     with pytest.raises(co.errors.OptimumError, match="`g` at the end"):
         pushed(**RESISTS["a place too far away"][0]).solve()
     assert [path.name for path in Path().iterdir()] == ["ipopt.opt"]
+
+
+@pytest.mark.parametrize("bounds", [(0.5, 4.0), (np.diag([0.5] * 3), np.diag([4.0] * 3) + 0.1)])
+def test_bounds_that_choose_a_pair_of_a_symmetric_matrix_apart_are_an_error(bounds):
+    body = co.System(
+        co.SO3(), lambda xi, p: 0.5 * xi @ p.inertia @ xi, parameters={"inertia": np.diag([1.0, 2.0, 2.5])}
+    )
+    given = {"dt": 0.1, "steps": 5, "end": co.control.End(xi=[0.0, 0.0, 0.1])}
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"`inertia` is a symmetric matrix, but its bounds leave the entries \[0, 1\]"
+    ):
+        co.control.Problem(body, body.state(xi=[0, 0, 0.2]), parameters={"inertia": bounds}, **given)
+    diagonal = np.diag([0.5] * 3), np.diag([4.0] * 3)
+    assert co.control.Problem(body, body.state(xi=[0, 0, 0.2]), parameters={"inertia": diagonal}, **given).count == 5

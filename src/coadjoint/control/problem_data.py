@@ -292,3 +292,20 @@ class ProblemData:
             if not isinstance(limits, tuple) or len(limits) != 2:
                 raise ArgumentError(f"Argument `parameters` must be name → (lower, upper), but `{name}` is {limits!r}.")
             require_between(number(limits[0], name), number(limits[1], name), f"parameter `{name}`")
+            self._require_symmetric(name, limits)
+
+    def _require_symmetric(self, name: str, limits: tuple[PyTree, PyTree]) -> None:
+        """Raise ArgumentError for a symmetric matrix of which entries off the diagonal are chosen: the optimum would
+        choose each of a pair, and the Lagrangian has no antisymmetric part."""
+        value = np.asarray(getattr(self.system.parameters, name), dtype=object)
+        if value.ndim != 2 or value.shape[0] != value.shape[1] or len(value) < 2 or np.any(value != value.T):
+            return
+        low, high = (np.broadcast_to(number(one, name), value.shape) for one in limits)
+        free = (low < high) & ~np.eye(len(value), dtype=bool)
+        if free.any():
+            i, j = np.argwhere(free)[0]
+            raise ArgumentError(
+                f"Parameter `{name}` is a symmetric matrix, but its bounds leave the entries [{i}, {j}] and [{j}, {i}] "
+                "to be chosen apart: give matrices of bounds that are equal off the diagonal, or make the numbers to "
+                "choose parameters of their own, from which the Lagrangian builds the matrix."
+            )
