@@ -67,10 +67,14 @@ def test_a_wild_value_is_left_out_and_named_by_row_and_column_with_a_loss_only()
     wild[40] = 3000.0
     log = cart()[2]
     log = Log(log.time, {**log.columns, "v": wild}, log.inputs)
-    with pytest.raises(ArgumentError, match="`v` is 3000 in row 41, at 4 s, between"):
+    log.columns["x"][60] = -999.0
+    log = Log(log.time, log.columns, log.inputs)
+    with pytest.raises(ArgumentError, match="`v` is 3000 in row 41, at 4 s, between") as raised:
         found(log)
+    assert "`x` is -999 in row 61" in str(raised.value)
     robust = found(log, loss=Huber())
-    assert any("Left out: `v` is 3000 in row 41" in one for one in robust.warnings)
+    told = [one for one in robust.warnings if "row 41" in one or "row 61" in one]
+    assert len(told) == 2 and all(one.startswith("Left out: `") and "leave that" not in one for one in told)
     assert (
         np.isnan(robust.weights["v"][40])
         and abs(robust["drag[0]"].value - DRAG) < 3.5 * robust["drag[0]"].standard_error
@@ -84,3 +88,18 @@ def test_a_wild_value_is_left_out_and_named_by_row_and_column_with_a_loss_only()
 def test_a_wrong_loss_raises_one_sentence(options: dict[str, Any], says: str):
     with pytest.raises(ArgumentError, match=says):
         found(cart()[2], **options)
+
+
+def test_logs_of_several_runs_have_no_gaps_between_them():
+    log = cart()[2]
+    both = found([log.between(0.0, 4.0), log.between(5.0, 10.0)])  # type: ignore[arg-type]
+    assert both.segments == 2 and not any("gap" in one for one in both.warnings)
+
+
+def test_a_delay_that_its_bound_stops_is_named():
+    """Both columns are 0.4 s late."""
+    log = cart()[2]
+    columns = {name: np.concatenate([np.full(4, values[0]), values[:-4]]) for name, values in log.columns.items()}
+    late = Log(log.time, columns, log.inputs)
+    with pytest.raises(co.errors.CoadjointError, match=r"bound longest_delay=0.1 s stopped delay.both: give a larger"):
+        found(late, delays={"both": ["x", "v"]}, longest_delay=0.1, noise={"x": SIGMA, "v": SIGMA})

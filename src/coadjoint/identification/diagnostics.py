@@ -200,7 +200,7 @@ def coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[
 
 
 def gaps(log: Log, samples: Samples) -> list[str]:
-    """Sentences on missing values and rows that the notes of the log do not mention."""
+    """Sentences on missing values and rows that the notes of the log do not mention, and on gaps within its runs."""
     told = _values(log)
     usual, between = log.interval, np.diff(log.time)
     first, last = samples.rows[:, 0], samples.rows.max(axis=1)
@@ -213,6 +213,7 @@ def gaps(log: Log, samples: Samples) -> list[str]:
             f"{count} rows are missing, up to {longest:.3g} s at a time: inputs are interpolated between the existing "
             "rows."
         )
+    apart[np.array(log.breaks, int) - 1] = False
     for i in np.flatnonzero(apart)[:MOST]:
         before = last[last <= i].max()
         told.append(

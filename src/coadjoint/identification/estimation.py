@@ -145,12 +145,15 @@ def _without_wild(log: Log, loss: Loss | None) -> Log:
     loss."""
     found = wild(log.time, log.columns, log.units)
     if found and loss is None:
-        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {found[0].sentence}")
+        told = " ".join(one.sentence for one in found)
+        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {told}")
     columns = {name: values.copy() for name, values in log.columns.items()}
     for one in found:
         columns[one.name][one.rows] = np.nan
-    notes = tuple(f"Left out: {one.sentence}" for one in found)
-    return replace(log, columns=columns, notes=(*log.notes, *notes)) if found else log
+    said = [(f"`{one.name}` is ", f": {one.remedy}.") for one in found]
+    kept = [note for note in log.notes if not any(note.startswith(a) and note.endswith(b) for a, b in said)]
+    notes = (*kept, *(f"Left out: {one.finding}." for one in found))
+    return replace(log, columns=columns, notes=notes) if found else log
 
 
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], PyTree]]) -> Channels:

@@ -243,6 +243,11 @@ def lost(fit: Fit, solution: Solution, trips: int) -> str:
             + (f" {doubts}" if doubts else "")
         )
     said = f"Least squares did not converge in {trips} iterations"
+    if bound := fit.sensing.at_bound(fit.split(solution.place.shared)[1]):
+        return (
+            f"{said}, and the bound longest_delay={fit.sensing.longest:g} s stopped {' and '.join(bound)}: give a "
+            "larger one."
+        )
     if doubts:
         return f"{said}. {doubts}"
     missed = _missed(fit, solution)

@@ -109,11 +109,16 @@ def _bursts(known: np.ndarray, least: float) -> np.ndarray:
 
 
 class Wild(NamedTuple):
-    """Wild values of a column: their rows, and a sentence."""
+    """Wild values of a column: their rows, a finding, and a remedy."""
 
     name: str
     rows: np.ndarray
-    sentence: str
+    finding: str
+    remedy: str
+
+    @property
+    def sentence(self) -> str:
+        return f"{self.finding}: {self.remedy}."
 
 
 def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[Wild]:
@@ -129,9 +134,9 @@ def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
             k = int(rows[marks[0]])
             text = (
                 f"`{name}` is {values[k]:.6g} in {len(marks)} rows, first in row {k + 1}, at {time[k]:.6g} s, and no "
-                "other value is near it: if it marks missing values, leave these cells empty."
+                "other value is near it"
             )
-            found.append(Wild(name, rows[marks], text))
+            found.append(Wild(name, rows[marks], text, "if it marks missing values, leave these cells empty"))
             continue
         off = np.abs(known - (np.append(known[1], known[:-1]) + np.append(known[1:], known[-2])) / 2)
         near = np.sort(np.abs(known - np.median(known)))[: -max(min(LONGEST, len(known) // 10), len(known) // 50)]
@@ -144,7 +149,7 @@ def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
         around = known[calm[[max(after - 1, 0), min(after, len(calm) - 1)]]]
         text = (
             f"`{name}` is {known[k]:.6g} in row {rows[k] + 1}, at {time[rows[k]]:.6g} s, between {around[0]:.6g} and "
-            f"{around[1]:.6g}: leave that value out{f', and {more} more like it' if more else ''}."
+            f"{around[1]:.6g}{f', and {more} more like it' if more else ''}"
         )
-        found.append(Wild(name, rows[bursts], text))
+        found.append(Wild(name, rows[bursts], text, f"leave {'these values' if more else 'that value'} out"))
     return found

@@ -26,6 +26,9 @@ STEEP = np.radians(60.0)
 SENSORS = ("bias.", "delay.")
 """The prefixes of the names of the unknowns of sensors."""
 
+AT_BOUND = 0.99
+"""The part of the longest delay from which on its bound has stopped the search."""
+
 TOGETHER = 0.9
 """Rotations need all three angles in this part of the rows that have one of them."""
 
@@ -76,6 +79,11 @@ class Sensing:
         for (_, channels), value in zip(self.delayed, own[len(self.biased) :], strict=True):
             found[list(channels)] = value
         return found
+
+    def at_bound(self, own: np.ndarray) -> list[str]:
+        """The names of delays at the longest."""
+        late = zip(self.each[len(self.biased) :], own[len(self.biased) :], strict=True)
+        return [unknown.label for unknown, value in late if abs(value) > AT_BOUND * self.longest]
 
     def within(self, own: np.ndarray) -> bool:
         """Whether no delay is longer than the longest."""
