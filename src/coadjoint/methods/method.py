@@ -191,7 +191,10 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
 
 
 def momenta_of_step(system: System, state: State, step: Step, fraction: float, h: Scalar) -> tuple[Array, Array]:
-    """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""
+    """(μ₀, π₀), (dim G,) and (ambient,), for which the first step has exactly ξ₀ and ν₀ as unknowns.
+
+    The residual is affine in (μ, π). h: one number, s.
+    """
     group, Q, _ = system.places
     over = advanced(system, state.replace(mu=None), h)
     state = state.with_course(over.internal, over.internal_mean, over.internal_end, over.internal_due)

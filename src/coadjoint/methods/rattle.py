@@ -230,7 +230,7 @@ class Rattle(Step):
         return self.work_to(system, record, h, self.advance(system, record, h))
 
     def work_to(self, system: System, record: State, h: Scalar, after: State) -> Array:
-        """The same; λ′ is in the memory of the state after the step."""
+        """`work`, one number each; λ′ is in the memory of the state after the step."""
         here, there = (site(record), record.memory.step), (site(after), after.memory.end)
         lines = sum(powers(system, at, 0.5 * h * strength) for at, strength in (here, there))
         return jnp.concatenate([self.base.work(system, self.inner(system, record, h), h), lines])
@@ -240,7 +240,7 @@ class Rattle(Step):
         return self.sources_to(system, record, h, self.advance(system, record, h))
 
     def sources_to(self, system: System, record: State, h: Scalar, after: State) -> tuple[Array, Array]:
-        """The same; λ′ is in the memory of the state after the step."""
+        """`work`, one number each; λ′ is in the memory of the state after the step."""
         ahead, behind = self.base.sources(system, self.inner(system, record, h), h)
         return (
             ahead + source(system, site(record), 0.5 * h * record.memory.step),

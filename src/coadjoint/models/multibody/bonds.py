@@ -166,7 +166,7 @@ class Coordinate(Portable):
             return self._single(self.bond.coordinates(n, a, p))
 
     def speed(self, state: State | Motion, p: PyTree = None) -> Array:
-        """Its rate, rad/s or m/s."""
+        """Its rate, one number, rad/s or m/s."""
         with jax.enable_x64(True):
             xi, nu, n, a, p = self._at(state, p)
             return self._single(self.bond.speeds(xi, nu, n, a, p))
