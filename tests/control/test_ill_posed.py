@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -223,3 +224,10 @@ def test_bounds_that_choose_a_pair_of_a_symmetric_matrix_apart_are_an_error(boun
         co.control.Problem(body, body.state(xi=[0, 0, 0.2]), parameters={"inertia": bounds}, **given)
     diagonal = np.diag([0.5] * 3), np.diag([4.0] * 3)
     assert co.control.Problem(body, body.state(xi=[0, 0, 0.2]), parameters={"inertia": diagonal}, **given).count == 5
+
+
+def test_a_copy_with_another_step_says_how_to_keep_the_duration_or_the_steps():
+    problem = Problem(SYSTEM, START, **GOOD)
+    with pytest.raises(co.errors.ArgumentError, match=r"they are 0.5 s and 5 with dt = 0.05 s.* give steps=None too"):
+        dataclasses.replace(problem, dt=0.05)
+    assert dataclasses.replace(problem, dt=0.05, steps=None).count == 10

@@ -165,6 +165,12 @@ class ProblemData:
         require_kinds(self.system, self.start, self.method)
         if np.ndim(self.start.t):
             raise ArgumentError("An optimal motion has one start, but `start` has many: solve a problem for each.")
+        if self.duration is not None and self.steps is not None:
+            raise ArgumentError(
+                f"Give either `duration` or `steps`, but they are {shown(self.duration)} s and {shown(self.steps)} "
+                f"with dt = {shown(self.dt)} s. A problem has both: in dataclasses.replace give steps=None too, which keeps "
+                "the duration, or duration=None, which keeps the steps."
+            )
         h, count = grid(self.dt, self.duration, self.steps)
         object.__setattr__(self, "dt", h)
         object.__setattr__(self, "steps", count)
