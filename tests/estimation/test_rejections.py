@@ -158,3 +158,12 @@ WRONG: dict[str, tuple[Any, str]] = {
 def test_a_wrong_use_raises_one_sentence(call: Any, says: str):
     with pytest.raises(co.errors.ArgumentError, match=says):
         call()
+
+
+def test_a_measurement_of_no_numbers_and_a_force_on_nothing_are_errors():
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
+    nothing, process = Measurement(lambda m: m.q, 0.1), ModelProcess(body, body.state())
+    with pytest.raises(co.errors.ArgumentError, match=r"measurement `a` returns no number: .* without `additional`, q"):
+        Filter(process, body.state(), measurements={"a": nothing}, deviations={"g": 0.1}, accuracy=False)
+    with pytest.raises(co.errors.ArgumentError, match="`noise` gives `force`, but this system is without `additional`"):
+        ModelProcess(body, body.state(), noise={"force": 0.1})

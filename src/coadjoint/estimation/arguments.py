@@ -53,6 +53,9 @@ def roots_of_noise(given: Mapping[str, PyTree] | None, d: int, q: int) -> np.nda
     checks.all_known(given, ("torque", "force"), "part", "`noise`")
     for name, size in (("torque", d), ("force", q)):
         value = not_negative(given.get(name, 0.0), name, "`noise`")
+        if name in given and not size:
+            lacks = "of a trivial group" if name == "torque" else "without `additional`"
+            raise ArgumentError(f"`noise` gives `{name}`, but this system is {lacks}, so that it acts on nothing.")
         checks.shape(value, f"`{name}` of `noise`", (), (size,))
         found.append(np.broadcast_to(value, (size,)))
     return np.concatenate(found)

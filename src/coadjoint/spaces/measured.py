@@ -272,6 +272,11 @@ def measured_space(space: PyTree, value: PyTree, side: str, coordinates: PyTree,
         )
     if space is None or (isinstance(space, SO2) and shapes != [(2, 2)]):
         _require_shapes(shapes[1:], [], what, "one array")
+        if not shapes or 0 in shapes[0]:
+            raise ArgumentError(
+                f"The function of {what} returns no number: there is nothing to measure. Of a system without "
+                "`additional`, q and qdot of a motion are empty."
+            )
         return Vectors(shapes[0], space is not None)
     if isinstance(space, LieGroup):
         wanted = [leaf.shape for leaf in jax.tree.leaves(evaluate(space.identity))]
