@@ -168,8 +168,8 @@ class ProblemData:
         if self.duration is not None and self.steps is not None:
             raise ArgumentError(
                 f"Give either `duration` or `steps`, but they are {shown(self.duration)} s and {shown(self.steps)} "
-                f"with dt = {shown(self.dt)} s. A problem has both: in dataclasses.replace give steps=None too, which keeps "
-                "the duration, or duration=None, which keeps the steps."
+                f"with dt = {shown(self.dt)} s. A problem has both: in dataclasses.replace give steps=None too, which "
+                "keeps the duration, or duration=None, which keeps the steps."
             )
         h, count = grid(self.dt, self.duration, self.steps)
         object.__setattr__(self, "dt", h)
