@@ -223,7 +223,19 @@ USES = {
     "a projection of a number": (lambda: pinned().project(3), r"`state` must be a state of `lagrangian`, but is 3"),
     "an input that jumps": (
         lambda: run(lifted(), inputs={"lift": lambda motion: 0.0 * motion.t}),
-        r"`pin` reads an input that is a function of the motion, .* such as co\.Linear",
+        r"`pin` reads the input `lift`, a function of the motion, .* such as co\.Linear",
+    ),
+    "a table that jumps": (
+        lambda: run(lifted(), inputs={"lift": co.Held([0.0, 0.5], [0.0, 0.1])}),
+        r"`pin` reads the input `lift`, a co\.Held that jumps, so that its place would jump",
+    ),
+    "a command that jumps": (
+        lambda: co.Stepper(lifted(), start(lifted()), dt=0.01, inputs=("lift",)),
+        r"`pin` reads the input `lift`, a command held over steps",
+    ),
+    "a reaction as a monitor": (
+        lambda: run(pinned(), outputs=[co.Output(what="reaction_pin")]),
+        r"This run has no monitor `reaction_pin`",
     ),
     "a projection onto nothing": (lambda: body().project(start(body())), r"no constraints to project a state onto"),
     "a quantity with a reaction's name": (with_quantity, r"quantity `reaction_pin` must have a name of its own"),

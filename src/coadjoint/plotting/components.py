@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,6 +19,8 @@ WIDTH = 1.25 * COLUMN
 """Space for a column of text next to the panels, with the names of their components."""
 
 _PANEL = 1.9
+_LETTERS = 30
+"""How many letters a label has along the height of a panel."""
 _SYMBOLS = {"xi": r"\xi", "xi_spatial": r"\xi", "nu": r"\nu", "mu": r"\mu", "pi": r"\pi", "qdot": r"\dot q"}
 
 
@@ -61,7 +64,7 @@ def variable(runs: Sequence[Entry], name: str) -> Figure:
         require(run, [name], f"There is no variable `{name}` to draw.")
         if run.dataset[name].dims[:1] != ("time",):
             raise ArgumentError(f"The variable `{name}` does not run over time, so it cannot be drawn.")
-    return panels(runs, [Panel(name, str(runs[0].dataset[name].attrs.get("long_name", name)))])
+    return panels(runs, [Panel(name, fill(str(runs[0].dataset[name].attrs.get("long_name", name)), _LETTERS))])
 
 
 def panels(runs: Sequence[Entry], shown: Sequence[Panel]) -> Figure:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import jax
@@ -20,6 +19,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.constraints import Bound
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.inputs import Command
 from coadjoint.mechanics.members import Each, member_of
 from coadjoint.mechanics.reactions import site
 from coadjoint.mechanics.signals import Held, Linear, Signal
@@ -119,21 +119,40 @@ def with_inputs(system: System, start: State, inputs: PyTree, by_velocities: boo
     many = np.ndim(start.t) > 0
     first = jax.tree.map(lambda leaf: leaf[0], start) if many else start
     held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
-    for one in reading if held is not None else ():
-        if one.holonomic and any(depends(partial(_place, system, one, first), held)):
-            raise ArgumentError(
-                f"The constraint `{one.name}` reads an input that is a function of the motion, held over steps, so "
-                "that its place would jump: give a signal, such as co.Linear(times, values)."
-            )
+    for one in reading:
+        if one.holonomic:
+            _require_smooth(one, replace_parameters(system, member_of(system.parameters, 0)), first, held)
     if many:
         held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
     return system, start.replace(inputs=held)
 
 
-def _place(system: System, constraint: Bound, state: State, held: PyTree) -> Array:
-    """φ of a constraint at a state with these inputs held, (m,)."""
-    here = replace_parameters(system, member_of(system.parameters, 0))
-    return constraint.value(here, site(state.replace(inputs=held)))
+def _require_smooth(constraint: Bound, system: System, state: State, held: PyTree) -> None:
+    """Raise ArgumentError where a holonomic constraint reads an input that jumps, and its place with it."""
+    assert system.inputs is not None
+    inputs, now, bare = system.inputs, system.inputs.at(state.t, held), system.driven(None)
+
+    def place(given: PyTree) -> Array:
+        return constraint.value(bare, site(state.replace(inputs=given)))
+
+    read = jax.tree.unflatten(jax.tree.structure(now), depends(place, now))
+    for name, source in zip(inputs.names or ("",), inputs.sources, strict=True):
+        used = any(jax.tree.leaves(read if inputs.names is None else getattr(read, name)))
+        if used and (kind := _jumping(source)):
+            whose = "an input" if inputs.names is None else f"the input `{name}`"
+            raise ArgumentError(
+                f"The constraint `{constraint.name}` reads {whose}, {kind}, so that its place would jump: give a "
+                "signal without jumps, such as co.Linear(times, values)."
+            )
+
+
+def _jumping(source: object) -> str:
+    """How an input jumps, in words; empty for signals without jumps."""
+    if isinstance(source, Held):
+        return "a co.Held that jumps" if np.ptp(np.asarray(source.values), axis=0).any() else ""
+    if isinstance(source, Signal):
+        return ""
+    return "a command held over steps" if isinstance(source, Command) else "a function of the motion, held over steps"
 
 
 def held_at(system: System, state: State) -> PyTree:

@@ -159,7 +159,7 @@ class _Monitors:
         for name in self.names:
             if not run.plan.monitors:
                 raise ArgumentError("An output of monitors needs them, but `monitors` is False: leave that out.")
-            checks.known(name, [one for one in known if one != EVENTS], "a monitor", "This run")
+            checks.known(name, [one for one in known if one != EVENTS], "monitor", "This run")
 
     def __call__(self, records: State, monitors: Mapping[str, np.ndarray]) -> PyTree:
         return monitors[self.names[0]] if self.single else {name: monitors[name] for name in self.names}

@@ -92,3 +92,18 @@ def test_a_joint_of_a_file_that_names_no_link_is_named(tmp_path):
         (tmp_path / "x.urdf").write_text(f'<robot name="a"><link name="b"/>{link}{joint}</robot>')
         with pytest.raises(co.errors.FileError, match=f"'j' names a link, but the file has no link '{missing}'"):
             multibody.read(tmp_path / "x.urdf")
+
+
+def test_a_torsion_spring_beyond_half_a_turn_warns():
+    sprung = pendulum(stiffness=1.0, rest=0.0)
+    with pytest.warns(UserWarning, match=r"spring of the joint `hinge` .* at 4 rad it acts as at -2.283 rad"):
+        state = sprung.state(coordinates={"hinge": 4.0})
+    sprung.joint_data(state)
+    turned = np.array([[3.0], [3.3]])
+    with pytest.warns(UserWarning, match="at 3.3 rad it acts as at -2.983"):
+        sprung.bonds["hinge"].warn_of_turns(turned, sprung.system.parameters.hinge)
+
+
+def test_the_label_of_a_reaction_fits_its_panel(run):
+    label = run.plot.variable("reaction_hinge").axes[0].get_ylabel()
+    assert "constraint" in label and max(map(len, label.split("\n"))) <= 30

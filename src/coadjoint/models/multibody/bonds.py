@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, warn
 from coadjoint.mechanics.state import Force, Motion, State
 from coadjoint.models.multibody.joints import KINDS
 from coadjoint.portable import Portable
@@ -123,6 +123,22 @@ class Bond(Portable):
         if KINDS[self.kind].coordinates[0] == "angle":
             off = jnp.arctan2(jnp.sin(off), jnp.cos(off))
         return 0.5 * own.stiffness * off**2
+
+    def warn_of_turns(self, angles: np.ndarray, own: PyTree) -> None:
+        """Warn where a torsion spring is more than half a turn from its rest, so that it pulls the other way.
+
+        angles: rad, with turns counted. own: the joint's parameters.
+        """
+        if not hasattr(own, "rest") or KINDS[self.kind].coordinates[0] != "angle":
+            return
+        far = float(np.ravel(angles)[np.argmax(np.abs(angles - own.rest))])
+        if abs(far - own.rest) > np.pi:
+            near = own.rest + (far - own.rest + np.pi) % (2 * np.pi) - np.pi
+            warn(
+                f"The spring of the joint `{self.name}` acts within half a turn of its rest, {own.rest:.6g} rad: at "
+                f"{far:.4g} rad it acts as at {near:.4g} rad.",
+                stacklevel=4,
+            )
 
     def acting(self, strength: Scalar, motion: Motion, p: PyTree) -> Force:
         """The force of a torque, N m, or a force, N, at the joint's coordinate, by its virtual work."""

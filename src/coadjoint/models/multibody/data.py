@@ -94,7 +94,9 @@ def _dataset(bonds: Mapping[str, Bond], nodes: Mapping[str, np.ndarray], p: PyTr
         both = _coordinates(bond, getattr(p, key), moving) if names else {}
         for name, own in names.items():
             units, (x, speed) = UNITS[name], both[name]
-            found[own] = ("time", counted(t, x, speed) if name == "angle" else x, {"units": units[0]})
+            x = counted(t, x, speed) if name == "angle" else x
+            bond.warn_of_turns(x, getattr(p, key))
+            found[own] = ("time", x, {"units": units[0]})
             found[f"{own}_speed"] = ("time", speed, {"units": units[1]})
     return xarray.Dataset(found, coords={"time": ("time", t, {"units": "s"})})
 

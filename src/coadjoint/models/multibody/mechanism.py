@@ -242,6 +242,8 @@ class Mechanism(WithOverview):
     def _placed(self, given: list[Mapping[str, PyTree]]) -> tuple[PyTree, ...]:
         """g, q, ξ and q̇ with these coordinates, speeds, poses, rates and velocities."""
         placing = Placing(self, *given)
+        for key, found in placing.coordinates.items():
+            self.bonds[key].warn_of_turns(found, getattr(self.system.parameters, key))
         if not placing.needs_projection:
             return placing.found()
         g, q, xi, qdot = placing.found()
