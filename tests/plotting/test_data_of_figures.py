@@ -166,6 +166,8 @@ def test_an_energy_budget_shows_what_is_stored_what_was_put_in_and_the_gap():
     assert below.get_ylim()[0] == pytest.approx(min(gap[0, 1] / 2, gap[-1, 1] / 5))
     assert [text.get_text() for text in above.get_legend().get_texts()] == ["stored", "drag", "thrust"]
     assert [line.get_color() for line in above.get_lines()] == ["#222222", COLOURS[0], COLOURS[1]]
+    under, *over = (line.get_linewidth() for line in above.get_lines())
+    assert under > 1.5 * max(over)  # a single force covers what is stored
 
 
 # Attitudes.

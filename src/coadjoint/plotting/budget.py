@@ -14,7 +14,7 @@ from coadjoint.plotting.entries import Entry, require, tell_apart
 from coadjoint.plotting.style import COLOURS, canvas, time_axis
 
 _HEIGHT = 3.6
-_STORED = "stored"
+_STORED, _WIDE = "stored", 2.4
 _DARK = "#222222"
 
 
@@ -30,7 +30,9 @@ def budget(runs: Sequence[Entry]) -> Figure:
         curves = {_STORED: stored - stored[0], **{name: run.values(name) for name in _lines(run)}}
         for name, values in curves.items():
             kept = run.thin(values)
-            above.plot(run.time[kept], values[kept], color=_colour(name, lines), **run.line)
+            # One force alone puts in all that is stored: its line lies on a wider one.
+            wide = {"linewidth": _WIDE, "alpha": 0.5} if name == _STORED and run.crowd == 1 else {}
+            above.plot(run.time[kept], values[kept], color=_colour(name, lines), **{**run.line, **wide})
         gap = np.abs(run.values("energy_budget") - run.values("energy_budget")[0])
         positive = np.flatnonzero(gap > 0)
         kept = positive[run.thin(np.log(gap[positive]))] if len(positive) else positive
@@ -41,6 +43,7 @@ def budget(runs: Sequence[Entry]) -> Figure:
     _logarithmic(below)
     shown = {_STORED: _STORED, **{name: name.removeprefix("work_").replace("_", " ") for name in lines}}
     handles = [Line2D([], [], color=_colour(name, lines), label=text) for name, text in shown.items()]
+    handles[0].set_linewidth(_WIDE)
     above.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     time_axis([above, below], [run.time for run in runs])
     tell_apart(figure, runs)
