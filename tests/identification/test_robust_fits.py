@@ -11,6 +11,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify
+from coadjoint.identification.figures import measured_and_simulated
 from coadjoint.losses import Huber, Student
 
 SIGMA, DRAG = 0.01, 0.4
@@ -103,3 +104,17 @@ def test_a_delay_that_its_bound_stops_is_named():
     late = Log(log.time, columns, log.inputs)
     with pytest.raises(co.errors.CoadjointError, match=r"bound longest_delay=0.1 s stopped delay.both: give a larger"):
         found(late, delays={"both": ["x", "v"]}, longest_delay=0.1, noise={"x": SIGMA, "v": SIGMA})
+
+
+def test_a_figure_of_three_columns_and_two_runs_labels_each_column_and_breaks_the_line():
+    t = 0.1 * np.arange(20)
+    log = Log(t, {name: np.sin(t) for name in ("x", "v", "w")}, breaks=(12,))
+    figure = measured_and_simulated(log, dict(log.columns))
+    first, second, third, empty = figure.axes
+    assert not empty.get_visible() and [axes.get_xlabel() for axes in (first, second, third)] == [
+        "",
+        *2 * ["time $t$ (s)"],
+    ]
+    assert second.xaxis.get_tick_params()["labelbottom"]
+    line = first.lines[1].get_ydata()
+    assert np.flatnonzero(np.isnan(line)).tolist() == [11]

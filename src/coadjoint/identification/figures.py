@@ -35,6 +35,9 @@ def measured_and_simulated(
                 values = measured + (values - measured + np.pi) % (2 * np.pi) - np.pi
                 # The line breaks where an angle wraps.
                 values = np.where(np.abs(np.diff(values, append=values[-1:])) > np.pi, np.nan, values)
+            if log.breaks:  # The line breaks between runs, too.
+                values = values.copy()
+                values[np.array(log.breaks) - 1] = np.nan
             axes.plot(log.time, factor * measured, ".", ms=1.6, color=COLOURS[5], label="measured")
             axes.plot(log.time, factor * values, "-", lw=0.8, color=COLOURS[6], label="simulated")
             shown = unit.replace("rad", "°") if angle else unit
@@ -43,7 +46,9 @@ def measured_and_simulated(
             axes.set_visible(False)
         legend(figure, *panels.flat[0].get_legend_handles_labels())
         for column in panels.T:
-            time_axis(column, [log.time])
+            seen = [axes for axes in column if axes.get_visible()]
+            time_axis(seen, [log.time])
+            seen[-1].xaxis.set_tick_params(labelbottom=True)
     return figure
 
 
