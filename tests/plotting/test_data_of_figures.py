@@ -154,6 +154,12 @@ def test_a_nearly_constant_error_is_shown_over_a_decade():
     assert axes.get_ylim() == pytest.approx((0.1, 1.0))
 
 
+def test_a_value_below_the_round_off_of_the_largest_does_not_stretch_the_axis():
+    energy = np.r_[0.0, [0.5] * (NODES - 2), 1e-30]
+    axes = _changes(runs(dataset(NODES, energy=energy)), lambda run: "energy", "change", "E").axes[0]
+    assert axes.get_ylim() == pytest.approx((1e-17, 1.0))
+
+
 def test_an_energy_budget_shows_what_is_stored_what_was_put_in_and_the_gap():
     run = dataset(NODES)
     above, below = budget(runs(run)).axes

@@ -39,7 +39,7 @@ class Problem(WithOverview, ProblemData):
             cost=lambda motion, p: 0.5 * motion.inputs.torque @ motion.inputs.torque,
             end=co.control.End(g=co.attitude.zyx(2.5, 0, 0), xi=[0, 0, 0]))
         optimum = problem.solve()
-        print(optimum), optimum.run.plot.energy()
+        print(optimum), optimum.run.plot.budget()
 
     Arguments:
         system: a `co.System` whose forces, ℓ or rule read the inputs.

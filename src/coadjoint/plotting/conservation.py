@@ -104,6 +104,7 @@ def _finish(figure: Figure, axes: Axes, runs: Sequence[Entry], label: str) -> No
     if heights:
         # A factor of two on either side, and a decade at least, so that a nearly constant error does not look erratic.
         low, high = min(map(np.min, heights)) / 2, max(map(np.max, heights)) * 2
+        low = max(low, 1e-17 * high)  # Round-off of the largest value does not stretch the axis.
         axes.set_ylim(min(low, high / 10), high)
     else:
         axes.set_ylim(1e-17, 1e-15)
