@@ -68,7 +68,8 @@ def _full(module: ir.Module) -> Value:
     f = Loops(module, "full", VOID, *[NUMBERS] * 3, *[INT64] * 6, DOUBLE)
     C, A, B, rows, inner, columns, c, a, b, factor = f.args
     vector = ir.VectorType(DOUBLE, BLOCK)
-    numbers = ir.Constant(ir.VectorType(INT64, BLOCK), list(range(BLOCK)))
+    integers = ir.VectorType(INT64, BLOCK)
+    numbers = ir.Constant(integers, list(range(BLOCK)))
     total, zero = f.variable(vector, ir.Constant(vector, [0.0] * BLOCK)), ir.Constant(vector, [0.0] * BLOCK)
     wide = f.b.icmp_signed(">=", columns, INT64(BLOCK))
     with f.b.if_then(f.b.not_(wide)):
@@ -87,7 +88,7 @@ def _full(module: ir.Module) -> Value:
         here = f.block(C, f.add(f.times(i, c), first), vector)
         before = f.b.load(here, align=8)
         changed = f.plus(before, f.spread(factor, vector), f.b.load(total))
-        new = f.b.icmp_signed(">=", numbers, f.spread(f.b.sub(wanted, first), numbers.type))
+        new = f.b.icmp_signed(">=", numbers, f.spread(f.b.sub(wanted, first), integers))
         f.b.store(f.b.select(new, changed, before), here, align=8)
     f.b.ret_void()
     return f.function

@@ -67,11 +67,11 @@ class Loops:
         """Set a number of an array."""
         self.b.store(value, self.place(array, index))
 
-    def plus(self, a: ir.Value, b: Value, c: ir.Value) -> ir.Value:
+    def plus(self, a: Value, b: Value, c: Value) -> Value:
         """a + b c."""
         return self.b.fadd(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 
-    def minus(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
+    def minus(self, a: Value, b: Value, c: Value) -> Value:
         """a − b c."""
         return self.b.fsub(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
 

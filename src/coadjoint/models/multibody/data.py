@@ -74,7 +74,7 @@ def _of_file(bonds: Mapping[str, Bond], run: Recorded, system: System) -> xarray
     found = run.dataset
     reactions = {f"reaction_{kind}{one.name}" for one in system.constraints for kind in ("", "step_")}
     own = {str(name) for name in found.data_vars if str(name).startswith("reaction_")}
-    if own != reactions or np.shape(found.get("R"))[-3:] != (system.group.dim // 3, 3, 3):
+    if own != reactions or "R" not in found or np.shape(found["R"])[-3:] != (system.group.dim // 3, 3, 3):
         raise ArgumentError("Argument `run` must be a run of this mechanism, but is one of another system.")
     of, t = run.final.origin.system or system, found["time"].values
     nodes = {name: found[key].values for name, key in {"g": "R", "n": "n", "mu": "mu", "pi": "pi"}.items()}
