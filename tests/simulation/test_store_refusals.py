@@ -213,6 +213,7 @@ print(co.resume({str(folder)!r}, interrupted.system()).good_steps)
         found = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
         assert found.stdout.strip() == "2000", found.stderr
     assert set(Manifest.read(folder).facts["fingerprint"]) == {
+        "names",
         "tracing", "equations", "parameters", "start", "monitors", "grid",
     }  # fmt: skip
 
