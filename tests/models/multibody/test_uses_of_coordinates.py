@@ -52,8 +52,8 @@ def test_a_coordinate_ends_a_run_and_has_a_derivative(swing):
         return angle(co.trajectory(system, start, dt=0.02, steps=3, accuracy=False).final)
 
     with co.float64():
-        slope, around = jax.grad(end)(1.3), (end(1.301) - end(1.299)) / 2e-3
-    assert slope == pytest.approx(around, rel=1e-5, abs=1e-9)
+        slope, around = float(jax.grad(end)(1.3)), float((end(1.301) - end(1.299)) / 2e-3)
+    assert slope == pytest.approx(around, rel=1e-5)
 
 
 def test_joint_data_of_a_saved_run_is_that_of_the_run(swing, run, tmp_path):
