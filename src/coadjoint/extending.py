@@ -63,7 +63,6 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.copies import replace_parameters as replace_parameters
     from coadjoint.mechanics.discrete import Point as Point
     from coadjoint.mechanics.discrete import node as node
-    from coadjoint.mechanics.inputs import Inputs as Inputs
     from coadjoint.mechanics.internal import starting_values as starting_values
     from coadjoint.mechanics.start import legendre as legendre
     from coadjoint.mechanics.state import Origin as Origin

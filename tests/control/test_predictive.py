@@ -276,7 +276,7 @@ WRONG = {
     "no cost": (NO_COST, {}, "give the problem a `cost`"),
     "a free duration": ({"free_duration": (1.0, 2.0)}, {}, "leave out `free_duration`"),
     "parameters to choose": (
-        {"parameters": {"J": (1.0, 2.0)}}, {}, "leave out `parameters`",
+        {"parameters": {"J": (np.eye(3), 2 * np.eye(3))}}, {}, "leave out `parameters`",
     ),
     "an end of the inputs": ({"end": lambda motion, p: motion.inputs.torque}, {}, "of the state alone"),
 }  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,8 +50,8 @@ class PhasedOptimum:
     solver: str
     joints: tuple[PhaseJoint, ...]
     within: dict[str, dict[str, WorstWithin]]
-    violated: dict[str, dict[str, np.ndarray]]
-    minimum: bool
+    violated: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    minimum: bool = True
 
     @property
     def cost(self) -> float:

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.errors import LagrangianError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -197,16 +198,16 @@ class Motion(NamedTuple):
     t: Scalar
     inputs: PyTree
     internal: PyTree
-    momenta: Callable[[], tuple[PyTree, PyTree]]
+    momenta: Callable[[], tuple[PyTree, PyTree]] | None = None
     """() ↦ (μ, π), for `mu` and `pi`, which few forces read."""
 
     @property
     def mu(self) -> PyTree:
-        return self.momenta()[0]
+        return _momenta_of(self)[0]
 
     @property
     def pi(self) -> PyTree:
-        return self.momenta()[1]
+        return _momenta_of(self)[1]
 
     def __getattr__(self, name: str) -> Any:
         raise _lacking("The motion that forces read", name, (*self._fields[:-1], "mu", "pi"))
@@ -239,6 +240,12 @@ class NodeMotion(NamedTuple):
 
     def __getattr__(self, name: str) -> Any:
         raise _lacking("The motion", name, (*self._fields[:-1], "mu", "pi"))
+
+
+def _momenta_of(motion: Motion | NodeMotion) -> tuple[PyTree, PyTree]:
+    if motion.momenta is None:
+        raise LagrangianError("This motion has velocities alone: what it is for has no momenta μ and π.")
+    return motion.momenta()
 
 
 def _lacking(what: str, name: str, there: Iterable[str]) -> AttributeError:

@@ -201,7 +201,7 @@ TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
         ({"mission": {**TO_A_POINT, "acceptance_radius_s": 4}}, "unit of time, but `acceptance_radius` measures"),
         ({"mission": {**TO_A_POINT, "look_ahead_kg": 4}}, "unit of mass, but `look_ahead` measures length"),
         ({"mission": {"way_points_s": [[90, 2, 3]], "speed": 1}}, "unit of time, but `way_points` measures length"),
-        ({"mission": {"depth_m": "deep", "heading": 0, "speed": 1}}, "must hold numbers"),
+        ({"mission": {"depth_m": "deep", "heading": 0, "speed": 1}}, "must hold finite numbers"),
         ({"mission": {"time_s": [0, 1], "depth_m": [3, 4, 5], "heading": 0, "speed": 1}}, "each of 2 times"),
         ({"mission": {"depth_m": [3, 4], "heading": 0, "speed": 1}}, "needs `time_s`"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": "surfaces"}}, "did you mean `surface`"),

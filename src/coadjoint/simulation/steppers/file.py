@@ -79,7 +79,7 @@ def _opened(archive: zipfile.ZipFile, header: Table, kind: type[S]) -> S:
     made._stand(StepperInterface(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
     made.event = header["event"]
     if "accuracy" in header:
-        made._begin_sample(from_plain(header["accuracy"], made._steps(InternalPlaces())), depth=6)
+        made._begin_sample(from_plain(header["accuracy"], made._steps(InternalPlaces())), depth=8)
     return made
 
 
