@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -188,18 +190,20 @@ class ReducedFunctions:
         """
         group, Q = self.group, self.additional
 
-        def read() -> tuple[PyTree, PyTree]:
-            if momenta is None and not self.continuous:
-                raise LagrangianError(
-                    "A force or an input reads μ or π, but this system has only a discrete Lagrangian: give co.System "
-                    "`lagrangian` as well, or write it in ξ and ν."
-                )
-            mu, pi = self.momenta(xi, n, nu, a, t, inputs, internal) if momenta is None else momenta
-            return group.view(mu), Q.view(group, pi)
-
         place, velocity = (Q.view(group, x) for x in (n, nu))
         advected, held = self.advected.view(group, a), self.inputs_at(t, inputs)
+        read = partial(self._viewed_momenta, momenta, (xi, n, nu, a, t, inputs, internal))
         return Motion(group.view(xi), place, velocity, advected, t, held, internal, read)
+
+    def _viewed_momenta(self, known: tuple[Array, Array] | None, at: tuple[Any, ...]) -> tuple[PyTree, PyTree]:
+        """(μ, π) as a motion shows them; at: the arguments of `momenta`."""
+        if known is None and not self.continuous:
+            raise LagrangianError(
+                "A force or an input reads μ or π, but this system has only a discrete Lagrangian: give co.System "
+                "`lagrangian` as well, or write it in ξ and ν."
+            )
+        mu, pi = self.momenta(*at) if known is None else known
+        return self.group.view(mu), self.additional.view(self.group, pi)
 
     def momenta(
         self,

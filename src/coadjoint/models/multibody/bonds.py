@@ -127,7 +127,7 @@ class Bond(Portable):
     def warn_of_turns(self, angles: np.ndarray, own: PyTree) -> None:
         """Warn where a torsion spring is more than half a turn from its rest, so that it pulls the other way.
 
-        angles: (records,), rad, with turns counted. own: the joint's parameters.
+        angles: (n,), rad, with turns counted. own: the joint's parameters.
         """
         if not hasattr(own, "rest") or KINDS[self.kind].coordinates[0] != "angle":
             return
