@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -276,7 +276,8 @@ def dear() -> dict[str, Callable[[], Any]]:
         "served": lambda: [served, serving.Service(served, craft.start)],
         "environment": environment,
         "trim": lambda: co.vehicles.trim.SteadyFlight(remus),
-        "filter": lambda: [process, filtering(process, start)],
+        "filter": lambda: [process, filtering(process, start), saved_filter(filtering(process, start))],
+        "regulator": lambda: replace(problem(end=None), cost=co.control.squares(settling), steps=None).regulator(),
         "controller": lambda: problem().controller(period=0.1),
         "estimator": lambda: problem(end=None, measured=SEEN).estimator(0.5),
         "stability": lambda: co.stability.stability(co.stability.steady_motion(top, start)),
@@ -294,6 +295,15 @@ SEEN = {"spin": co.control.Measured(spin_of, np.zeros(11), 0.1)}
 def filtering(process: Any, start: Any) -> Any:
     seen = {"spin": co.estimation.Measurement(spin_of, 0.1)}
     return co.estimation.Filter(process, start, measurements=seen, deviations={"g": 0.1, "xi": 0.1})
+
+
+def saved_filter(one: Any) -> Any:
+    with TemporaryDirectory() as folder:
+        return co.estimation.load_filter(one.save(Path(folder) / "spin.filter"))
+
+
+def settling(motion, p):
+    return jnp.concatenate([motion.inputs.torque, motion.xi, jnp.ravel(motion.g - jnp.eye(3))])
 
 
 def mission() -> Any:

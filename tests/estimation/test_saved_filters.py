@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 import subprocess
 import sys
 
@@ -138,3 +139,12 @@ def test_a_strapdown_filter_awaits_its_first_reading_and_goes_on_bitwise(tmp_pat
     many = Filter(process, first, measurements=seen, deviations={"position": 1.0}, members=3)
     with pytest.raises(ArgumentError, match="has 3 members cannot be saved"):
         many.save(tmp_path / "many.filter")
+
+
+def test_a_saved_filter_leaves_the_process_with_its_estimate(body, tmp_path):
+    loaded = load_filter(body.save(tmp_path / "body.filter"))
+    loaded.predict(H)
+    again = pickle.loads(pickle.dumps(loaded))
+    loaded.predict(H)
+    again.predict(H)
+    assert np.array_equal(again.rows, loaded.rows) and np.array_equal(again.covariance, loaded.covariance)

@@ -90,6 +90,10 @@ class SavedFilter:
         self._sizes = {name: place.stop - place.start for name, _, place in face.measurements.places()}
         self._time, self._places = face.row.place("t").start, filters.input_places
         self._held = held
+        self._content = b""
+
+    def __reduce__(self) -> tuple[Callable[..., SavedFilter], tuple[object, ...]]:
+        return _again, (self._content, self._held, frozenset(self._awaited))
 
     @property
     def rows(self) -> np.ndarray:
@@ -226,6 +230,15 @@ def load_filter(path: str | os.PathLike[str]) -> SavedFilter:
     with reading(path):
         content = path.read_bytes()
     try:
-        return unpacked(content, KIND, _opened)
+        return _again(content)
     except FileError as error:
         raise FileError(f"The file {path} {error}") from None
+
+
+def _again(content: bytes, held: FilterMemory | None = None, awaited: frozenset[str] | None = None) -> SavedFilter:
+    """The filter of a file's content, with another estimate and the inputs that it awaits where they are given."""
+    made = unpacked(content, KIND, _opened)
+    made._content = content
+    if held is not None and awaited is not None:
+        made._held, made._awaited = held, set(awaited)
+    return made
