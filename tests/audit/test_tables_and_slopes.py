@@ -129,6 +129,7 @@ def test_a_row_has_the_worst_of_all_systems():
     assert row[-3:] == ("–", "–", "yes")
 
 
+@pytest.mark.long
 def test_the_page_has_the_verdict_the_tables_and_the_figures(tmp_path):
     watched = cell(convergence=measured(2.0), long_run=LongRun(np.arange(200.0), np.ones(200), 1e-3, 0.0, 0.0))
     lost = cell("Galerkin", system="curved", findings=(), refusal="It needs a flat space")

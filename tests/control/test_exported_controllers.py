@@ -66,6 +66,7 @@ def test_the_solver_that_is_generated_finds_the_commands_of_the_controller(contr
     assert np.allclose(made.split(w).x[0], x, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_header_names_state_commands_and_given_numbers(controller, tmp_path):
     text = (controller.export_c(tmp_path / "control", units={"torque": "N m"}) / "control.h").read_text()
     for line in (

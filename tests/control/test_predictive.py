@@ -69,6 +69,7 @@ def test_its_optimum_ends_where_the_end_is_given_and_keeps_the_path():
     assert answer.plan["torque"] == pytest.approx(optimum.inputs["torque"], abs=1e-6)
 
 
+@pytest.mark.long
 def test_a_cost_of_products_of_states_and_inputs_leads_to_the_same_optimum():
     def power(motion, p):
         return away(motion, p) + 0.02 * (motion.xi @ motion.inputs.torque) ** 2

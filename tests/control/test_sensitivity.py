@@ -41,6 +41,7 @@ def quotients(changed, optimum):
     return (ahead.cost - behind.cost) / (2 * STEP), of_torques
 
 
+@pytest.mark.long
 def test_forces_are_in_proportion_to_a_mass_and_the_cost_to_its_square():
     """A cart from rest to rest in a given time: u ∝ m, J = ½∫u² ∝ m²."""
     cart = co.System(

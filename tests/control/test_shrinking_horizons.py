@@ -21,6 +21,7 @@ def pushed(**more):
     return Problem(MASS, START, dt=0.1, steps=10, **(given | more))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("course", ["held", "linear"])
 def test_it_arrives_along_the_first_optimum_at_its_time(course):
     inputs = {"push": Input((1,), -9, 9, course=course, previous=3.0)}

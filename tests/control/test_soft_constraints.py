@@ -69,6 +69,7 @@ def test_a_soft_end_is_missed_by_its_closed_form(weight):
     assert answer.plan["push"] == pytest.approx(optimum.inputs["push"], abs=1e-6)
 
 
+@pytest.mark.long
 def test_an_optimum_in_phases_says_by_how_much_each_violates_its_soft_constraints():
     """1.5 m in 2 s from rest at most 0.5 m/s, then 0.7 m/s: neither can hold, and each counts from its own bound."""
     first = pushed(4, path=slow(Penalty(linear=3.0)), accuracy=False)

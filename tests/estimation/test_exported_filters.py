@@ -19,6 +19,7 @@ def exported(body, tmp_path_factory):
     return body.export_c(tmp_path_factory.mktemp("c") / "dive", units={"gyroscope": "rad/s"}), body
 
 
+@pytest.mark.long
 def test_the_header_names_the_numbers_of_the_filter(exported):
     text = (exported[0] / "dive.h").read_text()
     for line in (

@@ -223,6 +223,7 @@ def test_a_wrong_use_of_a_space_raises_one_sentence(call: Any, says: str):
     assert len(str(caught.value)) < 400 and "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_a_filter_by_a_model_smooths_attitudes_and_reads_quaternions_of_either_sign():
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi))
     start = body.state(g=co.attitude.zyx(0.3, 1.55, 0.1), xi=[0.1, 0.2, -0.1])

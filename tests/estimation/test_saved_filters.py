@@ -64,6 +64,7 @@ print((one.rows.tobytes() + one.covariance.tobytes()).hex())
 """
 
 
+@pytest.mark.long
 def test_it_goes_on_bitwise_in_a_process_without_jax(body, tmp_path):
     path = body.save(tmp_path / "body.filter")
     loaded = load_filter(path)

@@ -100,6 +100,7 @@ def test_intervals_hold_the_truth_with_coloured_noise(exact, seeds):
     assert "over 0." in str(found)
 
 
+@pytest.mark.long
 def test_white_noise_is_found_to_be_white(exact):
     random = np.random.default_rng(3)
     columns = {name: values + NOISE[name] * random.normal(size=len(values)) for name, values in exact.columns.items()}

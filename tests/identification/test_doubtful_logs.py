@@ -134,6 +134,7 @@ def test_a_log_with_a_wild_value_is_refused_by_row_and_column(drift):
         identify(craft.system, wild, start=start, parameters=["hull.axial_drag"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("segment", [pytest.param(None, marks=pytest.mark.long), 10.0])
 def test_stretches_of_a_log_are_fitted_together_over_a_jump_of_the_clock(drift, segment):
     """Also as one run, which would else go through the pause."""

@@ -28,6 +28,7 @@ def logged() -> tuple[co.Run, Log]:
     return run, Log(run.dataset.time.values, {"a": g[:, 0, 0], "b": g[:, 1, 0], "c": g[:, 2, 1]}, {})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("segment", "momenta"), [(None, True), (2.0, False)])
 def test_drag_is_found_without_a_continuous_lagrangian(segment: float | None, momenta: bool):
     run, log = logged()

@@ -243,6 +243,7 @@ def test_a_pendulum_is_identified_by_a_function_of_its_state():
     assert found["weight"].covers(4.0) and found["drag"].covers(0.1)
 
 
+@pytest.mark.long
 def test_the_card_and_the_figure(fine):
     found = identify(SYSTEM, measured(fine), start=STATE, parameters=["linear[0]", "added_mass[0,0]"])
     card = str(found)

@@ -264,6 +264,7 @@ def test_nothing_wanders_where_nothing_does(exact):
     assert found.system.parameters is not None and "process_noise" not in found.system.parameters
 
 
+@pytest.mark.long
 def test_noise_that_does_not_settle_is_told(exact, monkeypatch):
     """One round is too few for the noise of the sensors and what wanders."""
     monkeypatch.setattr("coadjoint.identification.fitting.ROUNDS", 1)

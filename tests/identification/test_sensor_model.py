@@ -178,6 +178,7 @@ def test_log_and_its_jacobian_of_rotations():
         np.testing.assert_allclose(inverse @ rotations.right_jacobian(v), np.eye(3), atol=1e-7)
 
 
+@pytest.mark.long
 def test_a_log_through_the_vertical_is_fitted_by_rotations(run):
     """The same motion with the body's axes turned down by 90°: Euler angles are singular along all of it."""
     t, inputs = zigzags(20.0)

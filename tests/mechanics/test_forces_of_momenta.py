@@ -64,6 +64,7 @@ DEAR = co.Midpoint(), co.RightRectangle(), co.EnergyMomentum(), co.Galerkin()
 METHODS = [co.LeftRectangle(), *(pytest.param(method, marks=pytest.mark.long) for method in DEAR)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: type(method).__name__)
 def test_drag_in_momenta_is_drag_in_velocities(method):
     runs = []
@@ -76,6 +77,7 @@ def test_drag_in_momenta_is_drag_in_velocities(method):
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-13)
 
 
+@pytest.mark.long
 def test_an_input_reads_the_momenta_of_the_node():
     system = body(lambda motion, p: co.Force(torque=motion.inputs.torque))
     start = system.state(q=[0, 0, 1], xi=[1.0, -0.5, 0.7], qdot=[0, 0, 0])

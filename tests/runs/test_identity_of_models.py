@@ -58,6 +58,7 @@ def change_data(folder):
     (folder / "c.txt").write_text("1.5")
 
 
+@pytest.mark.long
 def test_a_finished_run_of_a_factory_is_another_where_the_model_has_changed(folder, capsys):
     assert main(["run", "r.toml", "--out", "out"]) == 0
     assert main(["run", "r.toml", "--out", "out"]) == 0

@@ -185,6 +185,7 @@ def test_steps_at_which_the_motion_changes_most_are_judged_however_few_they_are(
     assert np.min(np.abs(run.accuracy.steps - fast)) <= 1
 
 
+@pytest.mark.long
 def test_the_step_at_which_a_momentum_is_largest_is_judged_though_it_changes_least_there():
     """Errors are relative to the largest momentum, which a spring at resonance has at t ≈ 8 of 10."""
     system, _, arguments = driven(1.0, explicit=True, steps=200)()

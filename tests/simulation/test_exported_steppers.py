@@ -16,13 +16,16 @@ from coadjoint.kernels.lanes import of_lanes
 YOSHIDA = co.methods.Yoshida4(co.Midpoint(), negative_substeps="allow")
 
 
-@pytest.fixture(scope="module", params=[co.Midpoint(), YOSHIDA], ids=["midpoint", "yoshida"])
+@pytest.fixture(
+    scope="module", params=[co.Midpoint(), pytest.param(YOSHIDA, marks=pytest.mark.long)], ids=["midpoint", "yoshida"]
+)
 def exported(tmp_path_factory, request):
     top = made(method=request.param)
     top.step({"torque": [0.1, 0.0, -0.2]}, n=3)
     return top.export_c(tmp_path_factory.mktemp("c") / "top", units={"mu": "N m s"}), top
 
 
+@pytest.mark.long
 def test_the_header_names_the_numbers_of_the_stepper(exported):
     text = (exported[0] / "top.h").read_text()
     for line in (
@@ -35,6 +38,7 @@ def test_the_header_names_the_numbers_of_the_stepper(exported):
         made(members=2).export_c(exported[0], overwrite=True)
 
 
+@pytest.mark.long
 def test_another_processor_gets_its_own_object_file(exported, tmp_path):
     folder = exported[1].export_c(tmp_path / "arm", target="aarch64-linux-gnu")
     head = (folder / "arm_code.o").read_bytes()[:20]

@@ -89,6 +89,7 @@ def test_of_a_stored_run(tmp_path, monkeypatch, done, flips):
         shutil.rmtree(again)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("flips", FLIPS)
 def test_of_a_folder_of_results(tmp_path, monkeypatch, flips):
     monkeypatch.chdir(tmp_path)

@@ -76,6 +76,7 @@ def test_a_trajectory_inside_a_transformation_traces_its_steps_once():
     assert again <= 2 < min(first, reads())
 
 
+@pytest.mark.long
 def test_the_gradient_by_the_start_of_an_advected_system_by_machine_code_compiles():
     """∂μ₁/∂w of a heavy top, whose transposed call of the host XLA cannot compile within a compiled call."""
     with co.float64():

@@ -36,6 +36,7 @@ def test_a_reaction_that_works_is_named_as_what_changes_the_energy():
     assert dict(rows(made.certificate.long()))["energy"].endswith("the reaction of `no3` changes it")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["constraint", "force"])
 def test_a_folder_is_not_resumed_under_another_name(tmp_path, kind):
     def system(name):

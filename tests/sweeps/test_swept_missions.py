@@ -99,6 +99,7 @@ def test_a_member_whose_steps_fail_has_nan_and_a_code_and_the_others_go_on(tmp_p
         assert np.array_equal(values[0], found[name][2])
 
 
+@pytest.mark.long
 def test_a_refused_member_is_told_without_its_number_within_the_task(tmp_path):
     varied = {"mass_kg": {"values": [120.0, -1.0]}, "volume": {"values": [0.12, 0.13]}}
     sweep = swept(tmp_path, {"parameters": varied}, sampling="list", members=None)

@@ -62,6 +62,7 @@ def test_unreduced_reduced_and_reconstructed_algorithms_give_one_motion(world):
     close(rebuilt, path)
 
 
+@pytest.mark.long
 def test_the_algorithm_of_the_semidirect_product_is_the_reduced_one():
     """(B13) on SO(3) Ⓢ ℝ³ in f, y, u⁺ against (P42), and its residual is minus the total momenta's at any sequence."""
     group, V = co.SO3(), co.Defining()

@@ -149,6 +149,7 @@ def test_a_wrong_difference_map_is_seen():
     assert found["P42 μ"].largest > 1e-6
 
 
+@pytest.mark.long
 def test_an_unreduced_lagrangian_of_another_body_is_seen():
     system, other = moser_veselov(np.diag([1.0, 2.0, 3.5])), moser_veselov(np.diag([1.0, 2.0, 3.0]))
     start = system.state(xi=[0.3, 0.2, 0.6])

@@ -31,6 +31,7 @@ def test_a_mechanism_prints_its_bodies_joints_rows_and_motors():
     assert "joints one (revolute), two (revolute), mesh (gear)" in repr(gears(1, 2))
 
 
+@pytest.mark.long
 def test_the_coordinate_of_a_joint_is_a_function_of_a_state(swing, run):
     angle, data = swing.coordinate("hinge"), swing.joint_data(run)
     assert angle(run.final) == pytest.approx(float(data.hinge[-1]), abs=1e-13)

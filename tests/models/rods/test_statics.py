@@ -101,6 +101,7 @@ def test_a_cantilever_sags_along_gravity_and_a_load_by_the_beam_of_bernoulli():
 CURVED = {**SLENDER, "elements": 3, "rest_curvature": 1.2}
 
 
+@pytest.mark.long
 def test_a_rod_that_is_curved_at_rest_comes_back_to_its_circle():
     rod = rods.planar(**CURVED)
     found = rods.centerline(rods.equilibrium(rod, rods.planar_start(rod, curvature=0.0)))

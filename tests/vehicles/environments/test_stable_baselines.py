@@ -50,6 +50,7 @@ def library(monkeypatch):
     baselines._kind.cache_clear()
 
 
+@pytest.mark.long
 def test_steps_are_those_of_the_vector_environment_and_ends_have_their_return(envs, library):
     adapter, plain = envs[0].stable_baselines(), envs[1]
     assert isinstance(adapter, VecEnv) and adapter.env_is_wrapped(int) == [False] * COUNT
@@ -76,6 +77,7 @@ def test_steps_are_those_of_the_vector_environment_and_ends_have_their_return(en
             returns[:] = 0.0
 
 
+@pytest.mark.long
 def test_a_copy_and_a_pickle_go_on_alike(envs, library):
     adapter, actions = envs[0].stable_baselines(), np.full((COUNT, 8), 0.2)
     adapter.seed(1)

@@ -301,6 +301,7 @@ def test_thrusters_to_spare_give_exactly_what_dead_bands_would_take():
     np.testing.assert_allclose(f @ B.T, wrenches, atol=1e-6)
 
 
+@pytest.mark.long
 def test_without_thrusters_to_spare_dead_bands_take_the_least_of_attitude_then_position():
     """Against bounded least squares with each thruster below its band, at rest or beyond it."""
     from itertools import product

@@ -195,6 +195,7 @@ def test_blocks_are_filled_up_and_cut_again(monkeypatch):
         same(readings(sparse, seed=4, sensors=["imu"]), readings(short, seed=4, sensors=["imu"]))
 
 
+@pytest.mark.long
 def test_the_dataset_and_the_table_name_times_units_and_components():
     read = readings(run(), seed=1, sensors=["imu", "dvl"])
     made = read.dataset
