@@ -102,11 +102,15 @@ def test_no_step_leaves_an_object_behind(calls, n):
                 here.reset(mask=np.arange(11) < 5)
                 many.restore(here)
 
+    def growth():
+        gc.collect()
+        before = sys.getallocatedblocks()
+        go(calls)
+        gc.collect()
+        return sys.getallocatedblocks() - before
+
     gc.freeze()  # what other tests have left takes a second to look through
     go(max(300, calls))  # until the free lists of Python and NumPy are as long as they get
-    gc.collect()
-    before = sys.getallocatedblocks()
-    go(calls)
-    gc.collect()
-    assert body.steps == (calls + max(300, calls)) * n
-    assert sys.getallocatedblocks() - before < 100
+    # Threads that other tests have left allocate now and then; steps that leave objects do so each time.
+    assert growth() < 100 or growth() < 100
+    assert body.steps in [(goes * calls + max(300, calls)) * n for goes in (1, 2)]
