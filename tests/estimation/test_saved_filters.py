@@ -121,6 +121,7 @@ def test_wrong_uses_of_a_saved_filter_raise_one_sentence_and_change_nothing(body
     assert np.array_equal(loaded.rows, before)
 
 
+@pytest.mark.long
 def test_a_strapdown_filter_awaits_its_first_reading_and_goes_on_bitwise(tmp_path):
     process = StrapdownProcess(noise={"gyroscope": 1e-4, "accelerometer": 1e-3})
     seen = {"depth": Measurement(lambda m: m.q[2], 0.01, gate=0.9, after_rejections=(1, "stop"))}

@@ -145,8 +145,8 @@ def _without_wild(log: Log, loss: Loss | None) -> Log:
     loss."""
     found = wild(log.time, log.columns, log.units)
     if found and loss is None:
-        told = " ".join(one.sentence for one in found)
-        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {told}")
+        causes = " ".join(one.sentence for one in found)
+        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {causes}")
     columns = {name: values.copy() for name, values in log.columns.items()}
     for one in found:
         columns[one.name][one.rows] = np.nan

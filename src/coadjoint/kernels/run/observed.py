@@ -49,15 +49,15 @@ def run(
     size = 8 * layout(state).size * len(program.substeps)
     total, together = records * save_every, max(min(ROOM // size, MOST), 1)
     part = partial(_part, program, parameters, h=h, together=together, pattern=pattern)
-    whole, parts = None, []
-    while whole is None or (whole.steps < total and not whole.code):
-        done = 0 if whole is None else whole.steps
+    done_so_far, parts = None, []
+    while done_so_far is None or (done_so_far.steps < total and not done_so_far.code):
+        done = 0 if done_so_far is None else done_so_far.steps
         found = part(state, min(together, total - done))
         due = slice(-done % save_every, None, save_every)
         parts.append(jax.tree.map(lambda rows, due=due: rows[due], (found.records, dict(found.monitors))))
-        whole, state = _continued(whole, found), found.final
+        done_so_far, state = _continued(done_so_far, found), found.final
     kept, seen = jax.tree.map(lambda *rows: np.concatenate(rows), *parts)
-    return replace(whole, records=kept, monitors=seen)
+    return replace(done_so_far, records=kept, monitors=seen)
 
 
 def _continued(before: Chunk | None, part: Chunk) -> Chunk:
@@ -133,5 +133,5 @@ def _observe(program: Program, parameters: PyTree, start: PyTree, rows: Array, h
         found = jax.vmap(lambda *pair: stage.certificate(parameters, *pair))(before, lengths, after)
         certificates = {name: jnp.max(jnp.reshape(x, (-1, parts)), axis=1) for name, x in found.items()}
     values = [jnp.reshape(jnp.isfinite(x), (len(x), -1)) for x in (*seen.values(), *certificates.values())]
-    whole = None if nodes is given else jax.vmap(flattened)(nodes)
-    return _Seen(seen, certificates, jnp.all(jnp.concatenate(values, axis=1), axis=1), whole)
+    nodes_seen = None if nodes is given else jax.vmap(flattened)(nodes)
+    return _Seen(seen, certificates, jnp.all(jnp.concatenate(values, axis=1), axis=1), nodes_seen)

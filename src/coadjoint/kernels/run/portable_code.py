@@ -20,7 +20,7 @@ def linked(parts: Mapping[str, tuple[str, str]]) -> str:
     All other functions become internal. Functions call each other by addresses only, so that each runs the instructions
     that it runs alone.
     """
-    whole = llvm.parse_assembly("")
+    joined = llvm.parse_assembly("")
     for name, (assembly, entry) in parts.items():
         module = llvm.parse_assembly(assembly)
         for function in module.functions:
@@ -28,8 +28,8 @@ def linked(parts: Mapping[str, tuple[str, str]]) -> str:
                 function.name = name
             elif not function.is_declaration:
                 function.linkage = "internal"
-        whole.link_in(module)
-    return str(whole)
+        joined.link_in(module)
+    return str(joined)
 
 
 def exported_code(assembly: str, target: str | None = None) -> bytes:

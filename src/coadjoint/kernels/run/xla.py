@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -124,6 +125,43 @@ class _Carry(NamedTuple):
     monitors: dict[str, jax.Array]
 
 
+def _observed(
+    program: Program, h: Scalar, monitored: bool, parameters: PyTree, state: PyTree
+) -> tuple[StepResult, dict[str, jax.Array]]:
+    """A step of one member and its monitors; a value that is not finite, or an event, is the code of the step."""
+    result = step(program, parameters, state, h, monitored)
+    seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
+    # Observations are results too: they are never NaN.
+    stop = [program.stop(parameters, state, result.after)] if program.stops else []
+    watched = [*seen.values(), *result.certificates.values(), *stop]
+    finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
+    code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
+    for event in stop:
+        code = jnp.where((code == 0) & (event > 0), int(Code.STOPPED), code)
+    return result._replace(code=code), seen
+
+
+def _advanced(member: _Member, result: StepResult, seen: dict[str, jax.Array]) -> _Member:
+    """The member after the step; a failed step, and all that follow it, leave it as it was."""
+    going = member.code == 0
+    good = going & (result.code == 0)
+    watched = {**seen, **result.certificates}
+
+    def extreme(choose, old):
+        return {name: jnp.where(good, choose(old[name], value), old[name]) for name, value in watched.items()}
+
+    most = jnp.maximum(member.iterations_max, result.iterations)
+    return _Member(
+        state=jax.tree.map(lambda new, old: jnp.where(good, new, old), result.after, member.state),
+        done=member.done + good,
+        code=jnp.where(going, result.code, member.code),
+        iterations=member.iterations + jnp.where(good, result.iterations, 0),
+        iterations_max=jnp.where(going, most, member.iterations_max),
+        lowest=extreme(jnp.minimum, member.lowest),
+        highest=extreme(jnp.maximum, member.highest),
+    )
+
+
 def _loop(
     program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool, together: bool = False
 ) -> _Carry:
@@ -132,39 +170,7 @@ def _loop(
     Members take their steps in unison, so that one index places a row of the records of all: with an index a member,
     each step would cost a scatter into, and a choice between, all records.
     """
-
-    def observed(parameters, state):
-        result = step(program, parameters, state, h, monitored)
-        seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
-        # Observations are results too: they are never NaN.
-        stop = [program.stop(parameters, state, result.after)] if program.stops else []
-        watched = [*seen.values(), *result.certificates.values(), *stop]
-        finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
-        code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
-        for event in stop:
-            code = jnp.where((code == 0) & (event > 0), int(Code.STOPPED), code)
-        return result._replace(code=code), seen
-
-    def advanced(member: _Member, result: StepResult, seen: dict[str, jax.Array]) -> _Member:
-        """The member after the step; a failed step, and all that follow it, leave it as it was."""
-        going = member.code == 0
-        good = going & (result.code == 0)
-        watched = {**seen, **result.certificates}
-
-        def extreme(choose, old):
-            return {name: jnp.where(good, choose(old[name], value), old[name]) for name, value in watched.items()}
-
-        most = jnp.maximum(member.iterations_max, result.iterations)
-        return _Member(
-            state=jax.tree.map(lambda new, old: jnp.where(good, new, old), result.after, member.state),
-            done=member.done + good,
-            code=jnp.where(going, result.code, member.code),
-            iterations=member.iterations + jnp.where(good, result.iterations, 0),
-            iterations_max=jnp.where(going, most, member.iterations_max),
-            lowest=extreme(jnp.minimum, member.lowest),
-            highest=extreme(jnp.maximum, member.highest),
-        )
-
+    observed, advanced = partial(_observed, program, h, monitored), _advanced
     if together:
         observed, advanced = jax.vmap(observed), jax.vmap(advanced)
     observe = jax.jit(observed, inline=True)  # traced once for its shapes and for the loop

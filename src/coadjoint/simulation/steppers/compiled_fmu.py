@@ -53,7 +53,7 @@ typedef struct {{
 }} Unit;
 
 /* text: without conversions, for masters that print it as a format and those that do not. */
-static int tell(Unit *unit, int status, const char *text) {{
+static int logged(Unit *unit, int status, const char *text) {{
     const char *category = status == WARNING ? "logStatusWarning" : "logStatusError";
     if (unit->callbacks.logger)
         unit->callbacks.logger(unit->callbacks.environment, unit->called, status, category, text);
@@ -91,7 +91,7 @@ EXPORT int fmi2SetupExperiment(Unit *unit, int limited, double tolerance, double
     char text[160];
     if (off <= {close} * fmax(size, {N}_DT)) return OK;
     snprintf(text, sizeof text, "The stepper goes on from t = %g s, not from %g s.", t, start);
-    tell(unit, WARNING, text);
+    logged(unit, WARNING, text);
     return OK;
 }}
 
@@ -106,7 +106,7 @@ EXPORT int fmi2Reset(Unit *unit) {{
 
 EXPORT int fmi2GetReal(Unit *unit, const reference *which, size_t count, double *values) {{
     for (size_t i = 0; i < count; i++) {{
-        if (which[i] >= {N}_COMMANDS + {N}_OBSERVATIONS) return tell(unit, ERROR, "There is no such variable.");
+        if (which[i] >= {N}_COMMANDS + {N}_OBSERVATIONS) return logged(unit, ERROR, "There is no such variable.");
         values[i] = which[i] < {N}_COMMANDS ? unit->vehicle.commands[which[i]]
                                             : unit->vehicle.observations[which[i] - {N}_COMMANDS];
     }}
@@ -115,7 +115,7 @@ EXPORT int fmi2GetReal(Unit *unit, const reference *which, size_t count, double 
 
 EXPORT int fmi2SetReal(Unit *unit, const reference *which, size_t count, const double *values) {{
     for (size_t i = 0; i < count; i++) {{
-        if (which[i] >= {N}_COMMANDS) return tell(unit, ERROR, "Inputs alone can be set.");
+        if (which[i] >= {N}_COMMANDS) return logged(unit, ERROR, "Inputs alone can be set.");
         unit->vehicle.commands[which[i]] = values[i];
     }}
     return OK;
@@ -128,20 +128,20 @@ EXPORT int fmi2DoStep(Unit *unit, double now, double length, int keeps) {{
     if (!(steps >= 1 && steps < 9e15) || !(fabs(steps * {N}_DT - length) <= {close} * fmax(length, {N}_DT))) {{
         snprintf(text, sizeof text, "A communication step must be a whole number of steps of %.10g s, but is %.10g s.",
                  {N}_DT, length);
-        return tell(unit, ERROR, text);
+        return logged(unit, ERROR, text);
     }}
     switch ({name}_step(&unit->vehicle, (int64_t)steps)) {{
         case {N}_OK: return OK;
 {cases}
-        default: return tell(unit, ERROR, "The step failed.");
+        default: return logged(unit, ERROR, "The step failed.");
     }}
 }}
 
-EXPORT int fmi2CancelStep(Unit *unit) {{ return tell(unit, ERROR, "A step cannot be cancelled."); }}
+EXPORT int fmi2CancelStep(Unit *unit) {{ return logged(unit, ERROR, "A step cannot be cancelled."); }}
 
 EXPORT int fmi2GetFMUstate(Unit *unit, void **state) {{
     if (!*state) *state = unit->callbacks.allocate(1, sizeof unit->vehicle);
-    if (!*state) return tell(unit, ERROR, "There is no memory for the state.");
+    if (!*state) return logged(unit, ERROR, "There is no memory for the state.");
     memcpy(*state, &unit->vehicle, sizeof unit->vehicle);
     return OK;
 }}
@@ -164,15 +164,15 @@ EXPORT int fmi2SerializedFMUstateSize(Unit *unit, void *state, size_t *size) {{
 }}
 
 EXPORT int fmi2SerializeFMUstate(Unit *unit, void *state, char bytes[], size_t size) {{
-    if (size < sizeof unit->vehicle) return tell(unit, ERROR, "There is no room for the state.");
+    if (size < sizeof unit->vehicle) return logged(unit, ERROR, "There is no room for the state.");
     memcpy(bytes, state, sizeof unit->vehicle);
     return OK;
 }}
 
 EXPORT int fmi2DeSerializeFMUstate(Unit *unit, const char bytes[], size_t size, void **state) {{
-    if (size != sizeof unit->vehicle) return tell(unit, ERROR, "These bytes are no state of this unit.");
+    if (size != sizeof unit->vehicle) return logged(unit, ERROR, "These bytes are no state of this unit.");
     *state = NULL;
-    if (!(*state = unit->callbacks.allocate(1, size))) return tell(unit, ERROR, "There is no memory for the state.");
+    if (!(*state = unit->callbacks.allocate(1, size))) return logged(unit, ERROR, "There is no memory for the state.");
     memcpy(*state, bytes, size);
     return OK;
 }}
@@ -180,14 +180,14 @@ EXPORT int fmi2DeSerializeFMUstate(Unit *unit, const char bytes[], size_t size, 
 EXPORT int fmi2GetDirectionalDerivative(Unit *unit, const reference *u, size_t m, const reference *k, size_t n,
                                         const double *d, double *v) {{
     (void)u, (void)m, (void)k, (void)n, (void)d, (void)v;
-    return tell(unit, ERROR, "The unit gives no directional derivatives.");
+    return logged(unit, ERROR, "The unit gives no directional derivatives.");
 }}
 
 {others}
 """
 _NONE = """EXPORT int fmi2{call}(Unit *unit, const void *given, size_t count, const void *values) {{
     (void)given, (void)values;
-    return count ? tell(unit, ERROR, "All variables are real.") : OK;
+    return count ? logged(unit, ERROR, "All variables are real.") : OK;
 }}
 """
 _STATUS = """EXPORT int fmi2Get{call}Status(Unit *unit, int kind, void *value) {{
@@ -208,10 +208,10 @@ def compiled_unit(stepper: StepperBase, name: str) -> bytes:
     code = exported_code(linked(parts))
     guid = f"{{{uuid.UUID(bytes=hashlib.sha256(code + own.encode() + glue.encode()).digest()[:16])}}}"
     cases = [
-        f'        case UNIT_{key}: return tell(unit, ERROR, "{words[0].upper()}{words[1:]}.");'
+        f'        case UNIT_{key}: return logged(unit, ERROR, "{words[0].upper()}{words[1:]}.");'
         for key, (_, words) in ERRORS.items() if key not in ("OK", "ARGUMENT")
     ]  # fmt: skip
-    cases.append('        case UNIT_ARGUMENT: return tell(unit, ERROR, "A command must be finite.");')
+    cases.append('        case UNIT_ARGUMENT: return logged(unit, ERROR, "A command must be finite.");')
     others = [
         _NONE.format(call=f"{verb}{kind}") for verb in ("Get", "Set") for kind in ("Integer", "Boolean", "String")
     ]
