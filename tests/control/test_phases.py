@@ -174,6 +174,7 @@ def test_a_slew_that_changes_its_inertia_is_that_of_a_boundary_value_solver_to_s
     assert errors[1][0] < 0.02 and errors[1][1] < 0.02
 
 
+@pytest.mark.long
 def test_a_shared_parameter_a_total_time_and_other_kinds_of_inputs_go_over_the_joint():
     system = mass(2.0)
     more = {"dt": 0.1, "steps": 10, "parameters": {"mass": (0.5, 4.0)}, "free_duration": (0.2, 5.0)}

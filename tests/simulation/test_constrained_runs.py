@@ -62,6 +62,7 @@ def test_reactions_are_described_in_the_dataset(plain):
     assert "first order" in found.reaction_step_pin.attrs["long_name"]
 
 
+@pytest.mark.long
 def test_a_driven_constraint_has_a_line_in_the_energy_budget_which_closes():
     moving = co.Holonomic(lambda n, a, p, *, t: n + p.pin - 0.1 * jnp.sin(3 * t) * a)
     system = body(constraints={"lift": moving})
@@ -92,6 +93,7 @@ def test_redundant_rows_share_the_least_reactions_and_are_reported(plain):
     assert "5 rows, of which 2 follow from the others" in str(made)
 
 
+@pytest.mark.long
 def test_the_momentum_about_the_vertical_through_a_pin_is_found_and_kept():
     c = np.array([0.7, -0.4, 1.1])
 
@@ -134,6 +136,7 @@ def test_a_member_off_a_constraint_raises():
         run(system, start=off, steps=1)
 
 
+@pytest.mark.long
 def test_members_are_projected_as_single_states_and_need_independent_rows():
     system = pinned()
     off = start(system, xi=co.each([RATES, 2 * RATES]))

@@ -72,6 +72,7 @@ def test_members_are_restored_with_their_parameters():
     assert np.array_equal(many.steps, np.where(mask, 23, 20))
 
 
+@pytest.mark.long
 def test_a_clone_that_was_compiled_anew_lends_its_machine_code():
     wheel = co.System(
         co.SO2(),

@@ -108,6 +108,7 @@ def dies_later(number: int) -> int:
     return number
 
 
+@pytest.mark.long
 def test_a_worker_that_dies_without_a_task_costs_no_other_task():
     found = []
     local.run(lambda n: functools.partial(dies_later, n), [0, 1], lambda n, _: found.append(n), 2)
