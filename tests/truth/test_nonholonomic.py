@@ -143,7 +143,7 @@ def test_the_reaction_of_a_turning_table_closes_the_energy_budget():
 def test_reactions_without_a_right_side_do_no_work_and_enter_the_momentum_budget():
     held = suslov()
     run = co.simulate(held.system, held.start, dt=0.1, steps=20, accuracy=False)
-    assert np.all(run.monitors["work_axis"] == 0)
+    assert not {"work_axis", "energy_budget"} & set(run.monitors)
     budget = run.monitors["kelvin_noether_budget"]
     assert np.abs(budget - budget[0]).max() < 1e-14
     assert np.abs(run.monitors["kelvin_noether"][-1] - budget[0]).max() > 0.1
