@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.control import Bounds, End, Input, Measured, Problem, built, stage, transcription
+from coadjoint.control import Bounds, End, Input, Measured, Problem, built, optimum, stage, transcription
 from coadjoint.control import given as given_numbers
+from coadjoint.control.program import _Mapped
 from coadjoint.kernels.trace import evaluate
+from coadjoint.mechanics import start as start_of_runs
 
 BODY = co.System(
     co.SO3(), lambda xi, p: 0.5 * xi @ (p.J * xi), parameters={"J": np.array([1.0, 2.0, 3.0]), "price": 1.0},
@@ -104,8 +106,8 @@ def test_for_another_start_goal_and_parameter_nothing_is_traced_or_built_again(n
 
 def test_a_problem_inverts_its_momenta_and_evaluates_its_goal_once(monkeypatch):
     """For all of its functions of a node together."""
-    counts = {"at_node": 0, "end_state": 0}
-    for module, name in ((stage, "at_node"), (given_numbers, "end_state")):
+    counts = {"at_node": 0, "end_values": 0}
+    for module, name in ((stage, "at_node"), (given_numbers, "end_values")):
         real = getattr(module, name)
 
         def counted(*arguments, real=real, name=name):
@@ -113,9 +115,26 @@ def test_a_problem_inverts_its_momenta_and_evaluates_its_goal_once(monkeypatch):
             return real(*arguments)
 
         monkeypatch.setattr(module, name, counted)
-    slow = Bounds(lambda motion, p: motion.xi, -5, 5)
-    built.BuiltProgram(problem(final_cost=effort, path={"slow": slow}))
-    assert counts == {"at_node": 1, "end_state": 1}
+    bounded = problem(final_cost=effort, path={"slow": Bounds(lambda motion, p: motion.xi, -5, 5)})
+    monkeypatch.setattr(start_of_runs, "_state_of", lambda *_: pytest.fail("a goal is no start"))
+    built.BuiltProgram(bounded)
+    assert counts == {"at_node": 1, "end_values": 1}
+
+
+def test_velocities_are_not_inverted_where_no_function_reads_them_nor_a_run_made_until_it_is_read(monkeypatch):
+    monkeypatch.setattr(stage, "at_node", lambda *_: pytest.fail("no function reads velocities"))
+    monkeypatch.setattr(optimum, "simulate", lambda *_, **__: pytest.fail("nothing asks for the run"))
+    found = problem(end=End(g=co.attitude.zyx(1.0, 0.2, 0.0))).solve()
+    assert found.violation < 1e-8 and found.inputs["torque"].shape == (8, 3)
+    with pytest.raises(pytest.fail.Exception, match="asks for the run"):
+        print(found)
+
+
+def test_a_program_differentiates_by_the_numbers_alone_that_its_functions_read():
+    at_goal = transcription.transcribe(problem(changing=()))
+    read = [_Mapped(getattr(at_goal.functions, name), 8, 0.25).read for name in ("equations", "cost")]
+    assert read == [["x", "u", "z"], ["u"]]
+    assert _Mapped(transcription.transcribe(problem()).functions.cost, 8, None).read == ["u", "p"]
 
 
 @pytest.mark.long

@@ -10,7 +10,8 @@ import coadjoint as co
 import paper_vehicle
 from coadjoint.control.problem_data import Input
 from coadjoint.control.stage import Begun, step_graph
-from coadjoint.control.transcription import begun, functions_of
+from coadjoint.control.step_functions import functions_of
+from coadjoint.control.transcription import begun
 
 
 def vehicle():

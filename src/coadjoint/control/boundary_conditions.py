@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,8 @@ from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.start import StartGiven, starts_given
+from coadjoint.mechanics.start_arguments import checked, checked_element
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
@@ -37,11 +40,24 @@ def end_conditions(problem: ProblemData) -> dict[str, Residual]:
     return {name: _RESIDUALS[name] for name in end.given}
 
 
-def end_state(problem: ProblemData) -> State:
-    """The state at the end, with free parts as at the start; raises ArgumentError for wrong shapes."""
-    end = problem.end if isinstance(problem.end, End) else End()
-    given = place_of(problem.system, problem.start) | {name: getattr(end, name) for name in end.given}
-    return problem.system.state(**given, inputs=problem.start.inputs)
+def end_values(problem: ProblemData, end: End) -> dict[str, PyTree]:
+    """The given values of the end, checked as those of a state; raises ArgumentError for wrong ones."""
+    system, start, group = problem.system, problem.start, problem.system.group
+    _, Q, V = system.places
+    given: dict[str, PyTree] = {"g": start.g, **({"q": Q.given(group, start.q)} if Q.dim(group) else {})}
+    with starts_given():
+        made = cast(StartGiven, system.state(**given | {name: getattr(end, name) for name in end.given}))
+    g, q, xi, qdot, _, t, *_ = made.arguments
+    a0 = V.given(group, start.a) if V.dim(group) else None
+    found = checked(system, checked_element(group, g), q, qdot, xi, a0, t, made.by_momenta)
+    values = {"g": found.g, "q": found.q, "xi": found.xi, "mu": found.xi, "qdot": found.qdot, "pi": found.qdot}
+    if end.pi is not None and not Q.flat:
+
+        def on_fibre(g: Element, q: Array, pi: Array) -> Array:
+            return Q.project(group, Q.act(group, group.inverse(g), q), pi)
+
+        values["pi"] = evaluate(on_fibre, found.g, found.q, found.qdot)
+    return {name: values[name] for name in end.given}
 
 
 def place_of(system: System, start: State) -> dict[str, PyTree]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -73,9 +74,26 @@ def of_columns(tracer: Tracer, what: str, function: Callable[..., object], trees
 
 def traced(tracer: Tracer, what: str, function: Callable[..., object], *arguments: object) -> Any:
     """function(*arguments) as expressions; raises LagrangianError if it has no such form."""
+    return reader(tracer, what, function, *arguments)(*arguments)
+
+
+def reader(tracer: Tracer, what: str, function: Callable[..., object], *like: object) -> Callable[..., Any]:
+    """`traced` of any arguments of these shapes, which JAX traces once."""
+    with _named(what):
+        read = tracer.reader(function, *like)
+
+    def of(*arguments: object) -> Any:
+        with _named(what):
+            return read(*arguments)
+
+    return of
+
+
+@contextmanager
+def _named(what: str) -> Generator[None]:
     try:
         with in_words(what):
-            return tracer.trace(function, *arguments)
+            yield
     except LagrangianError as error:
         if isinstance(error.__cause__, Untraceable):
             primitive = error.__cause__.primitive

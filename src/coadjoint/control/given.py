@@ -14,7 +14,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.control.boundary_conditions import end_state, start_values
+from coadjoint.control.boundary_conditions import end_values, start_values
 from coadjoint.control.numbers import spread
 from coadjoint.control.problem_data import End, Input, ProblemData
 from coadjoint.control.stage import numbers_of
@@ -70,9 +70,8 @@ def changed(problem: ProblemData, system: System, values: Mapping[str, object], 
 def _goal_values(problem: ProblemData) -> dict[str, PyTree]:
     if not isinstance(problem.end, End) or not problem.end.given:
         return {}
-    target, group = end_state(problem), problem.system.group
-    found = {name: np.asarray(getattr(target, name)) for name in problem.end.given if name != "g"}
-    return found | ({"g": evaluate(group.inverse, target.g)} if problem.end.g is not None else {})
+    found, group = end_values(problem, problem.end), problem.system.group
+    return found | ({"g": evaluate(group.inverse, found["g"])} if "g" in found else {})
 
 
 def goal_place(problem: ProblemData) -> tuple[Element, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial, reduce
+from functools import lru_cache, partial, reduce
 from typing import Any
 
 import jax
@@ -115,11 +115,7 @@ class Guesses:
         """log g₀⁻¹g_N, (dim G,)."""
         group, start, g = problem.system.group, problem.start, goal_place(problem)[0]
         if self._turn is None:
-            trees = {"a": start.g, "b": g}
-            between = of_columns(
-                Tracer(), "The logarithm", lambda a, b: group.log(group.compose(group.inverse(a), b)), trees
-            )
-            self._turn = Tables(between, 1)
+            self._turn = Tables(_between(group), 1)
         turn = self._turn(numbers_of(start.g), numbers_of(g))[0][0].copy()
         if np.all(np.isfinite(turn)):
             return turn
@@ -278,6 +274,14 @@ def _straight(problem: ProblemData, start: State, goal: Array, turn: Array, para
         return start.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu)
 
     return jax.vmap(node)(s, speed, start.t + problem.length * tau)
+
+
+@lru_cache(maxsize=32)
+def _between(group: LieGroup) -> Any:
+    """log a⁻¹b as a function of CasADi of the numbers of a and b."""
+    one = evaluate(group.identity)
+    log = lambda a, b: group.log(group.compose(group.inverse(a), b))  # noqa: E731
+    return of_columns(Tracer(), "The logarithm", log, {"a": one, "b": one})
 
 
 def _logarithm(group: LieGroup, F: Element) -> Array:

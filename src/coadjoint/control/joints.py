@@ -15,7 +15,8 @@ from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
 from coadjoint.control.program import Block, NonlinearProgram, nonlinear_program
 from coadjoint.control.stage import StepGraph
-from coadjoint.control.transcription import Rows, StepColumns, Transcription
+from coadjoint.control.step_functions import StepColumns
+from coadjoint.control.transcription import Rows, Transcription
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.evaluate import evaluate

@@ -11,7 +11,8 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.control.library import casadi
-from coadjoint.control.transcription import StepColumns, Transcription
+from coadjoint.control.step_functions import StepColumns
+from coadjoint.control.transcription import Transcription
 
 
 class Tables:

@@ -43,8 +43,8 @@ STATIONARY = (
 class Optimum:
     """The result of `Problem.solve`; `print` shows a summary, with the certificate of the run below.
 
-    run: the motion, simulated by `co.simulate` with the optimum's inputs: immediately for the problem as it is stated,
-    otherwise when `run`, `difference` or `within` is first read. inputs: name → (N, *shape), held over each
+    run: the motion, simulated by `co.simulate` with the optimum's inputs when `run`, `difference`, `within` or the
+    summary is first read, which also judges its accuracy. inputs: name → (N, *shape), held over each
     step; (N + 1, *shape) at the nodes of linear ones; θ of a profile. cost: the least value found. duration: s.
     parameters: name → value, of the optimised ones. residuals: of measurements, name → (K, …), (function − y)/σ, NaN
     for gaps. costates: (N, nx), the multipliers of x_{k+1} = Φ, in the order of `names`. violation: the largest

@@ -55,7 +55,8 @@ class Problem(WithOverview, ProblemData):
             Each adds the equations of a part of the step, so that the constrained path is that of
             `optimum.run.at(times)`.
         accuracy: whether the resolution by dt is judged, by default True, with one warning and a dt that would: of the
-            run of an optimum, of plans of a controller and of motions of an estimator, at a sample of calls.
+            run of an optimum, when it is made, of plans of a controller and of motions of an estimator, at a sample of
+            calls.
         end: a `co.control.End`, or a function (motion [, p]) that is zero at the last node; by default free.
         free_duration: (shortest, longest) duration, s: then h is chosen as well, N stays. By default fixed.
         parameters: names of parameters of the system that are optimised → (lower, upper).
@@ -113,7 +114,7 @@ class Problem(WithOverview, ProblemData):
         verbose: bool = False,
         options: Mapping[str, object] | None = None,
     ) -> Optimum:
-        """The optimum, simulated again by `co.simulate`.
+        """The optimum, which `co.simulate` simulates again where its run is read.
 
             problem.solve()
             problem.solve(start=body.state(xi=[0.1, 0, 0]), goal=co.control.End(g=turn, xi=[0, 0, 0]))
@@ -147,8 +148,6 @@ class Problem(WithOverview, ProblemData):
             found = self._built.best(case, settings, guesses)
         else:
             found = (self._built.solved if guess is not None else self._built.solved_around)(case, settings)
-        if start is None and goal is None and not parameters and not previous:
-            _ = found._flown
         return found
 
     def solve_each(

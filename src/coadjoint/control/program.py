@@ -81,18 +81,23 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
     softened = _Softened(w[end:], h / (1 + problem.path_points))
     following = ca.horzcat(x[:, 1:], last)
     each = ca.repmat(p, 1, steps), ca.repmat(h, 1, steps)
-    residual, advanced = functions.equations.map(steps)(x, u, z, *each)
+    number = None if free else problem.dt
+    residual, advanced = _Mapped(functions.equations, steps, number)(x, u, z, *each)
     parts = [ca.vec(ca.vertcat(residual, following - advanced))]
     zeros = np.zeros(nz + nx)
     blocks = [Block(Rows("the equations of motion", zeros, zeros), steps)]
     after = u[at_end(transcription.inputs), :]
     f = functions.final(last, after[:, -1], p, h) + _of_terminal(transcription, last, after[:, -1], p, h)
     if problem.cost is not None:
-        cost = functions.cost.map(steps)
-        f += 0.5 * h * (ca.sum2(cost(x, u, *each)) + ca.sum2(cost(following, after, *each)))
+        cost = _Mapped(functions.cost, steps, number)
+        begun = ca.sum2(cost(x, u, *each))
+        same = "x" not in cost.read and at_end(transcription.inputs) == list(range(nu))
+        f += h * begun if same else 0.5 * h * (begun + ca.sum2(cost(following, after, *each)))
     f += _misfit(transcription, ca.horzcat(x, last), ca.horzcat(u, after[:, -1]), p, h)
     if transcription.path:
-        at_nodes = ca.horzcat(functions.path.map(steps)(x, u, *each), functions.path(last, after[:, -1], p, h))
+        at_nodes = ca.horzcat(
+            _Mapped(functions.path, steps, number)(x, u, *each), functions.path(last, after[:, -1], p, h)
+        )
         begin = 0
         weights = np.ones(steps + 1)
         weights[[0, -1]] = 0.5
@@ -102,7 +107,7 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
             blocks.append(Block(of_path, steps + 1))
             begin += len(of_path.lower)
     if functions.within is not None:
-        inside = ca.reshape(functions.within.map(steps)(x, u, z, *each), -1, steps * problem.path_points)
+        inside = ca.reshape(_Mapped(functions.within, steps, number)(x, u, z, *each), -1, steps * problem.path_points)
         sizes = np.cumsum([0, *(len(rows.lower) for rows in transcription.path)]).tolist()
         by_rows = ca.vertsplit(inside, sizes)
         found = [
@@ -129,6 +134,25 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
         blocks += [Block(of_end, 1) for of_end in transcription.end]
     f += softened.cost
     return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription), numbers)
+
+
+class _Mapped:
+    """A function of CasADi over all steps, of those of its arguments that it reads: derivatives by the others, which
+    are zero, would take as long to build as those that count. h: the length of the steps, None if it is chosen."""
+
+    def __init__(self, function: Any, steps: int, h: float | None):
+        ca, names = casadi(), function.name_in()
+        symbols = [ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate(names)]
+        given = [ca.SX(h) if name == "h" and h is not None else one for name, one in zip(names, symbols, strict=True)]
+        results = function.call(given, True, False)
+        joined = ca.vertcat(*map(ca.vec, results))
+        self._places = [k for k, one in enumerate(symbols) if ca.depends_on(joined, one)] or [0]
+        self.read = [names[k] for k in self._places]
+        own = [symbols[k] for k in self._places]
+        self._function = ca.Function(function.name(), own, results, self.read, function.name_out()).map(steps)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._function(*(arguments[k] for k in self._places))
 
 
 def _of_terminal(transcription: Transcription, *node: PyTree) -> PyTree:

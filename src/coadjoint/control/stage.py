@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import PyTree, Scalar
-from coadjoint.control.functions import traced
+from coadjoint.control.functions import reader, traced
 from coadjoint.control.inputs_between import symbolic
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.expressions.expression import Expr, reachable
@@ -100,18 +100,30 @@ class StepGraph:
 
     def of_place(self, function: Callable[..., object], what: str, *more: object) -> list[Expr]:
         """function(system, state, *more) where the step starts, without velocities of the momenta."""
-        return flat(self._of(self.state, lambda *given: jnp.asarray(function(*given)), what, *more))
+        of_state = self._of_state(lambda *given: jnp.asarray(function(*given)))
+        return flat(traced(self.tracer, what, of_state, self.constants, self.state, *more))
 
     def _at_node(self, function: Callable[..., object], what: str, *more: object) -> PyTree:
-        return self._of(self._node, function, what, *more)
+        """The velocities of the momenta, which take long to trace, only where the function reads them."""
+        of_state = reader(self.tracer, what, self._of_state(function), self.constants, self._unmoved, *more)
+        found = of_state(self.constants, self._unmoved, *more)
+        symbols = {*flat(self._unmoved.xi), *flat(self._unmoved.nu)}
+        return found if symbols.isdisjoint(reachable(flat(found))) else of_state(self.constants, self._node, *more)
 
-    def _of(self, state: State, function: Callable[..., object], what: str, *more: object) -> PyTree:
+    @cached_property
+    def _unmoved(self) -> State:
+        """The state at the node with symbols for ξ and ν."""
+        given = self.beginning.state
+        xi, nu = (self.tracer.symbols(f"{name} ", getattr(given, name)) for name in ("xi", "nu"))
+        return self.state.replace(xi=xi, nu=nu)
+
+    def _of_state(self, function: Callable[..., object]) -> Callable[..., object]:
         skeleton = replace_parameters(self.beginning.system, None)
 
         def of_state(constants: Constants, state: State, *more: object) -> PyTree:
             return function(replace_parameters(skeleton, constants.system), state, *more)
 
-        return traced(self.tracer, what, of_state, self.constants, state, *more)
+        return of_state
 
     def of_motion(self, function: Callable[..., PyTree], what: str) -> list[Expr]:
         """function(motion [, p]) of the `co.mechanics.NodeMotion` at the node where the step starts."""

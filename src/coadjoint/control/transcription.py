@@ -18,7 +18,6 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import end_conditions, free_start_sizes, start_residual
-from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.functions import traced
 from coadjoint.control.given import given_numbers, given_values
 from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
@@ -27,6 +26,7 @@ from coadjoint.control.measured import Measured, Seen
 from coadjoint.control.penalty import Slack, slack_of
 from coadjoint.control.problem_data import End, Input, ProblemData, Terminal
 from coadjoint.control.stage import Begun, StepGraph, numbers_of, step_graph
+from coadjoint.control.step_functions import Functions, MeasuredDifference, StepColumns, functions_of
 from coadjoint.control.within_steps import with_points
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.expressions.expression import Expr
@@ -35,6 +35,7 @@ from coadjoint.mechanics.inputs import inputs_from
 from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import tracing_once
 from coadjoint.methods.method import Method
 from coadjoint.simulation.arguments import require_forward, with_inputs
 from coadjoint.spaces.measured import MeasuredSpace
@@ -66,26 +67,6 @@ class Split(NamedTuple):
     parameters: np.ndarray
     h: float
     slack: np.ndarray = np.zeros(0)
-
-
-class Functions(NamedTuple):
-    """Functions of CasADi.
-
-    equations: (x, u, z, p, h) → (r, Φ). within: (x, u, z, p, h) → the constraints of the path at points inside the
-    step, None without such. cost, path: (x, u, p, h) → the cost rate of a node, and its constraints. start: (x, u, p,
-    h) of the first node → its residual. end, final: of the last node, and its cost. measured: name → (x, u, p, h) → the
-    predicted measurement at a node. terminal: (x, u, p, h) of the last node → e of the terminal cost.
-    """
-
-    equations: Any
-    cost: Any
-    path: Any
-    start: PyTree
-    end: Any
-    final: PyTree
-    measured: dict[str, PyTree]
-    within: Any = None
-    terminal: Any = None
 
 
 @dataclass
@@ -239,6 +220,11 @@ def transcribe(
 
     later: whether its motion begins at the end of another one. wanted: further functions that shall depend on x alone.
     """
+    with tracing_once():
+        return _transcribed(problem, later, wanted)
+
+
+def _transcribed(problem: ProblemData, later: bool, wanted: Callable[[StepGraph], list[Expr]] | None) -> Transcription:
     beginning = begun(problem.system, problem.start, problem.dt, problem.method, problem.inputs)
     graph = step_graph(beginning, (*problem.parameters, *problem.changing))
     reached = end_conditions(problem)
@@ -290,14 +276,6 @@ def transcribe(
         problem, beginning, graph, live, functions, rows, begins, ends, eta, data, numbers, previous, values["goal"],
         later,
     )  # fmt: skip
-
-
-class MeasuredDifference(NamedTuple):
-    """h ⊖ y, (m,), of a measurement, by the numbers y of its value in a space."""
-
-    off: list[Expr]
-    y: list[Expr]
-    space: MeasuredSpace
 
 
 def _measured(graph: StepGraph, name: str, measured: Measured) -> MeasuredDifference:
@@ -379,53 +357,3 @@ def _end_rows(what: str, zeros: np.ndarray, problem: ProblemData) -> Rows:
     soft = problem.end.soft if isinstance(problem.end, End) else None
     name = f"end {what.split('`')[1]}" if "`" in what else "end"
     return Rows(what, zeros, zeros, None if soft is None else slack_of(soft, zeros, zeros, what), name)
-
-
-class StepColumns:
-    """The numbers of a step as columns x, u, z, p, h of CasADi, for functions of them."""
-
-    def __init__(self, graph: StepGraph, eta: list[Expr], live: list[int]):
-        ca, symbols = casadi(), graph.symbols
-        chosen = [*symbols.parameters, *eta]
-        nodes = [[symbols.state[i] for i in live], symbols.commands, symbols.unknowns, chosen, [symbols.h]]
-        self.columns = [ca.SX.sym(name, len(row)) for name, row in zip("xuzph", nodes, strict=True)]
-        pairs = zip(self.columns, nodes, strict=True)
-        self.known = {node: column[i] for column, row in pairs for i, node in enumerate(row)}
-
-    def of_step(self, results: dict[str, list[Expr]]) -> Any:
-        """(x, u, z, p, h) → the results."""
-        return self._function("equations", self.columns, list("xuzph"), results)
-
-    def of_node(self, name: str, found: list[Expr], values: list[Expr] | None = None) -> Any:
-        """(x, u, p, h) → the result `name`; values: further arguments y, behind these."""
-        x, u, _, p, h = self.columns
-        if values is None:
-            return self._function(name, [x, u, p, h], list("xuph"), {name: found})
-        y = casadi().SX.sym("y", len(values))
-        self.known.update({node: y[i] for i, node in enumerate(values)})
-        return self._function(name, [x, u, p, h, y], list("xuphy"), {name: found})
-
-    def _function(self, name: str, arguments: list[Any], names: list[str], results: dict[str, list[Expr]]) -> Any:
-        ca = casadi()
-        outputs = [ca.vertcat(*casadi_expressions(nodes, self.known)) for nodes in results.values()]
-        return ca.Function(name, arguments, outputs, names, list(results))
-
-
-def functions_of(
-    graph: StepGraph,
-    eta: list[Expr],
-    live: list[int],
-    cost: list[Expr],
-    path: list[Expr],
-    start: list[Expr],
-    end: list[Expr],
-    final: list[Expr],
-    measured: dict[str, MeasuredDifference],
-) -> Functions:
-    columns, after = StepColumns(graph, eta, live), graph.next()
-    by_node = {"cost": cost, "path": path, "start": start, "end": end, "final": final}
-    return Functions(
-        columns.of_step({"residual": graph.residual, "next": [after[i] for i in live]}),
-        **{name: columns.of_node(name, found) for name, found in by_node.items()},
-        measured={name: columns.of_node("measured", one.off, one.y) for name, one in measured.items()},
-    )

@@ -46,6 +46,11 @@ class Inputs:
         """Whether some are functions of the motion, held over each step."""
         return not all(isinstance(source, Signal) for source in self.sources)
 
+    @property
+    def follow(self) -> bool:
+        """Whether some are functions of the motion."""
+        return not all(isinstance(source, (Signal, Command)) for source in self.sources)
+
     def held(self, motion: NodeMotion, before: PyTree = None) -> PyTree:
         """The inputs held over the step that starts with this motion; None where all are signals.
 

@@ -29,7 +29,7 @@ def held(system: System, state: State, h: Scalar, renewal: Scalar | None = None,
 def _with_inputs(system: System, state: State, renewal: Scalar | None, at: AtNode) -> State:
     if system.inputs is None or not system.inputs.holds:
         return state
-    motion = system.motion_at(at(system, state))
+    motion = system.motion_at(at(system, state) if system.inputs.follow else state)
     inputs = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion, state.inputs))
     if renewal is not None:
         inputs = jax.tree.map(lambda new, old: jnp.where(renewal == RENEWED, new, old), inputs, state.inputs)

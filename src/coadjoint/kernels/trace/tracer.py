@@ -44,12 +44,20 @@ class Tracer:
         `args` are PyTrees of arrays of expressions or numbers. Untraceable names what the language lacks. A method
         of an object that equals an earlier one is not traced by JAX again.
         """
-        closed, structure = self._jaxpr(function, args)
-        inputs = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(args)]
-        with np.errstate(all="ignore"):
-            outputs = self._interpreter.run(closed, inputs)
-            outputs = [lift(self.graph, output) for output in outputs]
-        return jax.tree_util.tree_unflatten(structure, outputs)
+        return self.reader(function, *args)(*args)
+
+    def reader(self, function: Callable, *like: object) -> Callable[..., PyTree]:
+        """`trace` of a function that JAX traces here, for any arguments of the shapes of `like`."""
+        closed, structure = self._jaxpr(function, like)
+
+        def trace(*args: object) -> PyTree:
+            inputs = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(args)]
+            with np.errstate(all="ignore"):
+                outputs = self._interpreter.run(closed, inputs)
+                outputs = [lift(self.graph, output) for output in outputs]
+            return jax.tree_util.tree_unflatten(structure, outputs)
+
+        return trace
 
     def _jaxpr(self, function: Callable, args: tuple) -> Any:
         owner = getattr(function, "__self__", None)
