@@ -27,6 +27,7 @@ def run(tmp_path):
     return folder
 
 
+@pytest.mark.long
 def test_the_page_is_written_beside_the_run_and_opened(run, monkeypatch, capsys):
     seen = []
     monkeypatch.setenv("DISPLAY", ":0")

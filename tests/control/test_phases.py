@@ -60,6 +60,7 @@ def test_a_motion_cut_in_two_is_the_same_motion():
     assert "begins with the momenta of `a`" in str(optimum)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("brake", [1.0, 2.0])
 def test_a_switch_between_phases_gives_the_least_time_of_the_closed_form(brake):

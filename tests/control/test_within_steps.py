@@ -51,6 +51,7 @@ def test_the_largest_violation_between_nodes_is_that_of_the_dense_output():
     assert "path_points" in str(optimum)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("course", ["held", "linear"])
 def test_path_points_hold_on_the_dense_output_of_the_run(course):

@@ -81,6 +81,7 @@ def test_it_goes_on_bitwise_in_a_process_without_jax(body, tmp_path):
     assert np.array_equal(loaded.rows, begun)
 
 
+@pytest.mark.long
 def test_another_processor_compiles_it_and_damaged_files_are_refused(body, tmp_path):
     path = body.save(tmp_path / "body.filter")
 

@@ -108,6 +108,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("arguments", "sentence"),

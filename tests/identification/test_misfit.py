@@ -38,6 +38,7 @@ def simulated(forces):
     return co.simulate(plant, STATE, dt=0.05, duration=59.9, inputs=signals, save_every=2, monitors=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100), marks=pytest.mark.long)])
 def test_a_rudder_that_stalls_is_named(seeds):
     """In at least nine of ten logs, and first of all misfits."""

@@ -51,6 +51,7 @@ def test_a_short_identification_shows_none(log, monkeypatch):
     assert sys.stderr.getvalue() == ""
 
 
+@pytest.mark.long
 def test_simulations_are_counted_in_the_log_of_a_batch_job(log, monkeypatch, caplog):
     monkeypatch.setattr(progress, "LOGGED_SECONDS", 0.0)
     with caplog.at_level(logging.INFO, "coadjoint"):

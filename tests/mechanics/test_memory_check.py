@@ -21,7 +21,9 @@ def test_links_that_fit_are_taken(monkeypatch, factor, coupling):
 
 
 @pytest.mark.parametrize(
-    "coupling", ["chain", "ring", "all", [(0, i) for i in range(1, 2000)]], ids=["a", "b", "c", "star"]
+    "coupling",
+    ["chain", "ring", "all", pytest.param([(0, i) for i in range(1, 2000)], marks=pytest.mark.long)],
+    ids=["a", "b", "c", "star"],
 )
 def test_links_that_do_not_fit_are_refused_with_the_number_that_does(monkeypatch, coupling):
     monkeypatch.setattr("coadjoint.memory.installed", lambda: 2e7)

@@ -59,6 +59,7 @@ def test_the_bracket_is_antisymmetric_and_satisfies_jacobi(world):
     assert abs(np.sum(cycle)) <= 1e-13 * size and abs(one + other) <= 1e-13 * abs(one)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("world", FLAT)
 def test_the_vector_field_of_the_energy_is_the_motion(world):
@@ -179,6 +180,7 @@ def test_the_casimirs_of_the_heavy_top_and_of_its_underwater_relative():
     assert set(formulas(top)) == {"a0^2 + a1^2 + a2^2", "m0 a0 + m1 a1 + m2 a2"}
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("world", WORLDS)
 def test_casimirs_commute_with_everything_and_are_kept_by_every_step(world):

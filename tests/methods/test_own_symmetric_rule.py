@@ -58,6 +58,7 @@ def test_a_rule_that_only_says_that_it_is_symmetric_is_refused():
         co.Suzuki4(co.Variational())
 
 
+@pytest.mark.long
 def test_many_symmetric_runs_go_beside_one_another():
     system = body(potential_at_both_nodes)
     start = system.state(xi=co.each([[0.3, -0.4, 1.0], [0.1, 0.2, 2.0]]), a0=[0.0, 0.0, 1.0])

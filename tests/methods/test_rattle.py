@@ -161,6 +161,7 @@ def test_a_curve_that_crosses_itself_is_passed_and_its_crossing_is_known_as_sing
     assert singular_place(system, at(0.8), None) == ""
 
 
+@pytest.mark.long
 def test_rows_that_were_kept_and_become_dependent_are_named_and_chosen_again():
     """Three rows hold two velocities; the second is the first turned by x, and along it again at x = π."""
 

@@ -54,6 +54,7 @@ def test_discrete_energy_is_constant_over_100000_steps(name):
 SOME = [pytest.param(name, marks=() if name == "heavy_top" else pytest.mark.long) for name in MODELS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SOME)
 def test_momenta_are_kept_as_with_fixed_steps(name):
     run, fixed = held(name, VariableStep()), held(name, co.Simpson())

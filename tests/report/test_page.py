@@ -60,6 +60,7 @@ def test_every_number_given_has_its_source(folder: Path):
     assert any(row[0] == "initial.angular_velocity" and "catalogue" in row[-1] for row in rows)
 
 
+@pytest.mark.long
 def test_it_says_how_to_run_it_again_and_lists_what_was_written(folder: Path):
     text = (folder / "report.html").read_text()
     assert html.escape(TOP) in text

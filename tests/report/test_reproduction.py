@@ -92,6 +92,7 @@ def short():
     return compute(duration=2.0, progress=False)
 
 
+@pytest.mark.long
 def test_a_short_one_is_written_and_says_that_it_is_not_the_papers(short, tmp_path, monkeypatch):
     monkeypatch.setattr("coadjoint.report.reproduce.compute", lambda *_: short)
     monkeypatch.setattr("coadjoint.report.reproduce.draw", lambda *_: None)

@@ -82,6 +82,7 @@ def test_what_it_imports_is_copied_and_the_copies_run_alone(folder, tmp_path):
     assert sys.modules["law_of_a_spring"].__file__ == str(tmp_path / "out" / "inputs" / "1" / "law_of_a_spring.py")
 
 
+@pytest.mark.long
 def test_a_changed_module_is_another_run(folder, tmp_path, capsys):
     (folder / "spring.toml").write_text(RUN.format(factory="spring.py"))
     assert main(["run", "home/spring.toml", "--out", "out"]) == 0

@@ -192,6 +192,7 @@ def test_gradients_go_through_reactions(derivative):
     assert slope == pytest.approx((end(2.0 + 1e-4) - end(2.0 - 1e-4)) / 2e-4, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "method",
     [pytest.param(co.Midpoint(), marks=pytest.mark.long), co.HamiltonianMidpoint()],

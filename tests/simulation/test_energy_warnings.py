@@ -61,6 +61,7 @@ def test_brakes_that_only_brake_are_not_named(save_every):
     assert told(run) == [] and run.ends["work_brake"][1] < -0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("save_every", [pytest.param(1, marks=pytest.mark.long), 100])
 def test_members_that_their_brakes_drive_are_named_on_disk_as_in_memory(save_every, tmp_path):
     system = body("brake").replace(wrong=co.each([-1.0, 4.0, -1.0, 6.0]))

@@ -171,6 +171,7 @@ def test_a_loaded_stepper_is_judged_without_jax(tmp_path):
     assert len(said) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("group", "space"),
     [

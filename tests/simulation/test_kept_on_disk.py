@@ -196,6 +196,7 @@ def expected(forces):
         return anew(lambda: driven(forces), patch)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("change", CHANGES)
 def test_another_function_is_never_taken_for_what_was_kept(change, cache, monkeypatch):

@@ -132,6 +132,7 @@ def test_the_velocities_of_the_node_are_sought_only_where_an_observation_reads_t
         assert bool(sought) is reads
 
 
+@pytest.mark.long
 def test_a_stepper_traces_the_velocities_of_a_lagrangian_that_is_not_quadratic_once(monkeypatch):
     calls, solve = [], inverse_legendre._velocities.__wrapped__
 

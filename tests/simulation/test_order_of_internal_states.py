@@ -73,6 +73,7 @@ def error(method, dt, rule=_rule):
     return float(np.max(np.abs(found - exact())))
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_the_order_with_an_actuator_and_a_sampled_controller(method):

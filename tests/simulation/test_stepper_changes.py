@@ -90,6 +90,7 @@ def test_what_does_not_enter_the_lagrangian_changes_no_bit_of_the_state(under_wa
         assert np.array_equal(getattr(under_way.state, name), getattr(state, name))
 
 
+@pytest.mark.long
 def test_a_stuck_fin_stays_where_it_stands_and_a_free_one_follows(under_way):
     angle = float(under_way.observation["rudder"])
     free = under_way.clone()

@@ -42,6 +42,7 @@ def test_from_a_guess_the_steady_turn_of_the_same_angular_momentum_is_found():
     np.testing.assert_allclose(found.xi, [0, 0, np.linalg.norm([0.1, -0.4, 6.0]) / 3], atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("fraction", "stable"), [(0.998, False), (1.002, True)])
 def test_a_sleeping_lagrange_top_is_stable_above_its_critical_spin(fraction, stable):

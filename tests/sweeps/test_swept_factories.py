@@ -95,6 +95,7 @@ def test_a_sweep_of_a_factory_goes_on_with_the_model_that_it_began_with(sweep, b
     assert made.summary["computed_tasks"] == 0 and made.failures == {}
 
 
+@pytest.mark.long
 def test_a_sweep_does_not_go_on_where_the_trace_is_another(sweep, begun, monkeypatch):
     monkeypatch.setattr("coadjoint.sweeps.task.runs.identity", lambda file: {"equations": "others"})
     with pytest.raises(co.errors.FileError, match="its equations differ"):

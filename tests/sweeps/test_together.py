@@ -88,6 +88,7 @@ def test_members_of_a_catalogue_model_step_together_whatever_varies(tmp_path, va
     compared(sweep)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "code", [pytest.param(COMPUTES, marks=pytest.mark.long), LOOKS], ids=["computes", "looks at its start"]
 )

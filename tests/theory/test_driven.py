@@ -169,6 +169,7 @@ def test_the_printed_equations_hold_on_driven_runs(world, kind):
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("kind", "given", "says"),

@@ -207,6 +207,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence():
             co.theory.lagrange_poincare(system, start, **{**good, **change})
 
 
+@pytest.mark.long
 def test_a_step_that_has_no_solution_says_so():
     """Midpoint steps of ẍ = eˣ from rest at x = 0: v = ½h exp(½hv) has no root at h = 2."""
     system = co.System(co.SO2(), lambda xi, x, v: 0.5 * (xi @ xi + v @ v) + jnp.exp(x[0]), additional=co.Trivial(1))

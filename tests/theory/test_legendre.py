@@ -182,6 +182,7 @@ class Own(co.methods.Method, Step):
         return ((self, 1.0),)
 
 
+@pytest.mark.long
 def test_a_rule_of_ones_own_has_transforms_and_is_refused_with_forces():
     system, start = random_system("SO3")
     run = co.simulate(system, start, dt=H, steps=3, method=co.LeftRectangle(), monitors=False)

@@ -29,7 +29,11 @@ def test_a_slope_along_unknowns_is_one_along_the_ends_and_what_the_ends_do_not_s
 
 @pytest.mark.parametrize(
     "rule",
-    [co.Midpoint(), co.LeftRectangle(co.Exponential()), co.Galerkin(co.Exponential(), degree=2)],
+    [
+        co.Midpoint(),
+        co.LeftRectangle(co.Exponential()),
+        pytest.param(co.Galerkin(co.Exponential(), degree=2), marks=pytest.mark.long),
+    ],
     ids=lambda rule: rule.title,
 )
 def test_the_curve_of_a_step_has_its_relative_motion_and_its_action(rule):

@@ -169,6 +169,7 @@ def gap(run) -> float:
     return float(max(high - first, first - low))
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["left", "midpoint", "trapezoidal", "pair", "suzuki"])
 def test_a_damped_vehicle_with_thrust_in_a_current_keeps_its_balances(name):

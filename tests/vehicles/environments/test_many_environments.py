@@ -154,6 +154,7 @@ def test_a_member_that_fails_is_terminated_and_told_and_nothing_is_nan():
     assert not many.stepper.failed[2]
 
 
+@pytest.mark.long
 def test_wrappers_of_gymnasium_count_returns_and_lengths(envs):
     many = RecordEpisodeStatistics(envs["next_step"])
     many.reset(seed=3)

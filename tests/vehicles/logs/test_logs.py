@@ -94,6 +94,7 @@ def test_the_set_points_of_a_log_fly_the_same_mission_again(run, tmp_path):
     assert np.allclose(again.final.g, run.final.g, atol=1e-9)
 
 
+@pytest.mark.long
 def test_rows_that_say_nothing_new_cost_nothing(run, tmp_path):
     found = inputs_from_csv(run.save(tmp_path / "dive.csv"))
     assert [len(found[name].times) for name in ("depth", "heading", "speed")] == [2, 2, 1]

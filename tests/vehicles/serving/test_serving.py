@@ -143,6 +143,7 @@ def test_lockstep_gives_the_motion_of_the_same_commands_to_the_bit(lockstep, cra
     assert answers[-1]["position"][0] > 0.02
 
 
+@pytest.mark.long
 def test_frames_that_come_twice_are_answered_again_and_a_new_start_begins_anew(lockstep):
     first = lockstep.answer(packet(0, AHEAD))
     second = lockstep.answer(packet(1, AHEAD))

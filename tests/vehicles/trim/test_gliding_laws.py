@@ -41,6 +41,7 @@ def travel(part: Part, start: Any, command: float, h: float, steps: int, which: 
     return found
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("h", [0.05, 0.3])
 def test_a_moving_mass_runs_at_its_rate_and_stops_at_its_command_and_at_its_ends(h):

@@ -155,6 +155,7 @@ def test_first_velocities_are_those_of_the_origin_wherever_each_place_is_measure
     np.testing.assert_allclose(found.v, v, atol=1e-12)
 
 
+@pytest.mark.long
 def test_what_is_compared_is_what_a_sensor_of_that_place_reads(dive):
     """q + Rr and ν + ω × r."""
     names, (craft, _, run) = ("north", "east", "depth", "u", "v", "w"), dive

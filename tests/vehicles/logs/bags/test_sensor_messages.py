@@ -70,6 +70,7 @@ def test_readings_are_read_back_as_they_were(run, bags, axes):
     np.testing.assert_allclose(depth, read["pressure"].values, rtol=1e-13)
 
 
+@pytest.mark.long
 def test_the_motion_itself_comes_first_and_water_is_what_the_bag_says(run, bags):
     log, records = read_log(bags / "ENU.mcap"), VehicleRecords(run[0].dataset)
     assert len(log) == len(records.time) and np.array_equal(log.columns["p"], records.rates[:, 0])
