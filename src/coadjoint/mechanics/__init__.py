@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.members import each as each
     from coadjoint.mechanics.multipliers import reactions_at as reactions_at
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
+    from coadjoint.mechanics.own_time import in_own_time as in_own_time
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket
     from coadjoint.mechanics.signals import Held as Held
