@@ -15,15 +15,19 @@ TOP = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ INERTIA @ xi - a[2] - 0.5 * a
 START = TOP.state(xi=[0.3, 0.5, 1.0], a0=[0.2, 0, 1])
 
 
-def test_a_harmonic_oscillator_keeps_its_shadow_energy_of_the_closed_form():
-    """The midpoint rule turns by 2 arctan(h/2) a step: H̃ = H (2/h) arctan(h/2) for H = ½(p² + q²)."""
+@pytest.mark.parametrize(
+    "method", [co.methods.Yoshida4(co.Midpoint()), pytest.param(co.Midpoint(), marks=pytest.mark.long)]
+)
+def test_a_harmonic_oscillator_keeps_its_shadow_energy_of_the_closed_form(method):
+    """A step turns by the sum φ of 2 arctan(γh/2) over substeps γh: H̃ = Hφ/h for H = ½(p² + q²)."""
     oscillator = co.System(
         co.Translation(0), lambda xi, n, nu: 0.5 * nu @ nu - 0.5 * n @ n, additional=co.Trivial(1), name="oscillator"
     )
     h = 0.1
-    run = co.simulate(oscillator, oscillator.state(q=[1.0], qdot=[0.3]), dt=h, steps=40)
+    run = co.simulate(oscillator, oscillator.state(q=[1.0], qdot=[0.3]), dt=h, steps=40, method=method)
     found = shadow_energy(run, points=13)
-    np.testing.assert_allclose(found.values, 0.5 * 1.09 * (2 / h) * np.arctan(h / 2), rtol=1e-11)
+    phi = sum(2 * np.arctan(0.5 * fraction * h) for _, fraction in method.stages)
+    np.testing.assert_allclose(found.values, 0.5 * 1.09 * phi / h, rtol=1e-11)
     np.testing.assert_allclose(found.t, h * np.arange(6, 35))
 
 
@@ -34,6 +38,20 @@ def test_the_shadow_energy_of_a_top_stays_where_its_energy_oscillates(rule):
     assert run.relative_change("energy") > 1e-4
     assert shadow_energy(run).relative_change < 1e-10
     assert shadow_energy(run, points=13).relative_change < 1e-13
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("method", "most", "shadow"),
+    [
+        (co.methods.LeftRight(), 5e-5, 1e-13),
+        (co.Suzuki4(co.Trapezoidal()), 1e-9, 1e-13),
+    ],
+)
+def test_the_shadow_energy_of_a_composition_stays(method, most, shadow):
+    run = co.simulate(TOP, START, dt=0.02, duration=10, method=method)
+    assert run.relative_change("energy") > most
+    assert shadow_energy(run, points=13).relative_change < shadow
 
 
 @pytest.mark.long
@@ -52,12 +70,12 @@ def test_its_change_falls_with_the_order_of_the_polynomial_on_a_space_beside_the
 def test_other_runs_and_methods_raise():
     run = co.simulate(TOP, START, dt=0.1, steps=12)
     pushed = TOP.with_forces({"drag": lambda motion: co.Force(torque=-0.1 * motion.xi)})
-    composed = co.simulate(TOP, START, dt=0.1, steps=12, method=co.Suzuki4(co.Midpoint()))
+    without = co.simulate(TOP, START, dt=0.1, steps=12, method=co.EnergyMomentum())
     cases = [
         (lambda: shadow_energy(3), "must be a run of co.simulate"),
         (lambda: shadow_energy(run, points=4), "`points` must be odd"),
         (lambda: shadow_energy(run, points=15), "needs 16 records: 13 are few"),
-        (lambda: shadow_energy(composed), "one discrete Lagrangian a step, which Suzuki4"),
+        (lambda: shadow_energy(without), "one discrete Lagrangian a substep, which EnergyMomentum"),
         (lambda: shadow_energy(co.simulate(pushed, START, dt=0.1, steps=12)), "a motion that conserves energy"),
     ]
     for call, says in cases:
