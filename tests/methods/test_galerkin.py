@@ -312,6 +312,3 @@ def test_what_galerkin_refuses():
         co.Galerkin(degree=5)
     with pytest.raises(ArgumentError, match="Galerkin starts from momenta"):
         co.Galerkin(start="velocity")
-    system, start = random_system("SO3 on a sphere")
-    with pytest.raises(ArgumentError, match="needs a flat space of additional dynamics"):
-        co.simulate(system, start, dt=0.1, duration=1, method=co.Galerkin())

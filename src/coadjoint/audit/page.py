@@ -88,8 +88,8 @@ After this page you know how each method keeps its claims. `{command}` writes it
 
 Every method runs on every system over the difference maps of the table. `Pade` and `SecondKind` run on four systems
 ({quick}) with the methods up to order 2. On SE(3) Galerkin's method of
-order 8, and over the exponential its others, are too large for native code and were not measured. The columns are the
-claimed order, the least and greatest measured, and the worst over the systems of
+order 8, and over the exponential its others, are too large for native code and were not measured, as is that of order 8
+on the curved Q. The columns are the claimed order, the least and greatest measured, and the worst over the systems of
 
 - *symplectic*: the change of the two-form ω(δ₁, δ₂) over one step, relative to the sizes of its terms; within
   {symplectic:.0e}. The tangents are differences of order 8 of steps along curves.

@@ -162,14 +162,18 @@ SHIPPED: tuple[Shipped, ...] = (
 def audited(shipped: Shipped, tau: str, problem: AuditSystem) -> bool:
     """Whether a method over a map on a system is audited.
 
-    Left out are maps that are not `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`, and
-    on SE(3) Galerkin's of order 8 and all of Galerkin's over the exponential: such a step is too large for native code,
-    and XLA takes minutes for it. Orders with an internal state and constrained systems are audited over the Cayley map.
+    Left out are maps that are not `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`,
+    Galerkin's of order 8 on SE(3) and on a curved Q, and all of Galerkin's on SE(3) over the exponential: such a step
+    is too large for native code, and XLA takes minutes for it. Orders with an internal state and constrained systems
+    are audited over the Cayley map.
     """
     if (problem.internal or problem.constrained) and tau in MAPS and tau != "Cayley":
         return False
     method = shipped.make(MAPS.get(tau, Cayley()))
     if tau in MAPS and tau not in FOR_EVERY_METHOD and (problem.name not in QUICK or method.claims.order > 2):
         return False
-    large = isinstance(method, Galerkin) and (tau == "Exponential" or method.degree == 4)
-    return not (large and isinstance(problem.system.group, SE3))
+    if not isinstance(method, Galerkin):
+        return True
+    on_se3 = isinstance(problem.system.group, SE3)
+    large = method.degree == 4 and (on_se3 or not problem.system.additional.flat)
+    return not (large or (on_se3 and tau == "Exponential"))

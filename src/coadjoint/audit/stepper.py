@@ -88,6 +88,6 @@ def _fine(problem: AuditSystem, time: float, h: float) -> State:
 
 @lru_cache(maxsize=64)
 def _reference(problem: AuditSystem) -> AuditStepper:
-    """Galerkin's, save on a curved Q, where it does not go, and on SE(3), where its kernel takes long to make."""
+    """Galerkin's, save on a curved Q and on SE(3), where its kernel takes long to make."""
     small = problem.system.additional.flat and problem.system.group.dim <= 3
     return AuditStepper(Galerkin(degree=3) if small else Suzuki4(LeftRight()), problem.system, problem.start)

@@ -16,9 +16,8 @@ from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.methods.quadrature import gauss
+from coadjoint.methods.quadrature import gauss, lobatto
 from coadjoint.methods.step import Step
-from coadjoint.spaces.space import require_flat
 
 
 class _Node(NamedTuple):
@@ -34,10 +33,11 @@ class _Node(NamedTuple):
 
 
 class _Curve(NamedTuple):
-    """The curve of a step: Θ₀, Θ₁, X = τ(Θ₀)⁻¹, x₀, x₁, the advected parameters at the middle, and the nodes."""
+    """The curve of a step: Θ₀, Θ₁, τ(Θ₀), X = τ(Θ₀)⁻¹, x₀, x₁, the advected parameters at the middle, and the nodes."""
 
     first: Array
     last: Array
+    start: Element
     back: Element
     x_first: Array
     x_last: Array
@@ -59,8 +59,17 @@ class Galerkin(Method, Step):
 
     p = dτ*_{−Θ} ∂_ξℓ, r = ∂_Θ⟨∂_ξℓ, dτ_{−Θ} Ω⟩ + dτ*_{−Θ} D/h, a_ij = ∫₀^{c_i} L_j, m_j = ∫₀^½ L_j, α_ij = a_ij − m_j;
     then g_{k+1} = g_k X τ(Θ₁), μ_{k+1} = Ad*_{τ(Θ₁)} μ̃₁, π_{k+1} = τ(Θ₁)*π̃₁. degree: s, 1 to 4, by default 2; s = 1 is
-    Midpoint. A record holds ξ and ν of the curve at the middle, the nodes' Ω, V in `memory`: (s (dim G + dim Q),).
-    Raises ArgumentError for a curved Q and for a velocity start. (Marsden–West 2001, section 2.6; Hall–Leok 2017.)
+    Midpoint. A record holds ξ and ν of the curve at the middle, the nodes' Ω, V in `memory`: (s (dim G + ambient),).
+
+    On a curved Q ⊂ W the polynomial x of W goes through points X_j ∈ Q at Lobatto's s + 1 nodes, x = Σ X_j M_j, and Λ
+    is stationary among these. With R_j = Σ_i b_i (M_j(c_i) H_i⁻*κ_i + M_j′(c_i) H_i⁻*∂_νℓ_i) the second line becomes
+
+        π̃₀ + R₀ = 0 on T_{X₀}Q, R_j = 0 on T_{X_j}Q, 0 < j < s; then π̃₁ = R_s on T_{X_s}Q.
+
+    Off its points x leaves Q by O(h^{s+1})(t − X's nodes), orthogonal to polynomials of degree s − 2: the order stays
+    2s. X_j = τ(Θ₀)·ρ(n, hE_n y_j) with unknowns y_j; the step depends on neither ρ nor E.
+    Raises ArgumentError for a velocity start and for actions that are not affine. (Marsden–West 2001, section 2.6;
+    Hall–Leok 2017; the points on Q are this library's own.)
     """
 
     constrainable = False
@@ -89,10 +98,6 @@ class Galerkin(Method, Step):
     def title(self) -> str:
         return f"Galerkin({self.difference_map!r}, degree={self.degree})"
 
-    def require_fit(self, system: System) -> None:
-        super().require_fit(system)
-        require_flat(system.additional, "Galerkin", "use co.Midpoint, or a composition of it for a higher order")
-
     def remember(self, system: System, state: State) -> State:
         """Ω and V of the last step; at a start, constant velocities."""
 
@@ -106,15 +111,25 @@ class Galerkin(Method, Step):
         return self.degree * of_g, self.degree * of_q
 
     def _velocities(self, system: System, z: Array) -> tuple[Array, Array]:
-        """Ω (s, dim G) and V (s, dim Q)."""
+        """Ω (s, dim G) and V (s, ambient), or y (s, dim Q)."""
         split = self.blocks(system)[0]
-        return z[:split].reshape(self.degree, -1), z[split:].reshape(self.degree, system.additional.dim(system.group))
+        width = (z.shape[0] - split) // self.degree
+        return z[:split].reshape(self.degree, -1), z[split:].reshape(self.degree, width)
 
     def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
-        """The velocities at the middle, where dτ = 1, and the unknowns themselves."""
+        """The velocities at the middle, where dτ = 1, and those of the nodes."""
         omega, v = self._velocities(system, z)
-        middle = gauss(self.degree).middle
-        return state.replace(xi=middle @ omega, nu=middle @ v, memory=z)
+        if not system.additional.flat:
+            v = self._through_points(system, state, h, omega, v)
+        middle, memory = gauss(self.degree).middle, jnp.concatenate([jnp.ravel(omega), jnp.ravel(v)])
+        return state.replace(xi=middle @ omega, nu=middle @ v, memory=memory)
+
+    def _through_points(self, system: System, state: State, h: Scalar, omega: Array, y: Array) -> Array:
+        """V of the polynomial through n and ρ(n, hE_n y_j), in the frame of the middle."""
+        group, Q, _ = system.places
+        start = self.difference_map.tau(group, -h * (gauss(self.degree).half @ omega))
+        chords = [Q.difference(group, state.n, h * Q.tangent(group, state.n, at)) / h for at in y]
+        return lobatto(self.degree).slope[:, 1:] @ jnp.stack([Q.push(group, start, state.n, d) for d in chords])
 
     def guess(self, system: System, state: State, h: Scalar) -> Array:
         """The curve of the last step, continued by its polynomials, in the frame of the new middle.
@@ -128,10 +143,12 @@ class Galerkin(Method, Step):
         xi = [tau.dtau(group, -at, old) for at, old in zip(theta, omega, strict=True)]
         theta = h * (rule.centred @ omega)
         omega = jnp.stack([tau.dtau_inverse(group, -at, own) for at, own in zip(theta, xi, strict=True)])
-        last = self._ends(system, state, h)[1]
-        first = -h * (rule.half @ omega)
-        turned = group.compose(tau.tau(group, first), tau.tau(group, -last))
+        turned = tau.tau(group, -self._ends(system, state, h)[1])
+        if Q.flat:
+            turned = group.compose(tau.tau(group, -h * (rule.half @ omega)), turned)
         v = jnp.stack([Q.push(group, turned, state.n, at) for at in v])
+        if not Q.flat:
+            v = jnp.stack([Q.coordinates(group, state.n, at) for at in lobatto(self.degree).reach @ v])
         return jnp.concatenate([jnp.ravel(omega), jnp.ravel(v)])
 
     def _ends(self, system: System, record: State, h: Scalar) -> tuple[Array, Array]:
@@ -148,7 +165,7 @@ class Galerkin(Method, Step):
         theta, x = h * (rule.centred @ omega), x_first + h * (rule.until @ v)
         t = record.t + h * rule.c
         nodes = [self._node(system, record, theta[i], omega[i], x[i], v[i], a, t[i]) for i in range(self.degree)]
-        return _Curve(first, last, group.inverse(start), x_first, x_first + h * (rule.b @ v), a, nodes)
+        return _Curve(first, last, start, group.inverse(start), x_first, x_first + h * (rule.b @ v), a, nodes)
 
     def _node(
         self, system: System, record: State, theta: Array, omega: Array, x: Array, v: Array, a: Array, t: Scalar
@@ -181,6 +198,20 @@ class Galerkin(Method, Step):
         mu = group.Ad_dual(curve.back, record.mu)
         return pi, mu + h * self._sum(curve, "torque"), pi + h * self._sum(curve, "force")
 
+    def _along_points(self, curve: _Curve, h: Scalar) -> Array:
+        """R_j = ∂Λ/∂X_j, (s + 1, ambient)."""
+        points, b = lobatto(self.degree), gauss(self.degree).b[:, None]
+        P, force = (jnp.stack([getattr(at, name) for at in curve.nodes]) for name in ("P", "force"))
+        return (b * points.slope).T @ P + h * ((b * points.value).T @ force)
+
+    def _on_q(self, system: System, record: State, h: Scalar, curve: _Curve, pi: Array) -> list[Array]:
+        """π̃₀ + R₀ and the R_j between the ends on the tangent spaces of Q, s of shape (dim Q,) in n's frame."""
+        group, Q, _ = system.places
+        slopes, v = self._along_points(curve, h), self._velocities(system, record.memory)[1]
+        between = curve.x_first + h * (lobatto(self.degree).reach[:-1] @ v)
+        rows = [pi + slopes[0], *(Q.project(group, x, R) for x, R in zip(between, slopes[1:-1], strict=True))]
+        return [Q.coordinates(group, record.n, Q.pull(group, curve.start, record.n, row)) for row in rows]
+
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         group, rule = system.group, gauss(self.degree)
         curve = self._curve(system, record, h)
@@ -190,6 +221,8 @@ class Galerkin(Method, Step):
         p, r, P, force = (jnp.stack([getattr(at, name) for at in curve.nodes]) for name in ("p", "r", "P", "force"))
         share = (rule.half / rule.b)[:, None]
         of_g = p + h * ((rule.centred.T * rule.b / rule.b[:, None]) @ r) - share * left - (1 - share) * right
+        if not system.additional.flat:
+            return jnp.concatenate([jnp.ravel(of_g), *self._on_q(system, record, h, curve, pi)])
         return jnp.concatenate([jnp.ravel(of_g), jnp.ravel(P - pi - h * (rule.until @ force))])
 
     def advance(self, system: System, record: State, h: Scalar) -> State:
@@ -199,13 +232,14 @@ class Galerkin(Method, Step):
         end = self.difference_map.tau(group, curve.last)
         back = group.inverse(end)
         n = Q.act(group, back, curve.x_last)
+        legendre = pi if Q.flat else self._along_points(curve, h)[-1]
         return record.later(
             h,
             g=group.compose(record.g, group.compose(curve.back, end)),
             n=n,
             a=V.act(group, back, curve.a),
             mu=group.Ad_dual(end, mu),
-            pi=Q.pull(group, end, n, pi),
+            pi=Q.momentum(group, n, Q.pull(group, end, n, pi), Q.pull(group, end, n, legendre)),
         )
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:

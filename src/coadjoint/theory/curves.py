@@ -32,7 +32,7 @@ from coadjoint.methods import (
     Variational,
 )
 from coadjoint.methods.increments import HalfStepSquared
-from coadjoint.methods.quadrature import gauss
+from coadjoint.methods.quadrature import gauss, lobatto
 from coadjoint.methods.step import Step
 from coadjoint.methods.variable_step import Paced
 
@@ -211,17 +211,34 @@ def _in_group_form(system: System, step: GroupVariational, h: Scalar, record: St
 
 
 def _galerkin(system: System, step: Galerkin, h: Scalar, record: State) -> Trial:
-    """g(t) = ḡτ(Θ(t)), q(t) = ḡ·x(t) with polynomials of the velocities Ω, V at Gauss's nodes; Θ = 0 in the middle."""
+    """g(t) = ḡτ(Θ(t)), q(t) = ḡ·x(t) with polynomials of the velocities Ω, V at Gauss's nodes; Θ = 0 in the middle.
+
+    On a curved Q z holds Ω, tangents at the points of x between the ends, and the chord s − n.
+    """
     group, Q, _ = system.places
     tau, rule = step.difference_map, gauss(step.degree)
     split = step.degree * group.dim
+    given, through = record.memory[split:].reshape(step.degree, -1), lobatto(step.degree)
+    to_end = h * (through.reach @ given)
+
+    def velocities(z: Array, back: Element, n: Array) -> Array:
+        if Q.flat:
+            return z[split:].reshape(given.shape)
+        half = -h * (rule.half @ record.memory[:split].reshape(step.degree, -1))
+        points = Q.act(group, tau.tau(group, half), record.n) + to_end[:-1]
+        moves, chord = (
+            z[split : -n.shape[0]].reshape(step.degree - 1, Q.dim(group)),
+            Q.push(group, back, n, z[-n.shape[0] :]),
+        )
+        between = [x + Q.tangent(group, x, w) - Q.act(group, back, n) for x, w in zip(points, moves, strict=True)]
+        return through.slope[:, 1:] @ jnp.stack([*between, chord]) / h
 
     def curve(z: Array, n: Array, a: Array) -> Curve:
-        omega, v = z[:split].reshape(step.degree, -1), z[split:].reshape(step.degree, Q.dim(group))
+        omega = z[:split].reshape(step.degree, -1)
         theta = h * (rule.centred @ omega)
         to_middle = group.inverse(tau.tau(group, -h * (rule.half @ omega)))  # ḡ seen from node k
         back = group.inverse(to_middle)
-        start = Q.act(group, back, n)
+        start, v = Q.act(group, back, n), velocities(z, back, n)
         x = start + h * (rule.until @ v)
         places = []
         for i in range(step.degree):
@@ -233,4 +250,9 @@ def _galerkin(system: System, step: Galerkin, h: Scalar, record: State) -> Trial
         d = Q.push(group, to_middle, start, h * (rule.b @ v))
         return Curve(F, d, places, _action(system, record, h, places))
 
-    return Trial(record.memory, curve)
+    if Q.flat:
+        return Trial(record.memory, curve)
+    back = tau.tau(group, h * (rule.half @ record.memory[:split].reshape(step.degree, -1)))
+    chord = Q.push(group, back, record.n, to_end[-1])
+    still = jnp.zeros((step.degree - 1) * Q.dim(group))
+    return Trial(jnp.concatenate([record.memory[:split], still, chord]), curve)
