@@ -11,14 +11,14 @@ import pytest
 
 import coadjoint as co
 from coadjoint.audit.figures import BINS, energy_figure, order_figure
-from coadjoint.audit.findings import Audit, Cell, Finding
+from coadjoint.audit.findings import Audit, Cell, Finding, reasons
 from coadjoint.audit.long_run import INTERVALS, LongRun, drift
 from coadjoint.audit.order import Convergence, convergence, error_after, fit
 from coadjoint.audit.page import ENERGY, NUMBERS, ORDERS, PAGE, write
 from coadjoint.audit.shipped import with_hamiltonian, with_left_rectangle
 from coadjoint.audit.stepper import REFERENCE_TOLERANCE, exact, uncertainty
 from coadjoint.audit.systems import AuditSystem
-from coadjoint.audit.tables import COLUMNS, _span, _worst, by_system, markdown, rows, summary
+from coadjoint.audit.tables import OVER_MAPS, _span, _worst, by_system, markdown, rows, summary
 from coadjoint.errors import FileError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -129,6 +129,19 @@ def test_a_row_has_the_worst_of_all_systems():
     assert row[-3:] == ("–", "–", "yes")
 
 
+def test_maps_may_share_a_row_of_the_worst_and_methods_a_reason():
+    over = (cell(), cell(tau="Exponential", findings=(order(1.9),)))
+    assert [row[1] for row in rows(Audit(over, 1.0))] == ["Cayley", "Exponential"]
+    (row,) = rows(Audit(over, 1.0), by_map=False)
+    assert row[1:4] == ("2", "2", "1.90–2.01")
+    said = (
+        "Simpson(Cayley(), n=2) needs a flat space, but got Sphere(): use a chart.",
+        "co.Gauss takes no b, but got c.",
+    )
+    found = reasons([("Simpson(n=2)", said[0]), ("Other", said[0]), ("Gauss", said[1])])
+    assert found == ["Simpson(n=2), Other: needs a flat space: use a chart.", "Gauss: takes no b."]
+
+
 @pytest.mark.long
 def test_the_page_has_the_verdict_the_tables_and_the_figures(tmp_path):
     watched = cell(convergence=measured(2.0), long_run=LongRun(np.arange(200.0), np.ones(200), 1e-3, 0.0, 0.0))
@@ -139,8 +152,8 @@ def test_the_page_has_the_verdict_the_tables_and_the_figures(tmp_path):
     assert all(path.stat().st_size > 1000 for path in figures)
     text = page.read_text()
     assert "`coadjoint audit` writes it." in text and "Not every claim was shown:\n\n- Galerkin has shown" in text
-    assert "- Galerkin over Cayley on curved: It needs a flat space" in text and "a system of your own" in text
-    assert markdown(COLUMNS, rows(Audit((watched, lost), 1.0))) in text and f"figures/{ENERGY}" in text
+    assert "- Galerkin: It needs a flat space" in text and "a system of your own" in text
+    assert markdown(OVER_MAPS, rows(Audit((watched, lost), 1.0), by_map=False)) in text and f"figures/{ENERGY}" in text
     assert json.loads(numbers.read_text())["failures"] == Audit((watched, lost), 1.0).failures
     written = write(Audit((cell(convergence=measured(2.0)),), 1.0), tmp_path / "one", "audit")
     assert [path.name for path in written] == [PAGE, NUMBERS, ORDERS]
@@ -201,7 +214,7 @@ def test_a_failure_says_what_was_claimed_and_what_was_measured():
         "Midpoint over Cayley on body: order could not be measured: a step failed.",
         "Galerkin has shown nothing, as it was refused everywhere: It needs a flat space",
     ]
-    assert audit.refusals == ["Galerkin over Cayley on curved: It needs a flat space"]
+    assert audit.refusals == ["Galerkin: It needs a flat space"]
     assert not audit.passed and not Audit((), 1.0).passed and Audit((cell(),), 1.0).passed
     found = summary(audit)
     assert found["passed"] is False and found["failures"] == audit.failures and len(found["cells"]) == 3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -65,12 +67,8 @@ class Audit:
 
     @property
     def refusals(self) -> list[str]:
-        """What methods do not take, a line for every reason."""
-        found: dict[tuple[str, str], dict[str, list[str]]] = {}
-        for cell in self.cells:
-            if cell.refusal:
-                found.setdefault((cell.method, cell.refusal), {}).setdefault(cell.system, []).append(cell.map)
-        return [f"{method} over {_places(systems)}: {why}" for (method, why), systems in found.items()]
+        """What methods do not take: a line for each reason, with the methods that give it."""
+        return reasons((cell.method, cell.refusal) for cell in self.cells if cell.refusal)
 
     @property
     def failures(self) -> list[str]:
@@ -83,12 +81,16 @@ class Audit:
         return found
 
 
-def _places(systems: dict[str, list[str]]) -> str:
-    """Maps and the systems that have them in common, as "Cayley, Pade(2) on heavy top, plane motion"."""
-    shared: dict[str, list[str]] = {}
-    for system, maps in systems.items():
-        shared.setdefault(", ".join(maps), []).append(system)
-    return "; ".join(f"{maps} on {', '.join(names)}" for maps, names in shared.items())
+def reasons(refusals: Iterable[tuple[str, str]]) -> list[str]:
+    """Methods by what they say, without their names and what they got: "Galerkin, MuntheKaas: needs a flat space"."""
+    found: dict[str, dict[str, None]] = {}
+    for method, sentence in refusals:
+        found.setdefault(_GOT.sub("", _SUBJECT.sub("", sentence)), {})[method] = None
+    return [f"{', '.join(methods)}: {reason}" for reason, methods in found.items()]
+
+
+_SUBJECT = re.compile(r"^(?:co\.)?[A-Z]\w{2,}(?:\(.*?\))? (?=(?:takes|needs|has|is|holds) )")
+_GOT = re.compile(r",? but got .*?(?=: |\.?$)")
 
 
 def _sentence(cell: Cell, found: Finding) -> str:

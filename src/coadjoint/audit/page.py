@@ -19,7 +19,7 @@ from coadjoint.audit.audit import (
 from coadjoint.audit.figures import energy_figure, order_figure
 from coadjoint.audit.findings import Audit
 from coadjoint.audit.systems import PROBLEMS, QUICK
-from coadjoint.audit.tables import COLUMNS, by_system, markdown, rows, summary
+from coadjoint.audit.tables import OVER_MAPS, by_system, markdown, rows, summary
 from coadjoint.errors import rephrased
 from coadjoint.plotting.style import save
 from coadjoint.report.summary import to_json, versions
@@ -66,7 +66,8 @@ def text(audit: Audit, command: str, figures: list[str]) -> str:
     refused = f"What methods do not support:\n\n{refused}\n\n" if refused else ""
     return _PAGE.format(
         refused=refused, quick=", ".join(QUICK),
-        command=command, verdict=verdict, table=markdown(COLUMNS, rows(audit)), systems=described,
+        command=command, numbers=NUMBERS, verdict=verdict, systems=described,
+        table=markdown(OVER_MAPS, rows(audit, by_map=False)),
         orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
         reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, wandering=WANDERING,
         on_constraints=ON_CONSTRAINTS, figures=shown,
@@ -86,10 +87,11 @@ _PAGE = """# Audit: claims of the methods and measurements
 
 After this page you know how each method keeps its claims. `{command}` writes it. {verdict}
 
-Every method runs on every system over the difference maps of the table. `Pade` and `SecondKind` run on four systems
+Every method runs on every system over the difference maps that fit. `Pade` and `SecondKind` run on four systems
 ({quick}) with the methods up to order 2. On SE(3) Galerkin's method of
 order 8, and over the exponential its others, are too large for native code and were not measured, as is that of order 8
-on the curved Q. The columns are the claimed order, the least and greatest measured, and the worst over the systems of
+on the curved Q. `{numbers}` has each map and system. The columns are the map, or the number of maps, the claimed order,
+the least and greatest measured, and the worst over maps and systems of
 
 - *symplectic*: the change of the two-form ω(δ₁, δ₂) over one step, relative to the sizes of its terms; within
   {symplectic:.0e}. The tangents are differences of order 8 of steps along curves.

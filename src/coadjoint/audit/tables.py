@@ -22,18 +22,23 @@ COLUMNS = (
     "gap",
     "shown",
 )
+OVER_MAPS = tuple("maps" if head == "map" else head for head in COLUMNS)
+"""Heads of a table that has a row for all maps of a method."""
 
 
-def rows(audit: Audit) -> list[tuple[str, ...]]:
-    """A row for each method and map that the method takes: the worst measurement over all systems."""
+def rows(audit: Audit, *, by_map: bool = True) -> list[tuple[str, ...]]:
+    """A row for each method, and map that it takes: the worst measurement over all systems.
+
+    by_map: whether each map has its row; otherwise all maps of a method share one, with their number.
+    """
     found: dict[tuple[str, str], list[Cell]] = {}
     for cell in audit.cells:
         if not cell.refusal:
-            found.setdefault((cell.method, cell.map), []).append(cell)
-    return [_row(method, tau, cells) for (method, tau), cells in found.items()]
+            found.setdefault((cell.method, cell.map if by_map else ""), []).append(cell)
+    return [_row(method, cells) for (method, _), cells in found.items()]
 
 
-def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
+def _row(method: str, cells: Sequence[Cell]) -> tuple[str, ...]:
     def of(claim: str) -> list[Finding]:
         return [finding for cell in cells for finding in cell.findings if finding.claim == claim]
 
@@ -41,9 +46,10 @@ def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
     asked = [cell for cell in cells if any(finding.claim == "energy" for finding in cell.findings)]
     long_runs = [cell.long_run for cell in asked if cell.long_run is not None]
     exact = any(finding.claimed == "exact" for finding in of("energy"))
+    maps = list(dict.fromkeys(cell.map for cell in cells))
     return (
         method,
-        tau,
+        maps[0] if len(maps) == 1 else str(len(maps)),
         str(cells[0].order),
         _span(orders),
         *(_worst([found.measured for found in of(claim)]) for claim in ("symplectic", "symmetric", "momentum")),
