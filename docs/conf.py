@@ -23,6 +23,7 @@ extensions = [
     "formulas",
     "names",
     "notebooks",
+    "searching",
 ]
 root_doc = "docs/index"
 include_patterns = [
@@ -46,6 +47,8 @@ toc_object_entries_show_parents = "hide"
 maximum_signature_line_length = 90
 
 html_theme = "furo"
+pygments_style = "a11y-light"
+pygments_dark_style = "a11y-dark"
 html_title = f"coadjoint {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
@@ -54,5 +57,5 @@ html_favicon = "_static/favicon.svg"
 html_extra_path = ["_extra"]  # index.html beside docs/ leads to the first page
 html_copy_source = False
 html_show_copyright = False
-html_show_search_summary = False  # they are fetched, which browsers refuse from a disk
+html_show_search_summary = False  # _site/searching.py makes them, from a disk too
 html_theme_options = {"navigation_with_keys": True}

@@ -49,12 +49,16 @@ def test_a_link_that_leads_nowhere_fails_the_build(tmp_path: Path, link: str) ->
     (tmp_path / "docs").mkdir()
     (tmp_path / "examples").mkdir()
     (tmp_path / "examples" / "one.py").write_text("print(1)\n")
-    (tmp_path / "docs" / "other.md").write_text("# Other\n\n## A heading\n")
+    (tmp_path / "docs" / "other.md").write_text("# Other\n\n## A heading\n\nWords below *it*.\n")
     (tmp_path / "docs" / "index.md").write_text(f"# Pages\n\n**Start here**\n\n- [other](other.md)\n\n{text}\n")
     done = build(tmp_path, tmp_path / "out")
     if link == "good":
         assert done.returncode == 0, done.stderr
         assert (tmp_path / "out" / "docs" / "other.html").is_file()
+        searched = (tmp_path / "out" / "search.html").read_text(encoding="utf-8")
+        assert searched.index("searchtexts.js") < searched.index("static/search.js")
+        texts = (tmp_path / "out" / "_static" / "searchtexts.js").read_text(encoding="utf-8")
+        assert '["a-heading","Words below it."]' in texts and "searchtexts.js" not in text
     else:
         assert done.returncode != 0
         assert re.search(r"docs/index.md:\d+: WARNING: .*(another.md|no-heading|none.py)", done.stderr)
