@@ -29,7 +29,12 @@ UNTIMED = ("-m", "pytest", "-n", "2", "--all")
 """Runs tests without a limit on the cost of each: the processor time of other versions is not what the limit is for."""
 SITE = 120
 """Processor time that the site may take, s; it takes some 20 on a fast processor."""
-EXTRAS = ("tests/docs/test_site.py", "tests/docs/test_example_notebooks.py", "tests/benchmarks")
+EXTRAS = (
+    "tests/docs/test_site.py",
+    "tests/docs/test_site_contrast.py",
+    "tests/docs/test_example_notebooks.py",
+    "tests/benchmarks",
+)
 """Tests that need more than the extra `test`, and are skipped without it."""
 OTHER_LIBRARIES = "tests/docs/test_docs.py::test_recipes_with_other_libraries_run_where_they_are_installed"
 

@@ -24,8 +24,8 @@ COLUMN = 3.5
 PAGE = 7.2
 """Width of a figure over both columns, in inches."""
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito's palette (2008), without its yellow, which is too pale for lines."""
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B87900", "#2B8CC4", "#000000")
+"""Okabe and Ito's palette (2008) without its yellow; orange and sky blue are darkened to a contrast of 3 on white."""
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 """Line styles that distinguish curves which coincide or are printed in grey."""
 

@@ -164,7 +164,7 @@ def failure_map(made: SweepResults) -> Figure:
             axes.set(xlabel=_short(a, 1), ylabel=_short(b, 1))
             for order, code in enumerate(sorted(set(codes.tolist()), key=abs)):
                 here = codes == code
-                colour = "#bbbbbb" if code == 0 else style.COLOURS[1 + (order - 1) % 6]
+                colour = "#8c8c8c" if code == 0 else style.COLOURS[1 + (order - 1) % 6]
                 own = {"markersize": 1.5 if code == 0 else 3.5, "color": colour, "linestyle": ""}
                 (mark,) = axes.plot(numbers[a][here], numbers[b][here], "." if code == 0 else "x", **own)
                 marks.setdefault("good" if code == 0 else CAUSES.get(code, str(code)), mark)
