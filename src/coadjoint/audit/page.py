@@ -90,8 +90,10 @@ After this page you know how each method keeps its claims. `{command}` writes it
 Every method runs on every system over the difference maps that fit. `Pade` and `SecondKind` run on four systems
 ({quick}) with the methods up to order 2. On SE(3) Galerkin's method of
 order 8, and over the exponential its others, are too large for native code and were not measured, as is that of order 8
-on the curved Q. `{numbers}` has each map and system. The columns are the map, or the number of maps, the claimed order,
-the least and greatest measured, and the worst over maps and systems of
+on the curved Q.
+
+`{numbers}` has each map and system. The columns are the map, or the number of maps, the claimed order, the least and
+greatest measured, and the worst over maps and systems of
 
 - *symplectic*: the change of the two-form ω(δ₁, δ₂) over one step, relative to the sizes of its terms; within
   {symplectic:.0e}. The tangents are differences of order 8 of steps along curves.
