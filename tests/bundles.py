@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import jax
@@ -74,6 +75,60 @@ def kinetic_system(name: str) -> co.System:
         return 0.5 * bent @ bent / len(z) + z @ z - jnp.cos(x[0]) * jnp.cos(0.5 * x[1])
 
     return co.System(group, lagrangian, additional=co.Trivial(SIZE), parameters={"A": A, "C": C}, name=f"on {name}")
+
+
+TURNED = co.spaces.Several({"direction": co.Sphere(co.Trivial(3)), "place": co.Defining()})
+"""A curved shape, and a vector that turns."""
+
+
+def turned_lagrangian(p, xi, x, v, a):
+    """ℓ of arrays x = (direction, place) and v, (6,) each, that is not quadratic."""
+    z, y = jnp.concatenate([xi, v]), jnp.concatenate([x, a])
+    return 0.5 * z @ p["M"] @ z + jnp.sin(p["w"] @ jnp.concatenate([z, y])) + 0.1 * (z @ z) * jnp.cos(p["u"] @ y)
+
+
+@cache
+def turned_system(advected: bool = True, forces: Any = None) -> tuple[co.System, dict[str, np.ndarray]]:
+    """A direction, a vector that turns and, if wanted, an advected parameter, on SO(3); and the numbers of its ℓ."""
+    random = generator("turned")
+    A = random.normal(size=(9, 9))
+    numbers = {"M": A @ A.T / 9 + np.eye(9), "w": 0.4 * random.normal(size=18), "u": random.normal(size=9)}
+    if not advected:
+        numbers |= {"w": 0 * numbers["w"], "u": numbers["u"] * (np.arange(9) < 6)}
+
+    def lagrangian(xi, x, v, *a):
+        n, nu = (jnp.concatenate([y.direction, y.place]) for y in (x, v))
+        return turned_lagrangian(numbers, xi, n, nu, a[0] if advected else jnp.zeros(3))
+
+    spaces = {"additional": TURNED, "advected": co.Defining()} if advected else {"additional": TURNED}
+    function = (lambda xi, x, v, a: lagrangian(xi, x, v, a)) if advected else (lambda xi, x, v: lagrangian(xi, x, v))
+    return co.System(co.SO3(), function, **spaces, forces=forces), numbers
+
+
+def turned_start(advected: bool = True, forces: Any = None) -> co.State:
+    """A state of that system."""
+    given = {"a0": [0.3, -0.6, 0.7]} if advected else {}
+    return turned_system(advected, forces)[0].state(
+        q={"direction": [0.6, 0.0, 0.8], "place": [0.3, -0.2, 0.5]},
+        qdot={"direction": [0.0, 0.7, 0.0], "place": [0.2, 0.5, -0.4]}, xi=[0.3, 0.5, -0.4], **given,
+    )  # fmt: skip
+
+
+def turned_motion(steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Elements and shapes (steps+1, 6) that no equation ties together."""
+    x = np.array([0.6, 0.0, 0.8, 0.3, -0.2, 0.5]) + 0.1 * generator("shapes").normal(size=(steps + 1, 6))
+    x[:, :3] /= np.linalg.norm(x[:, :3], axis=1, keepdims=True)
+    return random_motion("SO3", steps, scale=0.15)[0], x
+
+
+def turned_connection(index: int = 0) -> co.mechanics.DiscreteConnection:
+    """Ω(x, x⁺) = τ(0.6 sin(C(x, x⁺, 1))) over these shapes."""
+    C = generator("turned connection", index).normal(scale=0.6, size=(3, 13))
+
+    def increment(x, x_next):
+        return co.Cayley().tau(co.SO3(), 0.6 * jnp.sin(C @ jnp.concatenate([x, x_next, jnp.ones(1)])))
+
+    return co.mechanics.DiscreteConnection(co.SO3(), 6, increment, shapes=TURNED)
 
 
 def largest(tree: Any) -> float:

@@ -10,6 +10,7 @@ import pytest
 import coadjoint as co
 from bundles import (
     SIZE,
+    TURNED,
     apart,
     difference_map,
     generator,
@@ -18,6 +19,8 @@ from bundles import (
     random_motion,
     random_system,
     smooth_connection,
+    turned_motion,
+    turned_system,
 )
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.bundle import reconstructed, reduced
@@ -201,6 +204,85 @@ def test_the_discrete_mechanical_connection_tends_to_the_continuous_one_with_the
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.2
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
+@pytest.mark.parametrize("latitude", [0.3, -0.5, 0.8])
+def test_the_mechanical_connection_of_a_point_on_a_sphere_has_its_holonomy_and_curvature_in_closed_form(latitude):
+    """ℓ = ½|ξ|² + ½|ẋ|² + ξ·(x × ẋ) of a point that rolls a ball: A = x ×, a circle at x₃ = c turns by Rodrigues.
+
+    On it g⁻¹ġ = −x × ẋ is 2πs(c cos, c sin, −s) with s = √(1 − c²), constant in the frame of the point: the turn is
+    exp(w + 2πe₃) with its value w at the beginning. B(u, v) = 2u × v − (x × u) × (x × v), both along x.
+    """
+    connection = spherical()
+    c, s = latitude, np.sqrt(1 - latitude**2)
+
+    def circle(t):
+        return jnp.stack([s * jnp.cos(2 * jnp.pi * t), s * jnp.sin(2 * jnp.pi * t), 0 * t + c])
+
+    turned = co.mechanics.holonomy(connection, circle)
+    first = 2 * np.pi * s * np.array([c, 0.0, -s])
+    expected = evaluate(co.SO3().exp, first + np.array([0.0, 0.0, 2 * np.pi]))
+    assert apart(turned, expected) <= 1e-11
+    x = np.array([s, 0.0, c])
+    u, v = np.array([0.0, 1.0, 0.0]), np.array([-c, 0.0, s])
+    bent = np.einsum("gij,i,j->g", connection.curvature(x), u, v)
+    assert apart(bent, 2 * np.cross(u, v) - np.cross(np.cross(x, u), np.cross(x, v))) <= ROUND_OFF
+
+
+@pytest.mark.long
+def test_a_ball_with_a_rotor_frame_inside_turns_back_by_its_share():
+    """Shapes R ∈ SO(3): ℓ = ½I|ξ|² + ½J|ξ + ω|² with R⁻¹Ṙ = ω turned to the body, A = J/(I + J) of Ṙ R⁻¹."""
+    inner = co.spaces.GroupItself("trivial", of=co.SO3())
+
+    def lagrangian(xi, R, V):
+        spin = co.SO3().vee(V @ R.T)
+        return 0.5 * 3.0 * xi @ xi + 0.5 * (xi + spin) @ (xi + spin)
+
+    system = co.System(co.SE3(), lambda xi, R, V: lagrangian(xi[:3], R, V) + xi[3:] @ xi[3:], additional=inner)
+    connection = co.mechanics.mechanical_connection(system)
+
+    def turning(t):
+        return jnp.ravel(co.SO3().exp(2 * jnp.pi * t * jnp.array([0.0, 0.6, 0.8])))
+
+    R, place = co.mechanics.holonomy(connection, turning)
+    assert apart(R, evaluate(co.SO3().exp, -0.25 * 2 * np.pi * np.array([0.0, 0.6, 0.8]))) <= 1e-12
+    assert np.max(np.abs(place)) <= 1e-15
+
+
+@pytest.mark.parametrize("advected", [pytest.param(False, marks=pytest.mark.long), True])
+def test_horizontal_motions_of_vectors_that_turn_have_total_momentum_zero(advected):
+    """m = μ − π⋄n at ξ = −A(x)ẋ with ẋ = ν − ξ·x, whatever the advected parameter of a potential."""
+    spaces = {"additional": TURNED, "advected": co.Defining()} if advected else {"additional": TURNED}
+
+    def energy(xi, x, v, a):
+        spin = xi + jnp.cross(x.direction, v.direction)
+        return 0.5 * spin @ (jnp.arange(1.0, 4.0) * spin) + v.place @ v.place * (1 + x.direction[2] ** 2) - x.place @ a
+
+    system = co.System(co.SO3(), energy if advected else lambda xi, x, v: energy(xi, x, v, jnp.ones(3)), **spaces)
+    connection = co.mechanics.mechanical_connection(system)
+    x, v = turned_motion(1)[1][0], generator("turned velocity").normal(size=6)
+
+    def momentum(x, v):
+        v = connection.project(x, v)
+        xi = connection.velocity(x, v)
+        nu = v + TURNED.infinitesimal(system.group, xi, x)
+        a = jnp.array([0.3, -0.2, 0.9]) if advected else jnp.zeros(0)
+        mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, x, nu, a)
+        return mu - TURNED.diamond(system.group, pi, x), mu
+
+    total, part = evaluate(momentum, x, v)
+    assert np.max(np.abs(total)) <= 1e-14 and np.max(np.abs(part)) > 0.1
+
+
+SPHERE = co.Sphere(co.Trivial(3))
+
+
+def spherical() -> co.mechanics.Connection:
+    """A point that rolls a ball."""
+    system = co.System(co.SO3(), lambda xi, x, v: 0.5 * (xi @ xi + v @ v) + xi @ jnp.cross(x, v), additional=SPHERE)
+    return co.mechanics.mechanical_connection(system)
+
+
 SO3, CONNECTION = co.SO3(), random_connection("SO3")
 REFUSED = {
     "form that ignores g": (
@@ -248,11 +330,48 @@ REFUSED = {
         lambda: co.mechanics.mechanical_connection(random_system("SO3")[0]),
         "but this one takes `t`",
     ),
-    "a space that turns": (
-        lambda: co.mechanics.mechanical_connection(
-            co.System(SO3, lambda xi, n, nu: xi @ xi + nu @ nu, additional=co.Defining())
+    "no space of shapes": (
+        lambda: co.mechanics.mechanical_connection(co.System(SO3, lambda xi: xi @ xi)),
+        "A bundle needs a space of shapes, such as additional=co.Trivial(m), but there is none",
+    ),
+    "shapes of a curved space of another size": (
+        lambda: co.mechanics.Connection(SO3, 2, lambda x: jnp.zeros((3, 2)), shapes=SPHERE),
+        "must be the length of arrays of shapes, 3 in Sphere",
+    ),
+    "shapes that are no space": (
+        lambda: co.mechanics.Connection(SO3, 2, lambda x: jnp.zeros((3, 2)), shapes="S2"),  # type: ignore[arg-type]
+        "must be a space of shapes such as co.Sphere(co.Trivial(3))",
+    ),
+    "a shape off the sphere": (lambda: spherical()([0.6, 0.0, 0.9]), "must lie in Sphere(inside=Trivial(size=3))"),
+    "a curvature off the sphere": (lambda: spherical().curvature([[0.6, 0.0, 0.9]]), "must lie in Sphere"),
+    "a discrete path off the sphere": (
+        lambda: co.mechanics.horizontal_lift(
+            co.mechanics.DiscreteConnection.from_connection(spherical()), [[0.0, 0.0, 1.0], [0.0, 0.6, 0.9]]
         ),
-        "additional=co.Trivial(m), but this system has additional=Defining()",
+        "must lie in Sphere",
+    ),
+    "a path off the sphere": (
+        lambda: co.mechanics.holonomy(spherical(), lambda t: jnp.stack([t, t, 1.0 + t])),
+        "must lie in Sphere",
+    ),
+    "momentum of advected parameters": (
+        lambda: co.mechanics.mechanical_connection(
+            co.System(
+                SO3,
+                lambda xi, x, v, a: (1 + a @ a) * (xi @ xi) + xi[0] * v[0],
+                additional=co.Trivial(1),
+                advected=co.Defining(),
+            )
+        ),
+        "with other advected parameters it differs by",
+    ),
+    "advected parameters": (
+        lambda: co.theory.discrete_mechanical_connection(turned_system()[0], co.Midpoint(), 0.1),
+        "With advected parameters momentum is not conserved",
+    ),
+    "another group under multiplication": (
+        lambda: co.spaces.GroupItself("multiplication", of=co.SE3()),
+        'must be "trivial" for a space that is another group',
     ),
     "a momentum at rest": (
         lambda: co.mechanics.mechanical_connection(

@@ -19,7 +19,7 @@ SO2 = co.SO2()
 class Bent:
     """g⁻¹ġ = −x² ẋ on SO(2) with one shape."""
 
-    group, size = SO2, 1
+    group, size, shapes = SO2, 1, None
 
     def velocity(self, x: Any, v: Any) -> Any:
         return jnp.stack([-(x[0] ** 2) * v[0]])

@@ -23,6 +23,9 @@ class Constant:
 
     group, size = SO3, 1
 
+    def require_shapes(self, x: np.ndarray, name: str) -> None:
+        """All of ℝ."""
+
     def __init__(self, turning: float = 0.0):
         self.turning = turning
 

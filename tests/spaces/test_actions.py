@@ -415,7 +415,7 @@ def test_a_group_as_a_space_takes_its_elements_only():
         space.point(co.SO3(), 2 * np.eye(3), "q")
     with pytest.raises(ArgumentError, match=r"`q` must have shape \(9,\)"):
         space.point(co.SO3(), np.eye(2), "q")
-    with pytest.raises(ArgumentError, match='must be "multiplication" or "conjugation"'):
+    with pytest.raises(ArgumentError, match='must be "multiplication", "conjugation" or "trivial"'):
         co.spaces.GroupItself("right")  # type: ignore[arg-type]
 
 

@@ -14,14 +14,27 @@ from sequences import SOLVED, at
 from theorem_row import Rows, off, off_each
 
 import coadjoint as co
-from bundles import SIZE, kinetic_system, random_connection, random_motion, random_system, smooth_connection
+from bundles import (
+    SIZE,
+    TURNED,
+    kinetic_system,
+    random_connection,
+    random_motion,
+    random_system,
+    smooth_connection,
+    turned_connection,
+    turned_lagrangian,
+    turned_motion,
+    turned_start,
+    turned_system,
+)
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import bundle
 from coadjoint.theory import principal_bundles
 from coadjoint.theory.discrete_connections import discrete_mechanical_connection
 from systems import GROUPS, element, generator
 
-ROWS = Rows("M × G with M = ℝᵐ")
+ROWS = Rows("G × Q → Q, flat or curved Q")
 row = ROWS.add
 
 H = 0.1
@@ -57,6 +70,29 @@ def motion(name: str, steps: int = 4):
     """Any elements and shapes with small relative motions, and the matrices."""
     g, x = random_motion(name, steps, scale=0.15)
     return g, x, evaluate(jax.vmap(lambda g: GROUPS[name].matrix(g)), g)
+
+
+def turned_action(rule: str, numbers, a0, G, x):
+    """Σ Λ of a rule of `bundles.turned_system` in body coordinates: s = (direction⁺, F place⁺)."""
+    group = GROUPS["SO3"]
+
+    def value(G, x, G_next, x_next):
+        F, one = G.T @ G_next, jnp.eye(3)
+        xi = explicit.vee(group, 2 * (F - one) @ jnp.linalg.inv(F + one)) / H
+        v = (jnp.concatenate([x_next[:3], F @ x_next[3:]]) - x) / H
+        left = turned_lagrangian(numbers, xi, x, v, G.T @ a0)
+        v = jnp.concatenate([v[:3], F.T @ v[3:]])
+        right = turned_lagrangian(numbers, xi, x_next, v, G_next.T @ a0)
+        return H * (left if rule == "left" else 0.5 * (left + right))
+
+    return jnp.sum(jax.vmap(value)(G[:-1], x[:-1], G[1:], x[1:]))
+
+
+def turned_stationarity(rule: str, numbers, a0, G, x):
+    """The derivatives of that action at the inner nodes, along G and in the frame of M, (N−1, 3 + 5)."""
+    on_group, on_shapes = explicit.stationarity_of(GROUPS["SO3"], partial(turned_action, rule, numbers, a0), G, x)
+    frame = jax.vmap(partial(TURNED.coordinates, GROUPS["SO3"]))(x[1:-1], on_shapes)
+    return jnp.concatenate([on_group, frame], axis=1)
 
 
 def omegas(connection, x):
@@ -117,6 +153,8 @@ def connections():
         yield off(found, evaluate(by_cayley, *x[:2]))
         again = co.mechanics.DiscreteConnection.from_form(group, SIZE, connection.form)
         yield off(evaluate(lambda x, y, c=again: c.group.matrix(c.increment(x, y)), *x[:2]), omega)
+    turned, x = turned_connection(), turned_motion(1)[1]
+    yield off(evaluate(turned.group.matrix, turned(*x)), omegas(turned, x)[0])
 
 
 @row(
@@ -168,7 +206,7 @@ def values(l, rule: str, start, x, sigma, G):
 
 
 def horizontal():
-    """Ω of the discrete mechanical connection: D^R_FΛ(Ω, x, x⁺) = 0 for a kinetic energy on M × G."""
+    """Ω of the discrete mechanical connection: D^R_FΛ(Ω, x, x⁺) = 0 for a kinetic energy on M × G, and on TURNED."""
     for name in ("SO3", "SE2"):
         system, x = kinetic_system(name), motion(name)[1]
         group, p = system.group, system.parameters
@@ -187,6 +225,18 @@ def horizontal():
         omega = omegas(connection, x[:2])[0]
         still = evaluate(momentum, np.eye(len(omega)), x[0], x[1])
         yield off(evaluate(momentum, omega, x[0], x[1]), np.zeros(group.dim), still)
+    (system, numbers), x = turned_system(advected=False), turned_motion(1)[1]
+
+    def along_group(F):
+        def value(chi):
+            G = jnp.stack([jnp.eye(3), F + explicit.hat(GROUPS["SO3"], chi) @ F])
+            return turned_action("left", numbers, jnp.zeros(3), G, x)
+
+        return jax.grad(value)(jnp.zeros(3))
+
+    omega = omegas(discrete_mechanical_connection(system, RULES["left"], H), x)[0]
+    still = evaluate(along_group, np.eye(3))
+    yield off(evaluate(along_group, omega), np.zeros(3), still)
 
 
 @row(
@@ -197,6 +247,7 @@ def horizontal():
         POINCARE + "test_the_first_variation_of_the_action_is_the_residual_on_any_sequence",
         POINCARE + "test_the_residual_vanishes_on_the_motion_and_nowhere_near_it",
     ),
+    "G × Q → Q, flat or curved Q, flat V\\*",
     bound=SOLVED,
 )
 def theorem_6_1():
@@ -207,6 +258,12 @@ def theorem_6_1():
                 system, start, dt=H, method=method, connection=random_connection(name, index), g=g, x=x
             )
             yield off(found, evaluate(partial(stationarity, system, rule), G, x))
+    (system, numbers), start, (g, x) = turned_system(), turned_start(), turned_motion(4)
+    for index, (rule, method) in enumerate(RULES.items()):
+        found = principal_bundles.lagrange_poincare_residual(
+            system, start, dt=H, method=method, connection=turned_connection(index), g=g, x=x
+        )
+        yield off(found, evaluate(partial(turned_stationarity, rule, numbers, g[0] @ start.a), g, x))
 
 
 @row(
@@ -225,6 +282,7 @@ def euler_lagrange_algorithm():
     "algorithm: discrete Euler–Poincaré on the bundle",
     ("theory.principal_bundles.lagrange_poincare",),
     (ANY_CONNECTION,),
+    "G × Q → Q, flat or curved Q, flat V\\*",
     bound=SOLVED,
 )
 def euler_poincare_algorithm():
@@ -240,6 +298,12 @@ def euler_poincare_algorithm():
         yield off(left, np.zeros_like(left), (start.mu, start.pi))
         sigma = np.linalg.solve(np.linalg.solve(G[:-1], G[1:]), omegas(connection, found.x))
         yield off(matrices(system.group, found.sigma), sigma)
+    (system, numbers), start = turned_system(), turned_start()
+    found = principal_bundles.lagrange_poincare(
+        system, start, dt=H, steps=3, method=RULES["trapezoidal"], connection=turned_connection()
+    )
+    left = evaluate(partial(turned_stationarity, "trapezoidal", numbers, start.a), found.g, found.x)
+    yield off(left, np.zeros_like(left), (start.mu, start.pi))
 
 
 @row(
@@ -266,6 +330,7 @@ def theorem_6_2():
         "methods.LeftRectangle.advance",
     ),
     (POINCARE + "test_with_the_trivial_connection_they_are_the_equations_of_the_core",),
+    "M × G with M = ℝᵐ",
     bound=SOLVED,
 )
 def trivial_connection():

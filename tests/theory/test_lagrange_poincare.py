@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from bundles import SIZE, apart, generator, largest, random_connection, random_motion, random_system
+from bundles import (
+    SIZE,
+    apart,
+    generator,
+    largest,
+    random_connection,
+    random_motion,
+    random_system,
+    turned_connection,
+    turned_start,
+    turned_system,
+)
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.bundle import reduced
 from coadjoint.theory.principal_bundles import ReducedLagrangian
@@ -175,6 +186,29 @@ def test_forces_time_inputs_and_internal_states_give_the_driven_motion(name, rul
     assert np.max(np.abs(residual)) <= 2e-13 * scale
     still = co.theory.lagrange_poincare_residual(run.system.unforced, start, g=g, x=x, **given)
     assert np.min(np.max(np.abs(still), axis=1)) > 1e-3, "forces that do nothing prove nothing"
+
+
+def push(motion) -> co.Force:
+    """Of the velocities, on the group, on a direction and on a vector that turns."""
+    n, nu = motion.n, motion.nu
+    pull = {"direction": jnp.cross(n.direction, motion.a) - 0.3 * nu.direction, "place": 0.4 * jnp.sin(n.place)}
+    return co.Force(torque=0.3 * motion.a - 0.5 * motion.xi, force=pull)
+
+
+@pytest.mark.long
+@pytest.mark.cases(2)
+@pytest.mark.parametrize("rule", ["left", "right", "midpoint", "trapezoidal"])
+def test_curved_shapes_vectors_that_turn_and_advected_parameters_give_the_driven_motion(rule):
+    """The bundle G × Q → Q with Q = S² × ℝ³, on which G turns ℝ³, under forces, whatever the connection."""
+    (system, _), start = turned_system(forces=push), turned_start(forces=push)
+    method = RULES[rule](co.Cayley())
+    run = co.simulate(system, start, dt=H, steps=5, method=method, monitors=False)
+    for index in range(2):
+        given = {"dt": H, "method": method, "connection": turned_connection(index)}
+        found = co.theory.lagrange_poincare(system, start, steps=5, **given)
+        assert max(apart(found.g, run.records.g), apart(found.x, run.records.n)) <= 2e-13
+        residual = co.theory.lagrange_poincare_residual(system, start, g=run.records.g, x=run.records.n, **given)
+        assert residual.shape == (4, 8) and np.max(np.abs(residual)) <= 2e-13 * (np.max(np.abs(run.records.mu)) + 1)
 
 
 @pytest.mark.long

@@ -122,6 +122,7 @@ def shapes_of(connection: DiscreteConnection, shapes: PyTree) -> np.ndarray:
         raise ArgumentError("A discrete connection goes from shape to shape: give an array (N+1, m), not a function.")
     found = checks.array(shapes, "shapes", f"(n, {connection.size})")
     checks.expect(len(found) > 1, found, "shapes", "two shapes or more")
+    connection.require_shapes(found, "shapes")
     return found
 
 
@@ -171,6 +172,7 @@ def _transports(connection: Connection, path: Callable[[Array], Array], times: n
             f"The path of shapes must return an array of shape ({connection.size},), but returns "
             f"{', '.join(str(value.shape) for value in found)}."
         )
+    connection.require_shapes(evaluate(jax.vmap(path), times), "shapes")
     pieces, before = 8, None
     while pieces <= _FINEST:
         after = finite(_in_pieces(connection, path, times, pieces), "The connection")

@@ -19,29 +19,27 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
-from coadjoint.mechanics.connection import ROUND_OFF, Connection, finite, random_shapes, require_bundle
+from coadjoint.mechanics.connection import ROUND_OFF, Bundle, Connection, finite, random_shapes
 from coadjoint.mechanics.trace_checks import trace
-from coadjoint.spaces.space import checked_vector
+from coadjoint.spaces import Space
 
 _WHAT = "The increment Ω(x, x⁺) of a discrete connection"
 
 
 @dataclass(frozen=True)
-class DiscreteConnection:
-    """A discrete connection 𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹ on M × G, M = ℝᵐ (B29, B31).
+class DiscreteConnection(Bundle):
+    """A discrete connection 𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹ on M × G, M ⊂ ℝᵐ (B29, B31).
 
     group: G. size: m, at least 1. increment: the function Ω(x, x⁺) ∈ G of two shapes (m,), in terms of jax.numpy: what
-    the horizontal lift of a step from x to x⁺ turns. 𝒜 = e on horizontal steps. Raises GroupError and ArgumentError
-    unless Ω is an element of G at random shapes.
+    the horizontal lift of a step from x to x⁺ turns. shapes: M, by default ℝᵐ, as in co.mechanics.Connection. 𝒜 = e on
+    horizontal steps. Raises GroupError and ArgumentError unless Ω is an element of G at random shapes.
     """
 
-    group: LieGroup
-    size: int
     increment: Callable[[Array, Array], Element]
 
     def __post_init__(self):
-        require_bundle(self.group, self.size)
-        x, x_next = random_shapes(self.size, 2)
+        super().__post_init__()
+        x, x_next = random_shapes(self._M, self.group, 2)
         require_element(self.group, partial(trace, self.increment, _WHAT, (x, x_next)), _WHAT)
         outside = evaluate(lambda *pair: self.group.outside(self.increment(*pair)), x, x_next)
         if not outside <= ROUND_OFF:
@@ -49,7 +47,7 @@ class DiscreteConnection:
 
     def __call__(self, x: ArrayLike, x_next: ArrayLike) -> Element:
         """Ω(x, x⁺)."""
-        pair = checked_vector(x, self.size, "x"), checked_vector(x_next, self.size, "x_next")
+        pair = self.shape(x, "x"), self.shape(x_next, "x_next")
         return finite(evaluate(self.increment, *pair), "The discrete connection")
 
     def form(self, g: Element, x: Array, g_next: Element, x_next: Array) -> Element:
@@ -61,23 +59,26 @@ class DiscreteConnection:
         """The same connection in the section g̃ = g χ(x)⁻¹: Ω̃ = χ(x) Ω(x, x⁺) χ(x⁺)⁻¹."""
         compose, inverse = self.group.compose, self.group.inverse
         what = "The change of section χ(x)"
-        require_element(self.group, partial(trace, section, what, (random_shapes(self.size, 1)[0],)), what)
+        tried = random_shapes(self._M, self.group, 1)[0]
+        require_element(self.group, partial(trace, section, what, (tried,)), what)
 
         def increment(x: Array, x_next: Array) -> Element:
             return compose(compose(section(x), self.increment(x, x_next)), inverse(section(x_next)))
 
-        return DiscreteConnection(self.group, self.size, increment)
+        return DiscreteConnection(self.group, self.size, increment, shapes=self.shapes)
 
     @classmethod
-    def from_form(cls, group: LieGroup, size: int, form: Callable[..., Element]) -> DiscreteConnection:
+    def from_form(
+        cls, group: LieGroup, size: int, form: Callable[..., Element], *, shapes: Space | None = None
+    ) -> DiscreteConnection:
         """The discrete connection of a global form 𝒜(g, x, g⁺, x⁺) ∈ G: Ω(x, x⁺) = 𝒜(e, x, e, x⁺)⁻¹.
 
-        Raises ArgumentError unless 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹ at random arguments (B29).
+        group, size, shapes: as above. Raises ArgumentError unless 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹ at
+        random arguments (B29).
         """
-        require_bundle(group, size)
-        require_equivariant(group, size, form)
+        require_equivariant(Bundle(group, size, shapes=shapes), form)
         e = group.identity
-        return cls(group, size, lambda x, x_next: group.inverse(form(e(), x, e(), x_next)))
+        return cls(group, size, lambda x, x_next: group.inverse(form(e(), x, e(), x_next)), shapes=shapes)
 
     @classmethod
     def from_connection(
@@ -85,7 +86,8 @@ class DiscreteConnection:
     ) -> DiscreteConnection:
         """Ω(x, x⁺) = τ(−A(x̄)(x⁺ − x)), x̄ = (x + x⁺)/2: of order 2 in the step, and Ω(x⁺, x) = Ω(x, x⁺)⁻¹.
 
-        With at="start", x̄ = x: order 1. `difference_map` is τ, co.Exponential() by default.
+        With at="start", x̄ = x: order 1. `difference_map` is τ, co.Exponential() by default. The middle of two shapes of
+        a curved M lies off M, where A must be smooth.
         """
         checks.choice(at, "at", ("middle", "start"))
         tau = Exponential() if difference_map is None else difference_map
@@ -95,7 +97,7 @@ class DiscreteConnection:
             place = 0.5 * (x + x_next) if at == "middle" else x
             return tau.tau(connection.group, connection.velocity(place, x_next - x))
 
-        return cls(connection.group, connection.size, increment)
+        return cls(connection.group, connection.size, increment, shapes=connection.shapes)
 
 
 def require_element(group: LieGroup, traced: Callable[[], PyTree], what: str) -> None:
@@ -109,9 +111,10 @@ def require_element(group: LieGroup, traced: Callable[[], PyTree], what: str) ->
         )
 
 
-def require_equivariant(group: LieGroup, size: int, form: Callable[..., Element]) -> None:
+def require_equivariant(bundle: Bundle, form: Callable[..., Element]) -> None:
     """Raise ArgumentError unless 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹ at random arguments (B29)."""
-    x, x_next = random_shapes(size, 2)
+    group = bundle.group
+    x, x_next = random_shapes(bundle._M, group, 2)
     turns = np.random.default_rng(29).normal(scale=0.7, size=(4, group.dim))
     e, what = evaluate(group.identity), "The form 𝒜(g, x, g⁺, x⁺) of a discrete connection"
     require_element(group, partial(trace, form, what, (e, x, e, x_next)), what)

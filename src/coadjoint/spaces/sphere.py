@@ -59,6 +59,11 @@ class Sphere(Embedded, Representation):
     def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
         return self.inside.diamond(group, b, x)
 
+    def sample(self, group: LieGroup, random: np.random.Generator) -> np.ndarray:
+        """A random point of the sphere, (ambient,)."""
+        x = random.normal(size=self.ambient(group))
+        return x / np.linalg.norm(x)
+
     def frame(self, group: LieGroup, x: Array) -> Array:
         """An orthonormal basis of TₓS, (ambient, dim): a reflection that takes ±e₁ to x, its other columns."""
         sign = jnp.where(x[0] < 0, -1.0, 1.0)

@@ -73,6 +73,12 @@ class Submanifold(Embedded):
         if found is not None:
             _require_invariant(self, group, found)
 
+    def sample(self, group: LieGroup, random: np.random.Generator) -> np.ndarray:
+        """A point of Q near a random one of W, (ambient,), where Gauss–Newton finds one."""
+        x = self.inside.sample(group, random)
+        found = _near(self, group, x)
+        return x if found is None else found
+
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         return self.inside.act(group, g, x)
 
@@ -156,8 +162,12 @@ def _count(space: Submanifold, group: LieGroup) -> int:
 
 @lru_cache(maxsize=256)
 def _random_point(space: Submanifold, group: LieGroup) -> np.ndarray | None:
-    """A point of Q near a random one, by Gauss–Newton; None where that leads nowhere."""
-    _, x, _ = random_motion(space, group)
+    """A point of Q near a random one."""
+    return _near(space, group, random_motion(space, group)[1])
+
+
+def _near(space: Submanifold, group: LieGroup, x: np.ndarray) -> np.ndarray | None:
+    """A point of Q near x, (ambient,), by Gauss–Newton; None where that leads nowhere."""
     for _ in range(50):
         c, rows = evaluate(lambda x: (space.equations(group, x), space.normals(group, x)), x)
         if np.max(np.abs(c), initial=0.0) <= 1e-13:
