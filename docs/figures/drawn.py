@@ -44,6 +44,7 @@ SCRIPTS = {
     "docs/figures/allan.py": ["allan"],
     "docs/figures/missions.py": ["mission"],
     "docs/figures/bag.py": ["bag"],
+    "docs/figures/quickest_turn.py": ["quickest_turn"],
     "docs/theorems/figures.py": [
         "theorem_four_settings", "theorem_kelvin_noether", "theorem_moser_veselov", "theorem_poisson",
     ],

@@ -15,7 +15,8 @@ from coadjoint.errors import ArgumentError
 
 pytest.importorskip("casadi")
 
-from coadjoint.control.c_library import solver, with_previous
+from coadjoint.control.c_library import solver
+from coadjoint.control.given import with_previous
 from coadjoint.control.guess import Guesses
 from coadjoint.control.program import nonlinear_program
 from coadjoint.control.transcription import transcribe

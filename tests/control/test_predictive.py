@@ -275,7 +275,6 @@ WRONG = {
     "a change of no parameter": ({}, {"changing": ("mass",)}, "no parameter `mass`"),
     "a change that is a number": ({}, {"changing": 1}, "must be names of parameters"),
     "no cost": (NO_COST, {}, "give the problem a `cost`"),
-    "a free duration": ({"free_duration": (1.0, 2.0)}, {}, "leave out `free_duration`"),
     "parameters to choose": (
         {"parameters": {"J": (np.eye(3), 2 * np.eye(3))}}, {}, "leave out `parameters`",
     ),

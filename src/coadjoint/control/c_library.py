@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,10 +16,10 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.c_sources import array, header, layout, number
-from coadjoint.control.given import given_values
+from coadjoint.control.given import given_values, with_previous
 from coadjoint.control.guess import Guesses
 from coadjoint.control.library import casadi
-from coadjoint.control.problem_data import Input, ProblemData
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.transcription import Transcription, transcribe
 from coadjoint.kernels.packing import layout as layout_of
@@ -127,17 +126,6 @@ class GeneratedSolver(NamedTuple):
 
     code: str
     function: PyTree
-
-
-def with_previous(problem: ProblemData) -> ProblemData:
-    """The problem whose inputs count from a command in force, where rates or costs of changes need one."""
-    inputs = {
-        name: replace(one, previous=one.guess)
-        if isinstance(one, Input) and one.previous is None and (np.isfinite(one.rate).any() or np.any(one.change_cost))
-        else one
-        for name, one in problem.inputs.items()
-    }
-    return replace(problem, duration=None, inputs=inputs)
 
 
 def solver(program: NonlinearProgram, nx: int, name: str, iterations: int) -> GeneratedSolver:

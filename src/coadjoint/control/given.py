@@ -43,6 +43,18 @@ def previous_values(problem: ProblemData, given: Mapping[str, object]) -> dict[s
     return {name: spread(given.get(name, one.previous), one.shape, "previous") for name, one in known.items()}
 
 
+def with_previous(problem: ProblemData) -> ProblemData:
+    """The problem whose inputs count from a command in force, where rates, costs of changes or courses need one."""
+
+    def counts(one: object) -> bool:
+        if not isinstance(one, Input) or one.previous is not None:
+            return False
+        return bool(np.isfinite(one.rate).any() or np.any(one.change_cost) or one.course != "held")
+
+    inputs = {name: replace(one, previous=one.guess) if counts(one) else one for name, one in problem.inputs.items()}
+    return replace(problem, duration=None, inputs=inputs)
+
+
 def given_numbers(problem: ProblemData, system: System, values: PyTree) -> np.ndarray:
     """The parameters of a system that may change, then the numbers of the goal and of the start."""
     parameters = [numbers_of(getattr(system.parameters, name)) for name in problem.changing]

@@ -17,9 +17,9 @@ class MpcSolution:
     "planned", the inputs of the last plan for these steps; "fallback", those of the function `fallback`; or "guess",
     those of the inputs' guesses. sentence: the reason, or empty if it is solved. plan: name → (N, *shape), or (N + 1,
     *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose names are the
-    controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was read, and
-    after. violated: name → the violation of each soft constraint by the plan, (N + 1, rows), "end g" and so on of the
-    end, (1, rows).
+    controller's `names`. times: (N + 1,), of the nodes, s. duration: of the plan, s. t: of the state, s.
+    preparation_seconds, feedback_seconds: before the state was read, and after. violated: name → the violation of each
+    soft constraint by the plan, (N + 1, rows), "end g" and so on of the end, (1, rows).
     """
 
     command: dict[str, np.ndarray]
@@ -28,6 +28,8 @@ class MpcSolution:
     sentence: str
     plan: dict[str, np.ndarray]
     nodes: np.ndarray
+    times: np.ndarray
+    duration: float
     t: float
     preparation_seconds: float
     feedback_seconds: float

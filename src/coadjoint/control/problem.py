@@ -9,6 +9,7 @@ from functools import cached_property
 from coadjoint import checks
 from coadjoint.checks import whole
 from coadjoint.control.built import BuiltProgram, threads_of
+from coadjoint.control.free_duration import FreeDurationController
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
@@ -220,7 +221,7 @@ class Problem(WithOverview, ProblemData):
         fallback: Callable[[State], object] | None = None,
         changing: Sequence[str] = (),
         shortest: float | None = None,
-    ) -> Controller:
+    ) -> Controller | FreeDurationController:
         """Model predictive control of this problem: `controller(state)` is the command for a state, by one iteration.
 
             controller = problem.controller(horizon=2.0, period=0.1)
@@ -237,6 +238,11 @@ class Problem(WithOverview, ProblemData):
                 none.
             shortest: s, a multiple of dt: the end of the first plan is kept, and the horizon shrinks until it is that
                 short; by default it recedes.
+
+        With `free_duration` each call solves the problem to its optimum, by IPOPT, from the last plan less the elapsed
+        time; `duration` of the solution is the time that is left. The shortest one must exceed the period: from there
+        on the plan recedes. A soft `end` has a plan also where a hard one is out of reach. `iterations` and `shortest`
+        are then left out.
 
         The start of the problem only gives its system and internal state. Raises ArgumentError and LagrangianError for
         unsuitable problems.

@@ -62,10 +62,11 @@ class NonlinearProgram(NamedTuple):
         raise AssertionError("a row of no constraint")
 
 
-def nonlinear_program(transcription: Transcription, given: bool = False) -> NonlinearProgram:
+def nonlinear_program(transcription: Transcription, given: bool = False, even: int = 0) -> NonlinearProgram:
     """The program of all steps, whose functions are mapped over the steps and never written out.
 
-    given: whether the given numbers are arguments of the program; by default they are constants.
+    given: whether the given numbers are arguments of the program; by default they are constants. even: of a free
+    duration, the number of first steps that keep the length dt; the others share one that is chosen.
     """
     ca, problem, functions = casadi(), transcription.problem, transcription.functions
     nx, nu, nz, count = transcription.sizes
@@ -78,9 +79,10 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
     numbers = ca.MX.sym("given", len(transcription.given)) if given else None
     p = transcription.expressions(w[steps * block + nx : steps * block + nx + count], numbers)
     h = w[end - 1] if free else ca.MX(problem.dt)
-    softened = _Softened(w[end:], h / (1 + problem.path_points))
+    lengths = ca.horzcat(ca.repmat(ca.MX(problem.dt), 1, even), ca.repmat(h, 1, steps - even))
+    softened = _Softened(w[end:], lengths / (1 + problem.path_points))
     following = ca.horzcat(x[:, 1:], last)
-    each = ca.repmat(p, 1, steps), ca.repmat(h, 1, steps)
+    each = ca.repmat(p, 1, steps), lengths
     number = None if free else problem.dt
     residual, advanced = _Mapped(functions.equations, steps, number)(x, u, z, *each)
     parts = [ca.vec(ca.vertcat(residual, following - advanced))]
@@ -90,20 +92,18 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
     f = functions.final(last, after[:, -1], p, h) + _of_terminal(transcription, last, after[:, -1], p, h)
     if problem.cost is not None:
         cost = _Mapped(functions.cost, steps, number)
-        begun = ca.sum2(cost(x, u, *each))
+        begun = cost(x, u, *each)
         same = "x" not in cost.read and at_end(transcription.inputs) == list(range(nu))
-        f += h * begun if same else 0.5 * h * (begun + ca.sum2(cost(following, after, *each)))
+        f += ca.dot(lengths, begun if same else 0.5 * (begun + cost(following, after, *each)))
     f += _misfit(transcription, ca.horzcat(x, last), ca.horzcat(u, after[:, -1]), p, h)
     if transcription.path:
         at_nodes = ca.horzcat(
             _Mapped(functions.path, steps, number)(x, u, *each), functions.path(last, after[:, -1], p, h)
         )
         begin = 0
-        weights = np.ones(steps + 1)
-        weights[[0, -1]] = 0.5
         for of_path in transcription.path:
             own = at_nodes[begin : begin + len(of_path.lower), :]
-            parts.append(ca.vec(softened(of_path, own, weights)))
+            parts.append(ca.vec(softened(of_path, own, 0)))
             blocks.append(Block(of_path, steps + 1))
             begin += len(of_path.lower)
     if functions.within is not None:
@@ -111,15 +111,15 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
         sizes = np.cumsum([0, *(len(rows.lower) for rows in transcription.path)]).tolist()
         by_rows = ca.vertsplit(inside, sizes)
         found = [
-            softened(rows, one, np.ones(one.shape[1])) for rows, one in zip(transcription.path, by_rows, strict=True)
+            softened(rows, one, problem.path_points) for rows, one in zip(transcription.path, by_rows, strict=True)
         ]
         parts.append(ca.vec(ca.vertcat(*found)))
         blocks.append(Block(_inside(transcription), steps))
     before = {
         name: (transcription.given if numbers is None else numbers)[at] for name, at in transcription.previous.items()
     }
-    f += _of_changes(transcription, u, h, before)
-    for rows_of, values, nodes in _of_inputs(transcription, u, h, before):
+    f += _of_changes(transcription, u, lengths, before)
+    for rows_of, values, nodes in _of_inputs(transcription, u, lengths, before):
         parts.append(ca.vec(values))
         blocks.append(Block(rows_of, nodes))
     if transcription.start:
@@ -133,7 +133,7 @@ def nonlinear_program(transcription: Transcription, given: bool = False) -> Nonl
             parts.append(softened(of_end, own, None))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
     f += softened.cost
-    return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription), numbers)
+    return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription, even), numbers)
 
 
 class _Mapped:
@@ -167,18 +167,24 @@ def _of_terminal(transcription: Transcription, *node: PyTree) -> PyTree:
 class _Softened:
     """Adds slack variables to soft rows, one block after the other, and their cost."""
 
-    def __init__(self, slack: Any, length: Any):
-        self._slack, self._length, self._begin, self.cost = slack, length, 0, casadi().MX(0)
+    def __init__(self, slack: Any, lengths: Any):
+        ca = casadi()
+        ahead, back = ca.horzcat(lengths, 0), ca.horzcat(0, lengths)
+        self._slack, self._inside, self._nodes = slack, lengths, 0.5 * (ahead + back)
+        self._begin, self.cost = 0, ca.MX(0)
 
-    def __call__(self, rows: Rows, values: Any, weights: np.ndarray | None) -> Any:
-        """c + S s of rows c (rows, nodes). weights: of the nodes in the integral over time, None at the end."""
+    def __call__(self, rows: Rows, values: Any, points: int | None) -> Any:
+        """c + S s of rows c (rows, nodes). points: inside each step, 0 of the nodes, None of the end."""
         if rows.slack is None:
             return values
         ca, size, nodes = casadi(), rows.slack.size, values.shape[1]
         s = ca.reshape(self._slack[self._begin : self._begin + size * nodes], size, nodes)
         self._begin += size * nodes
         each = ca.DM(rows.slack.linear).T @ s + 0.5 * ca.DM(rows.slack.quadratic).T @ s**2
-        self.cost += ca.sum2(each) if weights is None else self._length * ca.dot(each, ca.DM(weights).T)
+        if points is None:
+            self.cost += ca.sum2(each)
+        else:
+            self.cost += ca.dot(each, ca.kron(self._inside, ca.DM.ones(1, points)) if points else self._nodes)
         return values + ca.DM(rows.slack.matrix) @ s
 
 
@@ -208,7 +214,7 @@ def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scal
     return found
 
 
-def _of_changes(transcription: Transcription, u: Array, h: Scalar, before: dict[str, Any]) -> PyTree:
+def _of_changes(transcription: Transcription, u: Array, lengths: Any, before: dict[str, Any]) -> PyTree:
     """Σ c |u_{k+1} − u_k|²/h of all inputs with a cost of changes."""
     ca, found = casadi(), 0.0
     for name, given, begin, end in transcription.columns:
@@ -221,12 +227,12 @@ def _of_changes(transcription: Transcription, u: Array, h: Scalar, before: dict[
         else:
             own = ca.horzcat(before[name], own) if name in before else own
             change = own[:, 1:] - own[:, :-1]
-        found += ca.sum2(ca.DM(cost).T @ change**2) / h
+        found += ca.sum2(ca.DM(cost).T @ change**2 / lengths[:, -change.shape[1] :]) if change.shape[1] else 0.0
     return found
 
 
 def _of_inputs(
-    transcription: Transcription, u: Array, h: Scalar, before: dict[str, Any]
+    transcription: Transcription, u: Array, lengths: Any, before: dict[str, Any]
 ) -> list[tuple[Rows, Any, int]]:
     """Continuity of linear inputs, and the largest rates: rows, their values, and the number of nodes."""
     found, steps = [], transcription.problem.count
@@ -239,15 +245,20 @@ def _of_inputs(
             found.append((Rows(f"the beginning of input `{name}`", zeros, zeros), u[begin, 0] - before[name], 1))
         of_rate = Rows(f"the rate of input `{name}`", -rate, rate)
         if limited and linear:
-            found.append((of_rate, (u[end, :] - u[begin, :]) / h, steps))
+            found.append((of_rate, _over(u[end, :] - u[begin, :], lengths), steps))
         elif limited and steps > 1:
-            found.append((of_rate, (u[begin, 1:] - u[begin, :-1]) / h, steps - 1))
+            found.append((of_rate, _over(u[begin, 1:] - u[begin, :-1], lengths[:, 1:]), steps - 1))
         if limited and not linear and name in before:
-            found.append((of_rate, (u[begin, 0] - before[name]) / h, 1))
+            found.append((of_rate, (u[begin, 0] - before[name]) / lengths[0], 1))
     return found
 
 
-def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
+def _over(changes: Any, lengths: Any) -> Any:
+    """Changes in each step (rows, n) over the lengths of the steps (1, n)."""
+    return changes / casadi().repmat(lengths, changes.shape[0], 1)
+
+
+def _bounds(transcription: Transcription, even: int) -> tuple[np.ndarray, np.ndarray]:
     """The bounds of w: the start is fixed, inputs and parameters stay between theirs, h between those of the time."""
     problem, steps = transcription.problem, transcription.problem.count
     nx, nu, nz, _ = transcription.sizes
@@ -266,11 +277,11 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
         of_parameters = [_spread(transcription, name, side == "upper") for name in problem.parameters]
         of_profiles = [np.ravel(getattr(profile, side)) for profile in transcription.profiles.values()]
         parameters = np.concatenate([*of_profiles, *of_parameters, np.full(len(transcription.eta), unbounded)])
-        duration = (problem.free_duration or (0.0, 0.0))[side == "upper"]
+        duration = (problem.free_duration or (0.0, 0.0))[side == "upper"] - even * problem.dt
         slack = np.full(
             sum(rows.slack.size * nodes for rows, nodes in transcription.soft if rows.slack), max(unbounded, 0.0)
         )
-        found.append(transcription.joined(Split(x, u, z, parameters, duration / steps, slack)))
+        found.append(transcription.joined(Split(x, u, z, parameters, duration / (steps - even), slack)))
     return found[0], found[1]
 
 

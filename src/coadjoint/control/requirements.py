@@ -34,8 +34,6 @@ def require_controllable(problem: ProblemData) -> None:
     """Raise ArgumentError unless a problem suits a controller."""
     if problem.cost is None and problem.final_cost is None and problem.terminal is None:
         raise ArgumentError("A controller needs something to minimise: give the problem a `cost` or a `final_cost`.")
-    if problem.free_duration is not None:
-        raise ArgumentError("A controller looks ahead over a fixed time: leave out `free_duration`.")
     if problem.parameters:
         raise ArgumentError("A controller chooses inputs alone: leave out `parameters`; `changing` names those to set.")
     if problem.free_start or problem.measured:
@@ -44,6 +42,21 @@ def require_controllable(problem: ProblemData) -> None:
         raise ArgumentError("A controller chooses inputs that are held or linear over each step: leave out profiles.")
     if not any(hasattr(value, "guess") for value in problem.inputs.values()):
         raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")
+
+
+def require_free_duration(problem: ProblemData, period: int, iterations: object, shortest: object) -> None:
+    """Raise ArgumentError unless a problem suits a controller whose plans choose their durations."""
+    least = (problem.free_duration or (0.0, 0.0))[0]
+    if least <= (period + 1e-9) * problem.dt or period >= problem.count:
+        raise ArgumentError(
+            f"The shortest `free_duration` of a controller, {least:g} s, must exceed its period of "
+            f"{period * problem.dt:g} s, whose steps keep their length: the last plans recede at this duration."
+        )
+    if iterations != 1 or shortest is not None:
+        raise ArgumentError(
+            "A controller with a `free_duration` solves each problem to its optimum, between its own bounds: leave out "
+            "`iterations` and `shortest`."
+        )
 
 
 def require_estimable(problem: ProblemData, known: PyTree) -> None:

@@ -84,14 +84,7 @@ def found_by(
 ) -> FoundOptimum:
     """The optimum from an initial guess, with the given numbers; raises OptimumError if there is none."""
     began = time.perf_counter()
-    lower, upper = program.limits
-    more = {} if given is None else {"p": given}
-    try:
-        found = function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper, **more)
-    except (RuntimeError, SystemError) as error:
-        if "KeyboardInterrupt" in f"{error} {error.__cause__!r}":
-            raise Interrupted("Interrupted in the solver.") from None
-        raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
+    found = answer(function, program, first, given)
     seconds, stats, solver = time.perf_counter() - began, function.stats(), settings.solver
     if not stats["success"]:
         _explain(program if given is None else program.at(given), found, stats, settings.tolerance, first)
@@ -100,6 +93,18 @@ def found_by(
     shifts = stats.get("iterations", {}).get("regularization_size", [])
     minimum = not shifts or shifts[-1] == 0.0
     return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words, minimum)
+
+
+def answer(function: Any, program: NonlinearProgram, first: np.ndarray, given: np.ndarray | None) -> dict[str, Any]:
+    """The results of CasADi's solver, whether it found an optimum or not; raises OptimumError where it stopped."""
+    lower, upper = program.limits
+    more = {} if given is None else {"p": given}
+    try:
+        return function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper, **more)
+    except (RuntimeError, SystemError) as error:
+        if "KeyboardInterrupt" in f"{error} {error.__cause__!r}":
+            raise Interrupted("Interrupted in the solver.") from None
+        raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
 
 
 def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, PyTree]:
