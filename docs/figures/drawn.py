@@ -57,6 +57,7 @@ SCRIPTS = {
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],
     "examples/satellite.py": ["satellite"],
+    "examples/stochastic_top.py": ["stochastic_top"],
     "examples/quadrotor.py": ["quadrotor"],
     "examples/four_bar.py": ["four_bar"],
     "examples/bricard.py": ["bricard"],

@@ -88,6 +88,15 @@ def test_a_network_in_the_lagrangian_of_a_top_learns_a_magnet_and_keeps_the_mome
 
 
 @pytest.mark.long
+def test_a_top_advected_by_noise_keeps_its_casimirs_and_shows_its_strong_orders(run_example):
+    found = run_example("stochastic_top", 200)
+    assert found["orders"]["one direction"]["strong"] == pytest.approx(1, abs=0.15)
+    assert found["orders"]["three directions"]["strong"] == pytest.approx(0.5, abs=0.15)
+    assert all(np.ptp(values) < 1e-12 for values in found["casimirs"].values())
+    assert Path("stochastic_top.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
 def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_method(run_example):
     found = run_example("fast_heavy_top", 0.2)
     assert found["method"].order == 4
