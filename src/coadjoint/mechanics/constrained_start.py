@@ -13,15 +13,16 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre
-from coadjoint.mechanics.constraints import places
+from coadjoint.mechanics.constraints import Bound, place_slopes, places
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import count_members, member_of
 from coadjoint.mechanics.momentum_sizes import largest
-from coadjoint.mechanics.reactions import Independent, closing, count, kicked, node_rates, parts, rate, rows_of, site
+from coadjoint.mechanics.reactions import Independent, closing, kicked, node_rates, parts, rate, rows_of, site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import require_float64
+from coadjoint.mechanics.traced_once import tracing_once
 from coadjoint.texts import Table
 
 EPS = float(np.finfo(float).eps)
@@ -50,9 +51,9 @@ def checked_start(system: ReducedFunctions, state: State) -> Independent:
     return independent
 
 
-def _survey(system: ReducedFunctions, state: State) -> tuple[Table, Independent]:
-    """`surveyed` of a state, and the places of rows of which all others follow."""
-    for one in system.constraints:
+def _survey(system: ReducedFunctions, state: State, known: bool = False) -> tuple[Table, Independent]:
+    """`surveyed` of a state, and the places of rows of which all others follow. known: the functions were checked."""
+    for one in () if known else system.constraints:
         read = one.value if one.holonomic else one.rows
         require_float64(lambda s, read=read: read(system, site(s)), f"The constraint `{one.name}`", (state,))
     found = evaluate(lambda s, p: surveyed(replace_parameters(system, p), s), state, system.parameters)
@@ -113,35 +114,29 @@ def surveyed(system: ReducedFunctions, state: State) -> dict[str, PyTree]:
     """|φ| of each constraint and |A·(ξ, ν) − b|, with the size of the terms in them, and A M⁻¹Aᵀ."""
     if rows_of(system) is not None:
         return _surveyed_links(system, state)
-    at = site(state)
-    bounds = [one for one in system.constraints if one.holonomic]
+    at, node, dim = site(state), node_rates(system, state), system.group.dim
+    group, Q, V = system.places
+    turned = [
+        jax.vmap(lambda xi, space=space, x=x: space.infinitesimal(group, xi, x), out_axes=1)(jnp.eye(dim))
+        for space, x in ((Q, at.n), (V, at.a))
+    ]
+    held = iter(place_slopes(system, at))
 
-    def values(n: Array, a: Array) -> tuple[list[Array], list[Array]]:
-        found = places(system, bounds, at._replace(n=n, a=a))
-        return found, found
+    def of(one: Bound) -> tuple[Array, Array, Array, Array]:
+        """|φ|, the size of its terms, A, and φ̇ or A·(ξ, ν) − b at rest."""
+        if not one.holonomic:
+            rows, right = one.rows(system, at)
+            return jnp.zeros(one.size), jnp.ones(one.size), rows, -right
+        value, by_n, by_a, by_t = next(held)
+        size = jnp.abs(by_n) @ (jnp.abs(at.n) + 1e-3) + jnp.abs(by_a) @ (jnp.abs(at.a) + 1e-3)
+        rows = jnp.concatenate([-by_n @ turned[0] - by_a @ turned[1], by_n], axis=1)
+        return jnp.abs(value), size, rows, by_t
 
-    slopes, found = jax.jacfwd(values, (0, 1), has_aux=True)(at.n, at.a)
-    sizes = [abs(by_n) @ (abs(at.n) + 1e-3) + abs(by_a) @ (abs(at.a) + 1e-3) for by_n, by_a in slopes]
-    held = iter(zip(map(jnp.abs, found), sizes, strict=True))
-    gaps = [next(held) if one.holonomic else (jnp.zeros(one.size), jnp.ones(one.size)) for one in system.constraints]
-    dim, m = system.group.dim, count(system)
-
-    def rates(v: Array) -> tuple[Array, Array]:
-        now = rate(system, at, v[:dim], v[dim:])
-        return now, now
-
-    nothing = jnp.zeros(dim + len(state.n))
-    A, alone = jax.jacfwd(rates, has_aux=True)(nothing)
-
-    def velocities(impulse: Array) -> tuple[Array, Array]:
-        kick = A.T @ impulse
-        found = inverse_legendre.velocities(system, state.replace(mu=state.mu + kick[:dim], pi=state.pi + kick[dim:]))
-        v = jnp.concatenate([found.xi, found.nu])
-        return v, v
-
-    changes, v = jax.jacfwd(velocities, has_aux=True)(jnp.zeros(m))
-    size = jnp.abs(A) @ (jnp.abs(v) + 1e-3) + jnp.abs(alone)
-    return {"places": gaps, "rate": (jnp.abs(A @ v + alone), size), "rows": A, "mobility": A @ changes}
+    gaps, terms, rows, rest = zip(*map(of, system.constraints), strict=True)
+    A, v = jnp.concatenate(rows), jnp.concatenate([node.velocities.xi, node.velocities.nu])
+    size = jnp.abs(A) @ (jnp.abs(v) + 1e-3) + jnp.abs(jnp.concatenate(rest))
+    gaps = list(zip(gaps, terms, strict=True))
+    return {"places": gaps, "rate": (jnp.abs(node.rate), size), "rows": A, "mobility": node.mobility}
 
 
 def _surveyed_links(system: ReducedFunctions, state: State) -> Table:
@@ -225,6 +220,22 @@ def projected(system: ReducedFunctions, state: State) -> State:
     if traced(state, system.parameters):
         raise ArgumentError("System.project takes plain numbers: project the state outside jit, grad and vmap.")
 
+    with tracing_once():
+        found, survey = _nearest(system, state)
+    try:
+        require_on(system, survey)
+    except ArgumentError as error:
+        said = str(error).partition(": take")[0]
+        raise ArgumentError(
+            f"No state on the constraints was found near this one: t{said[1:]}. Start nearer to one; constraints that "
+            "contradict each other have none."
+        ) from None
+    return found
+
+
+def _nearest(system: ReducedFunctions, state: State) -> tuple[State, Table]:
+    """The state to which Newton's iterations lead, and its `surveyed`."""
+
     def of(function: Callable[[ReducedFunctions, State], State]) -> Callable[[State], State]:
         given = tabulate(lambda s, p: function(replace_parameters(system, p), s), state, system.parameters)
         return lambda s: given(s, system.parameters)
@@ -237,16 +248,7 @@ def projected(system: ReducedFunctions, state: State) -> State:
         if moved <= 4 * EPS * max(np.max(np.abs(x), initial=0.0) for x in (state.n, state.a)):
             break
     found = of(_with_velocities)(state)
-    survey, _ = _survey(system, found)
-    try:
-        require_on(system, survey)
-    except ArgumentError as error:
-        said = str(error).partition(": take")[0]
-        raise ArgumentError(
-            f"No state on the constraints was found near this one: t{said[1:]}. Start nearer to one; constraints that "
-            "contradict each other have none."
-        ) from None
-    return found
+    return found, _survey(system, found, known=True)[0]
 
 
 def _members(state: State) -> list[State]:

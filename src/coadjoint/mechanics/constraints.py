@@ -16,6 +16,7 @@ from coadjoint.errors import LagrangianError
 from coadjoint.mechanics.forces import INPUTS
 from coadjoint.mechanics.reduced_functions import TRIVIAL, ReducedFunctions
 from coadjoint.mechanics.signatures import keyword_only
+from coadjoint.mechanics.traced_once import traced_once
 from coadjoint.portable import Portable
 from coadjoint.spaces.named import Named
 
@@ -159,6 +160,32 @@ def places(system: ReducedFunctions, bounds: Sequence[Bound], at: Site) -> list[
         value = called(system, one.constraint.function, at, given)
         found.append(_numbers(value, one._what, (one.size,)))
     return found
+
+
+class PlaceSlopes(NamedTuple):
+    """φ of holonomic constraints (m,) and ∂_nφ (m, ambient), ∂_aφ (m, dim V*), ∂_tφ (m,)."""
+
+    value: Array
+    by_n: Array
+    by_a: Array
+    by_t: Array
+
+
+@traced_once
+def place_slopes(system: ReducedFunctions, at: Site) -> list[PlaceSlopes]:
+    """Those of each holonomic constraint of a system, from one derivative of all; ∂_tφ is zero of those that rest."""
+    bounds = [one for one in system.constraints if one.holonomic]
+    along = (0, 1, 2) if any(one.moving for one in bounds) else (0, 1)
+
+    def values(n: Array, a: Array, t: Scalar) -> tuple[list[Array], list[Array]]:
+        found = places(system, bounds, at._replace(n=n, a=a, t=t))
+        return found, found
+
+    slopes, found = jax.jacfwd(values, along, has_aux=True)(at.n, at.a, at.t)
+    return [
+        PlaceSlopes(value, *by) if len(along) == 3 else PlaceSlopes(value, *by, jnp.zeros_like(value))
+        for value, by in zip(found, slopes, strict=True)
+    ]
 
 
 def place_rates(system: ReducedFunctions, bounds: Sequence[Bound], at: Site, xi: Array, nu: Array) -> list[Array]:

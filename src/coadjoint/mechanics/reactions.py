@@ -107,7 +107,11 @@ def node_rate(system: ReducedFunctions, state: State) -> Array:
 
 def node_rates(system: ReducedFunctions, state: State, impulse: Array | None = None) -> NodeRates:
     """The rates of a node after the multipliers `impulse` (m,), by default none, and how they change with it."""
+    return _node_rates(system, state.at_place, impulse)
 
+
+@traced_once
+def _node_rates(system: ReducedFunctions, state: State, impulse: Array | None) -> NodeRates:
     def left(impulse: Array) -> tuple[Array, Any]:
         after = kicked(system, state, impulse)
         found = inverse_legendre.velocities(system, after)
@@ -125,20 +129,21 @@ def closing(system: ReducedFunctions, state: State, independent: Independent) ->
     One linear solve where these are affine in the momenta, of many links by blocks; else Newton's iteration from the
     velocities of the state. independent: the rows that are kept where some are redundant; λ of the others is zero.
     """
-    how, nothing = rows_of(system), jnp.zeros(count(system))
+    how = rows_of(system)
     if inverse_legendre.velocities(system, state).residual is not None:
         return _closing_together(system, state, independent)
 
     def left(impulse: Array) -> Array:
         return node_rate(system, kicked(system, state, impulse))
 
-    def improved(impulse: Array) -> Array:
+    def improved(impulse: Array | None) -> Array:
+        at = jnp.zeros(count(system)) if impulse is None else impulse
         if how is not None:
-            return impulse - how.jacobian_solve(left, impulse, left(impulse))
+            return at - how.jacobian_solve(left, at, left(at))
         found = node_rates(system, state, impulse)
-        return impulse - solved(found.mobility, found.rate, independent)
+        return at - solved(found.mobility, found.rate, independent)
 
-    impulse = improved(nothing)
+    impulse = improved(None)
     for _ in range(TRIPS - 1 if _curved(system, state) else 0):
         impulse = improved(impulse)
     return impulse

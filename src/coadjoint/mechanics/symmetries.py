@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.constraints import Site
+from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.constraints import Site, place_slopes
 from coadjoint.mechanics.coupling import large
 from coadjoint.mechanics.noether import echelon, spatial_momentum
 from coadjoint.mechanics.state import State
@@ -33,8 +33,8 @@ def symmetries(system: System, state: State) -> np.ndarray:
     random = np.random.default_rng(1918)
     count = dim + wide + 2
     places = random.normal(scale=0.7, size=(count, dim)), random.normal(size=(count, dim + 2 * wide + 1))
-    slopes = evaluate(lambda s, eta, y: jax.vmap(lambda e, y: _slopes(system, s, e, y))(eta, y), state, *places)
-    rows = slopes.reshape(-1, dim + wide)
+    slopes = tabulate(lambda s, eta, y: _slopes(system, s, eta, y), state, places[0][0], places[1][0])
+    rows = np.concatenate([slopes(state, *place) for place in zip(*places, strict=True)])
     if not np.all(np.isfinite(rows)):
         return nothing
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -57,17 +57,16 @@ def _slopes(system: System, state: State, eta: Array, y: Array) -> Array:
     xi, n, nu, t = y[:dim], y[dim : dim + wide], y[dim + wide : -1], state.t + y[-1]
     a = V.act(group, back, a0)
 
-    def values(n: Array, a: Array) -> Array:
-        at = Site(n, a, t, state.inputs)
-        held = [one.value(system, at) for one in system.constraints]
-        own = system.reduced_lagrangian if system.hamiltonian is None else system.reduced_hamiltonian
-        value = own(xi, n, nu, a, t, state.inputs, state.internal)
-        return jnp.concatenate([value[None], *held])
+    own = system.reduced_lagrangian if system.hamiltonian is None else system.reduced_hamiltonian
+    by_n, by_a = jax.grad(own, (1, 3))(xi, n, nu, a, t, state.inputs, state.internal)
+    held = place_slopes(system, Site(n, a, t, state.inputs))
+    along_n = jnp.concatenate([by_n[None], *(one.by_n for one in held)])
+    along_a = jnp.concatenate([by_a[None], *(one.by_a for one in held)])
 
     def along(motion: Array) -> Array:
         turned = V.infinitesimal(group, motion[:dim], a0)
         moved = Q.push(group, back, Q.act(group, g, n), motion[dim:])
-        return jax.jvp(values, (n, a), (moved, -V.push(group, back, a0, turned)))[1]
+        return along_n @ moved - along_a @ V.push(group, back, a0, turned)
 
     return jax.vmap(along, out_axes=1)(jnp.eye(dim + wide))
 

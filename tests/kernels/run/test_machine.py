@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.emit import FEW_PASSES
 from coadjoint.kernels.run import machine as module
+from coadjoint.kernels.run import native
 from coadjoint.kernels.untraceable import Untraceable
+from pinned import body, pinned, start
 
 NINE = "define i64 @nine() { ret i64 9 }"
 
@@ -63,3 +66,23 @@ def test_code_that_is_not_optimised_gives_the_same_and_has_another_name(monkeypa
     module.processor.cache_clear()
     np.testing.assert_allclose(*found, atol=1e-13)
     assert len(set(names)) == 2
+
+
+def test_a_module_marked_for_few_passes_runs():
+    assert module.machine(f"{NINE}\n!{FEW_PASSES} = !{{}}").function("nine", result=module.ctypes.c_int64)() == 9
+
+
+@pytest.mark.long
+def test_steps_with_multipliers_are_compiled_by_few_passes_to_the_same_motion(monkeypatch):
+    texts, compiled, made = [], module.object_code, []
+    monkeypatch.setattr(module, "object_code", lambda text: (texts.append(text), compiled(text))[1])
+    for system in (body(), pinned()):
+        made.append(co.simulate(system, start(system), dt=0.01, steps=50, monitors=False, accuracy=False).final)
+    assert [FEW_PASSES in text for text in texts] == [False, True]
+    monkeypatch.setattr(module, "FEW_PASSES", "no such mark")
+    thorough = module.Machine(compiled(texts[1]))
+    monkeypatch.setattr(native, "machine", lambda text: thorough)
+    native._kernels.clear()
+    system = pinned()
+    again = co.simulate(system, start(system), dt=0.01, steps=50, monitors=False, accuracy=False).final
+    assert np.max(np.abs(again.mu - made[1].mu)) < 1e-13 and np.max(np.abs(again.n - made[1].n)) < 1e-14

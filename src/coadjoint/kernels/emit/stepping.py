@@ -12,6 +12,7 @@ from typing import Any
 
 from llvmlite import ir
 
+from coadjoint.kernels.emit import FEW_PASSES
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
 from coadjoint.kernels.emit.newton_loop import StageLoop, finite
 from coadjoint.kernels.emit.plan import StepPlan
@@ -36,6 +37,8 @@ class StepFunction:
     def __init__(self, plan: StepPlan, width: int) -> None:
         self.plan, self.width = plan, width
         self.module = ir.Module(name="coadjoint")
+        if any(stage.scheme.multipliers for stage in plan.stages):
+            self.module.add_named_metadata(FEW_PASSES, ["1"])
         int64s = INT64.as_pointer()
         signature = ir.FunctionType(
             ir.VoidType(), [POINTER, POINTER, POINTER, INT64, INT64, POINTER, POINTER, POINTER, int64s]

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
 
+from coadjoint.kernels.emit import FEW_PASSES
 from coadjoint.kernels.run import store
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -19,6 +20,9 @@ _RECIPE = "1"
 
 LONG = 10_000_000
 """Characters of assembly from which code is made in a fifth of the time, which takes three times as long to run."""
+
+PASSES = ("sroa", "reassociate", "instruction_combine", "simplify_cfg", "dead_store_elimination")
+"""The passes of LLVM for a module marked `FEW_PASSES`, in their order."""
 
 Made = TypeVar("Made")
 
@@ -66,7 +70,15 @@ def object_code(assembly: str, triple: str = "", cpu: str = "") -> bytes:
     options.slp_vectorization = False
     options.loop_unrolling = False
     builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
+    if FEW_PASSES in assembly:
+        passes = llvm.create_new_function_pass_manager()
+        for name in PASSES:
+            getattr(passes, f"add_{name}_pass")()
+        for function in module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+    else:
+        builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
 
 
