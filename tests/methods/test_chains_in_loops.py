@@ -139,6 +139,21 @@ def test_loops_run_chains_that_are_long(monkeypatch):
     assert native.linked(*of_bobs(20)) is None and native.written(of_bobs(20)[0])
 
 
+@pytest.mark.parametrize("by_xla", [True, False])
+def test_what_xla_compiles_to_observe_records_counts_as_set_up(monkeypatch, by_xla):
+    calls = []
+
+    def ran(which, program, constants, state, h, records, every, watches):
+        calls.append((records, every))
+        return native.run(program, constants, state, h, records, every, watches)
+
+    monkeypatch.setattr(backend, "run", ran)
+    monkeypatch.setattr(backend, "observed_by_xla", lambda *given: by_xla)
+    free = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi)
+    co.simulate(free, free.state(xi=[1.0]), dt=H, steps=5, accuracy=False)
+    assert calls == [(1, 1)] * by_xla + [(5, 1), (1, 1)]
+
+
 def test_a_chain_whose_links_differ_is_written_out_if_it_is_short_enough(monkeypatch):
     program, state = of_bobs(21)
     constants = Constants(bobs(21).parameters, {})

@@ -47,7 +47,7 @@ class Driver:
     def drive(self, position: AnyPosition) -> None:
         """Move `position` to the end of the plan; its `failed` shows whether a step failed."""
         alone = self.plan.backend == "native" and self.plan.members is None
-        if not alone:
+        if not alone or self._observed_by_xla(position):
             phase("Compiling a step.")
             # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
             with compiling(self.title, self.plan.solution, self.progress):
@@ -64,6 +64,10 @@ class Driver:
                 bar.advance(done, position.seconds)
         if not position.failed:
             self._close(position)
+
+    def _observed_by_xla(self, position: AnyPosition) -> bool:
+        plan = self.plan
+        return kernels.observed_by_xla(plan.backend, plan.program, plan.constants, position.state, plan.watches)
 
     def _stretch(self, position: AnyPosition, speed: float) -> None:
         """Run for about PATIENCE seconds: complete blocks from a record to the next, or a part of one where they are

@@ -64,7 +64,7 @@ def monitor_shapes(
     program: Program, parameters: PyTree, state: PyTree, backend: Backend
 ) -> Mapping[str, tuple[int, ...]]:
     """Names and shapes of the observations at a record of a single run, whose backend `choose` has chosen."""
-    if backend == "native" and not native.loops(program, parameters, state):
+    if backend == "native" and not observed_by_xla(backend, program, parameters, state):
         return native.compile(program, parameters, state).monitor_shapes
     found = evaluate(program.monitors, parameters, state, 1.0)
     return {name: np.shape(value) for name, value in found.items()}
@@ -87,6 +87,13 @@ def fall_back(reason: Untraceable, backend: Backend) -> None:
         warn(sentence, stacklevel=4)
 
 
+def observed_by_xla(
+    backend: Backend, program: Program, parameters: PyTree, state: PyTree, monitors: bool = True
+) -> bool:
+    """Whether XLA observes the records of native code (`run.observed`), which it compiles at the first step."""
+    return backend == "native" and monitors and native.loops(program, parameters, state)
+
+
 def run(
     backend: Backend,
     program: Program,
@@ -100,7 +107,7 @@ def run(
     """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
     look()
     kernel = native if backend == "native" else xla
-    if backend == "native" and monitors and native.loops(program, parameters, state):
+    if observed_by_xla(backend, program, parameters, state, monitors):
         kernel = observed
     return kernel.run(program, parameters, state, h, records, save_every, monitors)
 
