@@ -19,6 +19,7 @@ from coadjoint.mechanics.coupling import large, structure
 from coadjoint.mechanics.derivative_check import require_own_derivative
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
+from coadjoint.mechanics.phase_space import require_first_order, require_singular_apart
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.trace_checks import in_words, require_float64, require_scalar
 
@@ -54,7 +55,7 @@ def check(system: ReducedFunctions, start: State, regular: bool = True) -> list[
             if regular:
                 require_regular_hamiltonian(system, start)
             return []
-        return _require_regular(system, function, arguments)
+        return _require_regular(system, function, arguments, start) if regular else require_first_order(system, start)
 
 
 def given(system: ReducedFunctions) -> tuple[str, Callable[..., PyTree]]:
@@ -199,13 +200,12 @@ def _parameter_gradients(system: ReducedFunctions, start: State) -> list[dict[st
 
 def _asymmetric(matrix: Array) -> bool:
     shape = np.shape(matrix)
-    if len(shape) != 2 or shape[0] != shape[1]:
-        return False
-    return bool(np.max(np.abs(matrix - matrix.T), initial=0.0) > 1e-9 * np.max(np.abs(matrix), initial=0.0))
+    square = len(shape) == 2 and shape[0] == shape[1]
+    return square and bool(np.max(np.abs(matrix - matrix.T), initial=0.0) > 1e-9 * np.max(np.abs(matrix), initial=0.0))
 
 
 def _require_regular(
-    system: ReducedFunctions, lagrangian: Callable[..., PyTree], arguments: tuple[PyTree, ...]
+    system: ReducedFunctions, lagrangian: Callable[..., PyTree], arguments: tuple[PyTree, ...], start: State
 ) -> list[str]:
     group, Q, _ = system.places
     xi, n, nu, a = arguments
@@ -221,6 +221,7 @@ def _require_regular(
     hessian = np.asarray(evaluate(jax.hessian(at), velocities))
     empty, eigenvalues, direction = _weakest(hessian)
     if empty or abs(eigenvalues).min() <= SINGULAR:
+        require_singular_apart(system, start)
         raise LagrangianError(
             "The Legendre transform must be regular, but the mass matrix ∂²ℓ/∂(ξ, ν)² is singular: motion along "
             f"(ξ, ν) = {np.round(direction, 3).tolist()} carries no kinetic energy; give it a mass or leave that "
@@ -304,8 +305,7 @@ def _weakest(hessian: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
             "finite at the start, but are not: look for equal eigenvalues, a norm at zero or a division by zero."
         )
     scale = np.sqrt(np.max(np.abs(hessian), axis=1, initial=0.0))
-    empty = bool(np.any(scale == 0.0))
-    if empty:
+    if np.any(scale == 0.0):
         return True, np.zeros(len(hessian)), (scale == 0.0).astype(float)
     eigenvalues, vectors = np.linalg.eigh(hessian / scale[:, None] / scale)
     direction = vectors[:, np.argmin(np.abs(eigenvalues))] / scale

@@ -12,6 +12,7 @@ import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics import phase_space
 from coadjoint.mechanics.coupling import jacobian_solve, large
 from coadjoint.mechanics.legendre import Place
 from coadjoint.mechanics.legendre import velocities as slopes
@@ -67,6 +68,8 @@ def _velocities(system: ReducedFunctions, state: State) -> Velocities:
     problem = _Problem(system, state)
     z = jnp.concatenate([state.xi, system.additional.coordinates(system.group, state.n, state.nu)])
     if _is_affine(system, problem.mismatch, z):
+        if phase_space.linear(system, state):
+            return Velocities(*phase_space.velocities(system, state))
         return Velocities(*problem.unpack(_newton(system.places, problem.mismatch, z)), None)
     values = _Problem(*jax.lax.stop_gradient((system, state)))
     begun = values.sizes(z := jax.lax.stop_gradient(z))

@@ -10,6 +10,7 @@ from coadjoint.methods.isospectral_midpoint import IsospectralMidpoint
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.projected_midpoint import ProjectedMidpoint
 from coadjoint.methods.right_rectangle import RightRectangle
 from coadjoint.methods.runge_kutta import CommutatorFree, CrouchGrossman, MuntheKaas
 from coadjoint.methods.schemes import (
@@ -45,6 +46,7 @@ __all__ = [
     "Method",
     "Midpoint",
     "MuntheKaas",
+    "ProjectedMidpoint",
     "RightRectangle",
     "Simpson",
     "SofroniouSpaletta6",
