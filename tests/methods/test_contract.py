@@ -15,7 +15,7 @@ from coadjoint.methods.variable_step import Pace
 
 MEMBERS = ("order", "stages", "equations", "advance", "sources", "relative")
 H = 0.07
-BODY = PROBLEMS["body in fluid"]
+BODY, TOKAMAK = PROBLEMS["body in fluid"], PROBLEMS["guiding centre"]
 
 
 @pytest.mark.parametrize("left_out", MEMBERS)
@@ -33,7 +33,12 @@ def _hamiltonian_top():
 
 
 CASES = {
-    **{one.name: lambda one=one: (one.make(co.Cayley()), one.adapt(BODY.system), BODY.start) for one in SHIPPED},
+    **{
+        one.name: lambda one=one, on=TOKAMAK if one.first_order else BODY: (
+            one.make(co.Cayley()), one.adapt(on.system), on.start,
+        )
+        for one in SHIPPED
+    },
     "HamiltonianMidpoint": lambda: (co.HamiltonianMidpoint(), *_hamiltonian_top()),
     "CommutatorFree": lambda: (co.methods.CommutatorFree(), BODY.system, BODY.start),
     "CrouchGrossman": lambda: (co.methods.CrouchGrossman(), BODY.system, BODY.start),

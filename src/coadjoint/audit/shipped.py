@@ -32,6 +32,7 @@ from coadjoint.methods import (
     Method,
     Midpoint,
     MuntheKaas,
+    ProjectedMidpoint,
     RightRectangle,
     Simpson,
     SofroniouSpaletta6,
@@ -100,11 +101,15 @@ def with_hamiltonian(system: System) -> System:
 
 @dataclass(frozen=True)
 class Shipped:
-    """A method under a name, made over a difference map; `adapt` gives a system what the method needs."""
+    """A method under a name, made over a difference map; `adapt` gives a system what the method needs.
+
+    first_order: for Lagrangians that are linear in the velocities.
+    """
 
     name: str
     make: Callable[[DifferenceMap], Method]
     adapt: Callable[[System], System] = as_it_is
+    first_order: bool = False
 
 
 MAPS: dict[str, DifferenceMap] = {
@@ -152,6 +157,8 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("VariableStep(Simpson)", lambda tau: VariableStep(Simpson(tau))),
     Shipped("EnergyMomentum", EnergyMomentum),
     Shipped("EnergyMomentum(points=4)", lambda tau: EnergyMomentum(tau, points=4)),
+    Shipped("ProjectedMidpoint", ProjectedMidpoint, first_order=True),
+    Shipped("Suzuki4(ProjectedMidpoint)", lambda tau: Suzuki4(ProjectedMidpoint(tau)), first_order=True),
     Shipped("MuntheKaas", MuntheKaas),
     Shipped("CommutatorFree", CommutatorFree),
     Shipped("CrouchGrossman", CrouchGrossman),
@@ -162,11 +169,13 @@ SHIPPED: tuple[Shipped, ...] = (
 def audited(shipped: Shipped, tau: str, problem: AuditSystem) -> bool:
     """Whether a method over a map on a system is audited.
 
-    Left out are maps that are not `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`,
-    Galerkin's of order 8 on SE(3) and on a curved Q, and all of Galerkin's on SE(3) over the exponential: such a step
-    is too large for native code, and XLA takes minutes for it. Orders with an internal state and constrained systems
-    are audited over the Cayley map.
+    Left out are systems of first order with methods for others, and the other way round, maps that are not
+    `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`, Galerkin's of order 8 on SE(3) and
+    on a curved Q, and all of Galerkin's on SE(3) over the exponential: such a step is too large for native code, and
+    XLA takes minutes for it. Orders with an internal state and constrained systems are audited over the Cayley map.
     """
+    if shipped.first_order != problem.first_order:
+        return False
     if (problem.internal or problem.constrained) and tau in MAPS and tau != "Cayley":
         return False
     method = shipped.make(MAPS.get(tau, Cayley()))

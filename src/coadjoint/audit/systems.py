@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.audit.constrained import pinned_body, pinned_exactly, suslov, suslov_exactly
+from coadjoint.audit.first_order import guiding_centre, guiding_centre_exactly, predators, predators_exactly
 from coadjoint.audit.steered_top import steered_exactly, steered_top
 from coadjoint.groups import SE2, SE3, SO3, attitude
 from coadjoint.mechanics.state import Force, State
@@ -29,7 +30,8 @@ class AuditSystem:
     Λ*(ξ; h) = −Λ(ξ; −h) = hℓ(ξ), and an odd order comes out one higher. `highest`:
     the order up to which there is room for one to show between coarse steps and round-off; over 8 with the Cayley map.
     exact: the motion at a time, by default steps of a method of high order. `internal`: a rule has an internal state,
-    so that the order with one is measured, over the Cayley map.
+    so that the order with one is measured, over the Cayley map. `first_order`: ℓ is linear in the velocities, for
+    methods that are for these alone.
     """
 
     name: str
@@ -40,6 +42,7 @@ class AuditSystem:
     of_velocity: bool = False
     highest: int = 8
     exact: Callable[[float], State] | None = None
+    first_order: bool = False
 
     @property
     def internal(self) -> bool:
@@ -175,6 +178,8 @@ PROBLEMS: dict[str, AuditSystem] = {
         AuditSystem("steered top", steered_top, 2.0, conservative=False, exact=steered_exactly),
         AuditSystem("pinned body", pinned_body, 2.0, exact=pinned_exactly),
         AuditSystem("Suslov's body", suslov, 3.0, of_velocity=True, exact=suslov_exactly),
+        AuditSystem("predators", predators, 4.0, exact=predators_exactly, first_order=True),
+        AuditSystem("guiding centre", guiding_centre, 8.0, exact=guiding_centre_exactly, first_order=True),
     )
 }
 

@@ -15,7 +15,7 @@ from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.fork_safety import require_own_xla
-from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics import inverse_legendre, phase_space
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.multipliers import multipliers
@@ -63,14 +63,17 @@ def vector_field(system: System, state: State) -> State:
         torque, force = reaction(system, site(state), multipliers(system, state, None))
         mu_dot, pi_dot = mu_dot + torque, pi_dot + force
     g_dot = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(xi),))[1]
+    along = (jnp.zeros_like(xi), n_dot, jnp.zeros_like(nu), a_dot, jnp.ones_like(state.t))
 
     def momenta(xi: Array, n: Array, nu: Array, a: Array, t: Scalar):
         return jnp.concatenate(legendre(system, xi, n, nu, a, t, state.inputs, state.internal))
 
-    along = (jnp.zeros_like(xi), n_dot, jnp.zeros_like(nu), a_dot, jnp.ones_like(state.t))
     drift = jax.jvp(momenta, (xi, n, nu, a, state.t), along)[1]
     mass = jax.jacfwd(lambda z: momenta(z[:size], n, z[size:], a, state.t))(jnp.concatenate([xi, nu]))
-    accelerations = jnp.linalg.solve(mass, jnp.concatenate([mu_dot, pi_dot]) - drift)
+    if phase_space.linear(system, state):
+        accelerations = phase_space.accelerations(system, state, n_dot, a_dot)
+    else:
+        accelerations = jnp.linalg.solve(mass, jnp.concatenate([mu_dot, pi_dot]) - drift)
     return state.replace(
         t=jnp.ones_like(state.t), g=g_dot, n=n_dot, a=a_dot, mu=mu_dot, pi=pi_dot,
         xi=accelerations[:size], nu=accelerations[size:],
@@ -94,7 +97,7 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
     require_flat(system.additional, "The reference solution", "compare with small steps")
     at = _in_order(times, float(start.t))
     start = start if system.inputs is None else with_own_momenta(system.driven(None), start)
-    xi, nu = (start.xi, start.nu) if start.from_velocities else _velocities_of(system, start)
+    xi, nu = (start.xi, start.nu) if _gives_velocities(system, start) else _velocities_of(system, start)
     moving = (start.g, start.n, start.a, xi, nu)
     flat, unflatten = _flatten(moving)
 
@@ -136,6 +139,11 @@ def _integrate(
     if not found.success:
         raise StepError(f"The reference solution failed: {found.message}")
     return found.y.T
+
+
+def _gives_velocities(system: System, start: State) -> bool:
+    """Whether the velocities of a start are those of its node, which follow from its place where ℓ is linear in them."""
+    return start.from_velocities and not phase_space.linear(system, start)
 
 
 def _velocities_of(system: System, state: State) -> tuple[Array, Array]:

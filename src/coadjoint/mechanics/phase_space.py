@@ -87,6 +87,15 @@ def velocities(system: ReducedFunctions, state: State) -> FirstOrder:
     return FirstOrder(z[: system.group.dim], z[system.group.dim :], error / jnp.where(size > 0, size, 1.0))
 
 
+def accelerations(system: ReducedFunctions, state: State, n_dot: Array, a_dot: Array) -> Array:
+    """(ξ̇, ν̇), (dim G + dim Q,), of `velocities` along ṅ (ambient,) and ȧ (dim V*,)."""
+
+    def at(n: Array, a: Array, t: Array) -> Array:
+        return jnp.concatenate(velocities(system, state.replace(n=n, a=a, t=t))[:2])
+
+    return jax.jvp(at, (state.n, state.a, jnp.asarray(state.t)), (n_dot, a_dot, jnp.ones_like(state.t)))[1]
+
+
 def require_singular_apart(system: ReducedFunctions, state: State) -> None:
     """Raise LagrangianError where ℓ is linear in the velocities, which a method for other ℓ was given."""
     if linear(system, state):

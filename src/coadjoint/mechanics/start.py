@@ -163,10 +163,10 @@ def _require_momenta(system: ReducedFunctions, state: State, many: bool, by_mome
         require_regular_hamiltonian(system, first)
     if system.hamiltonian is not None and not by_momenta and not many:
         _require_one_momentum(system, state)
-    if by_momenta and not np.all(np.isfinite(state.xi)):
+    if by_momenta and not all(np.all(np.isfinite(rate)) for rate in (state.xi, state.nu)):
         raise ArgumentError(
             f"Momenta must have velocities, but at μ = {np.round(state.mu, 6).tolist()} none were found: look for a "
-            "division by zero in the energy there."
+            "division by zero in the energy there; if ℓ is linear in the velocities, give the place alone."
         )
 
 

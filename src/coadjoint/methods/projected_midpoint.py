@@ -8,7 +8,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -109,12 +109,13 @@ class ProjectedMidpoint(Method, HalfStepSquared):
             raise ArgumentError(
                 f"{type(self).__name__} is for Lagrangians that are linear in the velocities: use co.Midpoint()."
             )
-        found = evaluate(
-            lambda state, parameters: phase_space.velocities(replace_parameters(system, parameters), state),
-            state.replace(memory=None), system.parameters,
-        )  # fmt: skip
-        still = Shift(jnp.zeros_like(found.xi), jnp.zeros_like(found.nu))
-        return state.replace(xi=found.xi, nu=found.nu, memory=still)
+
+        def begun(state: State, parameters: PyTree) -> tuple[Array, Array, Shift]:
+            xi, nu, _ = phase_space.velocities(replace_parameters(system, parameters), state)
+            return xi, nu, Shift(jnp.zeros_like(xi), jnp.zeros_like(nu))
+
+        xi, nu, still = evaluate(begun, state.replace(memory=None), system.parameters)
+        return state.replace(xi=xi, nu=nu, memory=still)
 
     def guess(self, system: System, state: State, h: Scalar) -> Array:
         return jnp.concatenate([state.xi, state.memory.xi, state.nu, state.memory.nu])
@@ -197,9 +198,10 @@ class ProjectedMidpoint(Method, HalfStepSquared):
     def newton_residual(self, system: System, record: State, h: Scalar, after: State) -> Array:
         """|equations|∞ relative to the largest of the momenta of both nodes and of their changes by torque and force.
 
-        Rows of μ are relative to μ and those of π to π."""
+        Rows of μ are relative to μ and those of π to π.
+        """
         rows, dim = jnp.abs(self.equations(system, record, h)), 2 * system.group.dim
-        (_, at), = self.nodes(system, record, h)
+        ((_, at),) = self.nodes(system, record, h)
         mu = largest(record.mu, after.mu, at.mu, h * at.torque)
         pi = largest(record.pi, after.pi, at.pi, h * at.force)
         of_mu, of_pi = largest(rows[:dim]), largest(rows[dim:])
