@@ -35,7 +35,9 @@ def _hamiltonian_top():
 CASES = {
     **{
         one.name: lambda one=one, on=TOKAMAK if one.first_order else BODY: (
-            one.make(co.Cayley()), one.adapt(on.system), on.start,
+            one.make(co.Cayley()),
+            one.adapt(on.system),
+            on.start,
         )
         for one in SHIPPED
     },

@@ -21,6 +21,7 @@ import rows_discrete
 import rows_large_groups
 import rows_links
 import rows_maps
+import rows_phase_space
 import rows_poisson
 import rows_products
 import rows_right
@@ -36,7 +37,8 @@ P = [*rows_continuous.ROWS, *rows_maps.ROWS, *rows_discrete.ROWS, *rows_vehicle.
 B = [*rows_products.ROWS, *rows_semidirect.ROWS, *rows_poisson.ROWS, *rows_bundles.ROWS]
 L = [*rows_links.ROWS, *rows_right.ROWS, *rows_large_groups.ROWS]
 C = rows_constraints.ROWS
-ROWS = [*P, *B, *L, *C]
+D = rows_phase_space.ROWS
+ROWS = [*P, *B, *L, *C, *D]
 
 HEAD = """# Theorems of both papers
 
@@ -87,6 +89,13 @@ HELD = """## C: constraints
 
 Theorems 2, 6 and 7 with reactions, see [constraints](constraints.md): on SO(3), SE(2) and SL(2) with masses that
 depend on the place and two random constraints, steps with random unknowns; the two-form on steps that are solved.
+"""
+
+
+FIRST_ORDER = """## D: Lagrangians that are linear in the velocities
+
+Motion and steps of [phase-space Lagrangians](hamiltonian.md#phase-space-lagrangians) on SO(3) with Q and V\\* that turn,
+and on the plane; the two-form on a step that is solved.
 """
 
 
@@ -157,12 +166,13 @@ def counts(rows: list[Measured]) -> str:
 
 def page() -> str:
     rows = measured()
-    ends = np.cumsum([0, len(P), len(B), len(L), len(C)])
-    first, second, third, fourth = (rows[a:b] for a, b in pairwise(ends))
+    ends = np.cumsum([0, len(P), len(B), len(L), len(C), len(D)])
+    first, second, third, fourth, fifth = (rows[a:b] for a, b in pairwise(ends))
     titles = "## P: advected parameters and additional dynamics", "## B: semidirect products and principal bundles"
     head = [HEAD.rstrip() + "\n" + counts(rows), TAIL.rstrip()]
     papers = titles[0], table(first), titles[1], table(second)
-    return "\n\n".join([*head, *papers, LARGE.rstrip(), table(third), HELD.rstrip(), table(fourth)]) + "\n"
+    more = (LARGE, third), (HELD, fourth), (FIRST_ORDER, fifth)
+    return "\n\n".join([*head, *papers, *(part for text, rows in more for part in (text.rstrip(), table(rows)))]) + "\n"
 
 
 if __name__ == "__main__":

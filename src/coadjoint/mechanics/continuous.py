@@ -142,7 +142,7 @@ def _integrate(
 
 
 def _gives_velocities(system: System, start: State) -> bool:
-    """Whether the velocities of a start are those of its node, which follow from its place where ℓ is linear in them."""
+    """Whether a start has the velocities of its node; where ℓ is linear in them they follow from its place."""
     return start.from_velocities and not phase_space.linear(system, start)
 
 
