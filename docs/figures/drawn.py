@@ -38,6 +38,7 @@ SCRIPTS = {
     "docs/figures/falling_cat.py": ["falling_cat"],
     "docs/figures/tutorial.py": ["leaf"],
     "docs/figures/integrable.py": ["integrable"],
+    "docs/figures/phase_space.py": ["phase_space"],
     "docs/figures/controllers.py": ["controllers", "five_controllers"],
     "docs/figures/stability.py": ["stability"],
     "docs/figures/water.py": ["water"],
