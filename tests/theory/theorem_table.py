@@ -94,8 +94,8 @@ depend on the place and two random constraints, steps with random unknowns; the 
 
 FIRST_ORDER = """## D: Lagrangians that are linear in the velocities
 
-Motion and steps of [phase-space Lagrangians](hamiltonian.md#phase-space-lagrangians) on SO(3) with Q and V\\* that turn,
-and on the plane; the two-form on a step that is solved.
+Motion and steps of [phase-space Lagrangians](hamiltonian.md#phase-space-lagrangians) on SO(3) with Q and V\\* that
+turn, and on the plane; the two-form on a step that is solved.
 """
 
 

@@ -77,6 +77,11 @@ def mismatch(system: ReducedFunctions, state: State) -> Callable[[Array], Array]
     return equations
 
 
+def two_form(system: ReducedFunctions, state: State) -> Array:
+    """The matrix of `mismatch`, (dim G + dim Q, dim G + dim Q)."""
+    return jax.jacfwd(mismatch(system, state))(jnp.concatenate([jnp.zeros_like(state.xi), jnp.zeros_like(state.nu)]))
+
+
 def velocities(system: ReducedFunctions, state: State) -> FirstOrder:
     """(ξ, ν) with ω (ξ, ν) = ∇H − f at the place of the state, on a flat Q: one linear solve."""
     equations, rest = mismatch(system, state), jnp.concatenate([jnp.zeros_like(state.xi), jnp.zeros_like(state.nu)])
@@ -125,7 +130,7 @@ def require_first_order(system: ReducedFunctions, start: State) -> list[str]:
             "The momenta ϑ of a Lagrangian that is linear in the velocities must not depend on `inputs` or `internal`, "
             "which jump from step to step: let H or forces read them."
         )
-    _require_two_form(np.asarray(evaluate(jax.jacfwd(equations), rest)))
+    _require_two_form(np.asarray(evaluate(lambda state: two_form(system, state), start)))
     found = evaluate(lambda state: velocities(system, state), start)
     if not start.from_velocities and not found.residual <= GIVEN:
         raise ArgumentError(

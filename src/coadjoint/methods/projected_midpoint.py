@@ -185,6 +185,16 @@ class ProjectedMidpoint(Method, HalfStepSquared):
         dim = system.group.dim
         return jnp.concatenate([moving[:dim], end.mu - at.mu, moving[dim:], end.pi - at.pi])
 
+    def residual(self, system: System, state: State, h: Scalar, z: Array) -> Array:
+        """The equations, solved for velocities by ω at the node, so that their Jacobian is the identity up to O(h)."""
+        dim, size = system.group.dim, len(state.xi) + len(state.nu)
+        rows = self.equations(system, self.record(system, state, h, z), h)
+        parts = jnp.split(rows, [dim, 2 * dim, dim + size])
+        moving, ending = jnp.concatenate(parts[::2]), jnp.concatenate(parts[1::2])
+        both = jnp.stack([ending, moving + 0.5 * ending], axis=1) / h
+        speeds, shifts = jnp.linalg.solve(phase_space.two_form(system, state), both).T
+        return jnp.concatenate([speeds[:dim], shifts[:dim], speeds[dim:], shifts[dim:]])
+
     def advance(self, system: System, record: State, h: Scalar) -> State:
         return self._end(system, record, h)[0]
 
