@@ -32,7 +32,7 @@ def theta(system: co.System, q: np.ndarray) -> np.ndarray:
 
 
 def test_momenta_stay_those_of_the_place_and_energy_stays_in_its_band():
-    """Without the shifts the energy leaves the band of 2.9e-4 within 200 steps, and the step fails after 2000."""
+    """Without the shifts the momenta leave ϑ by the parasitic mode, and the band of the energy is 1.4e-3."""
     run = co.simulate(LOTKA, AT_ONE, dt=0.05, steps=2500, method=P(), accuracy=False)
     energy, q = run.dataset.energy.values, run.records.q
     assert np.ptp(energy) < 2.9e-4
