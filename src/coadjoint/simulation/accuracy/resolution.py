@@ -138,12 +138,14 @@ LARGEST = 24
 def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: PyTree) -> float | None:
     """h·max|λ| over the excited modes of ẋ = Ax + f at a record, x = (μ, n, π, a); None if unknown.
 
-    A mode v with eigenvalue λ is excited by |c|/|λ|, f = Σ c v: its distance from its equilibrium.
+    A mode v with eigenvalue λ is excited by |c|/|λ|, f = Σ c v: its distance from its equilibrium. Where ℓ is linear in
+    the velocities (μ, π) follow from the place, and no other x moves.
     """
     places, system = doubling.places, doubling.plan.program.skeleton
     kinds = [np.ravel(x).astype(int) for x in (places.mu, places.n, places.pi, places.a) if np.size(x)]
     index = np.concatenate(kinds)
-    if doubling.plan.backend != "native" or not system.additional.flat or len(index) > LARGEST:
+    follow = system.lagrangian is not None and not doubling.plan.program.method.regular
+    if follow or doubling.plan.backend != "native" or not system.additional.flat or len(index) > LARGEST:
         return None
     sizes = np.concatenate([np.full(len(kind), np.max(np.abs(row[kind])) or 1.0) for kind in kinds])
     step, count = SHORT * h, len(index)
