@@ -91,6 +91,7 @@ Every method runs on every system over the difference maps that fit. `Pade` and 
 ({quick}) with the methods up to order 2. On SE(3) Galerkin's method of
 order 8, and over the exponential its others, are too large for native code and were not measured, as is that of order 8
 on the curved Q.
+Methods for Lagrangians that are linear in the velocities run on *predators* and *guiding centre*, and no others do.
 
 `{numbers}` has each map and system. The columns are the map, or the number of maps, the claimed order, the least and
 greatest measured, and the worst over maps and systems of
