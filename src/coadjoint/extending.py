@@ -42,6 +42,7 @@ MODULES = (
     "coadjoint.runs.sections",
     "coadjoint.spaces.charts",
     "coadjoint.spaces.measured",
+    "coadjoint.spaces.measured_spaces",
 )
 """Types, checks, units, files, tables, clocks, errors, members, rates of motion, links and joints, figures."""
 

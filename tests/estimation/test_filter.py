@@ -73,7 +73,12 @@ def test_a_linear_system_has_the_filter_of_kalman():
     found = filter.run(seen, dt=H, inputs={"push": (times - H, push)}, covariances=True)
     A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 1.0], [0.0, 0.0, 0.0]])
     left, right = np.eye(3) - 0.5 * H * A, np.eye(3) + 0.5 * H * A
-    step, Q = np.linalg.solve(left, right), np.diag([0.0, 0.4**2 * H, 0.05**2 * H])
+    step, end = np.linalg.solve(left, right), np.eye(3)[1]
+    begun = step[:, 1]
+    mixed = 0.5 * (np.outer(begun, end) + np.outer(end, begun))
+    Q = 0.4**2 * H / 3 * (np.outer(begun, begun) + mixed + np.outer(end, end))
+    drift = np.diag([0.0, 0.0, 0.5 * 0.05**2 * H])
+    Q = Q + step @ drift @ step.T + drift
     x, P = np.array([0.5, 0.1, 0.2]), np.diag([0.3, 0.2, 0.5]) ** 2
     rows = {"place": (np.array([[1.0, 0, 0]]), 0.04), "speed": (np.array([[1.0, 2, 0]]), 0.01)}
     for k, t in enumerate(times):

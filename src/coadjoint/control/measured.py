@@ -13,7 +13,8 @@ from coadjoint.arrays import PyTree
 from coadjoint.control.numbers import number
 from coadjoint.errors import ArgumentError
 from coadjoint.losses import Loss, require_loss
-from coadjoint.spaces.measured import MeasuredSpace, measured_space
+from coadjoint.spaces.measured import MeasuredSpace
+from coadjoint.spaces.measured_spaces import measured_space
 
 
 class Seen(NamedTuple):

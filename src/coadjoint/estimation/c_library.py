@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from coadjoint.c_sources import array, header, layout, macro
 from coadjoint.estimation.engines import CodedFilter
 from coadjoint.estimation.innovation import FilterMemory
@@ -74,6 +72,7 @@ static int execute({name} *self, const int64_t *order, const double *data, doubl
     double row[{size}], covariance[{square}];
     int64_t rejected[{rejected}], status[4] = {{0, 0, 0, 0}}, memory[{fields}] = {{0}};
     int64_t functions[{count}] = {{{functions}}}, covariances[{count}] = {{{covariances}}};
+    int64_t effective[{count}] = {{{effective}}};
     memcpy(row, self->row, sizeof row);
     memcpy(covariance, self->covariance, sizeof covariance);
     memcpy(rejected, self->rejected, sizeof rejected);
@@ -144,7 +143,8 @@ def sources(
         for (_, _, place), called in zip(face.measurements.places(), names.values(), strict=True)
     ]
     arrays = given.constants | {"begin": held.rows[0], "spread": held.P[0], "counted": held.rejected[0]}
-    arrays |= {f"R{i}": np.asarray(one.covariance, float) for i, one in enumerate(seen)}
+    arrays |= {f"R{i}": one.matrices[0] for i, one in enumerate(seen)}
+    arrays |= {f"E{i}": one.matrices[1] for i, one in enumerate(seen) if one.effective is not None}
     updates = [
         _UPDATE.format(name=name, called=called, size=place.stop - place.start, place=i, correct=CORRECT)
         for i, ((_, _, place), called) in enumerate(zip(face.measurements.places(), names.values(), strict=True))
@@ -154,15 +154,17 @@ def sources(
         "name": name, "N": name.upper(), "size": size, "n": n, "square": n * n, "inputs": face.inputs.size,
         "inputs_": max(face.inputs.size, 1), "rejected": held.rejected.shape[1], "work": work,
         "parameters": len(given.constants["parameters"]), "fields": len(FIELDS), "count": len(seen) + 1,
-        "stack": 8 * (size + n * n + 2 * len(FIELDS) + 2 * len(seen) + 64), "predict": PREDICT, "correct": CORRECT,
+        "stack": 8 * (size + n * n + 2 * len(FIELDS) + 3 * len(seen) + 64), "predict": PREDICT, "correct": CORRECT,
         "places": "\n".join(text for _, text in (*texts, errors) if text),
         "externals": _externals(name, parts), "arrays": "\n".join(array(key, one) for key, one in arrays.items()),
         "functions": "".join(f"of({prefix}measure_{i}), " for i in range(len(seen))) + "0",
         "covariances": "".join(f"at(R{i}), " for i in range(len(seen))) + "0",
+        "effective": "".join(f"at({'R' if one.effective is None else 'E'}{i}), " for i, one in enumerate(seen)) + "0",
     }  # fmt: skip
     comment = f"{face.title}.\n\n" + "\n\n".join(text for text, _ in (*texts, errors))
     body = _BODY.format(**fill, updates="\n".join(signatures))
-    memory = _memory(name, given.sizes, given.scratch, list(given.constants), model.projector is not None)
+    functions = {"step", "tangent", "retract", "carry", "projector", "shake"} & set(parts_of(model, seen))
+    memory = _memory(name, given.sizes, given.scratch, list(given.constants), sorted(functions))
     return header(name, comment, body), _SOURCE.format(**fill, updates="".join(updates), memory=memory), parts
 
 
@@ -175,14 +177,14 @@ def _externals(name: str, parts: Mapping[str, tuple[str, str]]) -> str:
 
 
 def _memory(
-    name: str, sizes: Mapping[str, int], scratch: Mapping[str, int], constants: list[str], constrained: bool
+    name: str, sizes: Mapping[str, int], scratch: Mapping[str, int], constants: list[str], functions: list[str]
 ) -> str:
     """The lines that fill the table of sizes and addresses."""
     found = {key: str(value) for key, value in sizes.items()}
     found |= {"row": "at(self->row)", "P": "at(self->covariance)", "rejected": "at(self->rejected)"}
-    found |= {"measurements": "at(functions)", "covariances": "at(covariances)", "status": "at(status)"}
+    found |= {"measurements": "at(functions)", "covariances": "at(covariances)", "effective": "at(effective)"}
+    found["status"] = "at(status)"
     found |= {key: f"at({key})" for key in constants} | {"parameters": "at(self->parameters)"}
-    functions = ("step", "tangent", "retract", "carry", *(("projector",) if constrained else ()))
     found |= {key: f"of({name}_code_{key})" for key in functions}
     start = 0
     for key, count in scratch.items():

@@ -85,6 +85,17 @@ class ConstrainedErrors(InvariantErrors):
             return None
         return RowFunction(lambda e, x: self.differ(x, self.retract(x, e)), np.zeros(self.width), self._first)
 
+    @cached_property
+    def shaking(self) -> RowFunction:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `Process`."""
+
+        def shaken(w: Array, row: Array) -> Array:
+            state, theta = self._unpacked(row)
+            there = self.shaken(self._drifts.replaced(theta), state, w)
+            return self.differ(row, jnp.concatenate([flattened(there), theta]))
+
+        return RowFunction(shaken, np.zeros(len(self.densities)), self._first)
+
     def shaken(self, constants: Constants, state: State, w: Array) -> State:
         """The state after an impulse w of noise, and after that with which the constraints answer, traced."""
         d = self._system.group.dim

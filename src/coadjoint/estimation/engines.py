@@ -98,7 +98,14 @@ class FilterEngine:
         if model is not None and None not in functions:
             seen = [
                 MeasurementCode(
-                    one.function.native, one.covariance, one.gate, one.space.size, one.loss, one.recovery, one.trips
+                    one.function.native,
+                    one.covariance,
+                    one.gate,
+                    one.space.size,
+                    one.loss,
+                    one.recovery,
+                    one.trips,
+                    one.effective,
                 )
                 for one in measurements
                 if one.function.native
@@ -205,6 +212,7 @@ class FilterEngine:
         stopped, used = acts & (action == STOP), known & (~beyond | acts)
         rejected[acts & ~stopped] = 0
         P *= np.where(acts & (action == INFLATE), nis / m, 1.0)[:, None, None]
+        R = R if one.effective is None else one.effective
         found = None
         for _ in range(one.trips):
             if found is not None:

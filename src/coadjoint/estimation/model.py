@@ -62,8 +62,8 @@ class ModelProcess(ConstrainedErrors):
         error: "left" (the default) or "right".
         noise: {"torque": S_T, "force": S_f}, the roots of the spectral densities of white torques and forces in body
             axes, N m √s and N √s in SI units, one number or (dim G,) and (dim Q,); by default none. Over a step of h
-            they add S² h to the covariances of μ and π, as impulses at its end: choose h well below the time between
-            measurements, since places of a step lack the S²h³/3 of continuous noise.
+            they add S²h to the covariances of μ and π, and to those of attitudes and places S²h³/3 of the velocities,
+            to second order in h.
         drifting: name → `RandomWalk` or `GaussMarkov` of parameters θ of the system that are estimated as well, as in
             {"water.velocity": GaussMarkov(0.3, 600)}; by default none.
         biases: name → `RandomWalk` or `GaussMarkov` of numbers that do not act on the motion and that only
@@ -256,16 +256,16 @@ class ModelProcess(ConstrainedErrors):
 
     def native(self) -> Model | None:
         model, tangent, moving, carrying = self._model, self.tangent.native, self.moving.native, self.carrying.native
-        projector = None if self.projector is None else self.projector.native
+        shake, projector = self.shaking.native, None if self.projector is None else self.projector.native
         if tangent is None or moving is None or carrying is None or (self.constrained and projector is None):
             return None
-        if model.backend == "xla":
+        if shake is None or model.backend == "xla":
             return None
         kernel = model.kernel(1)
         return Model(
             len(self._first), model.size, np.array(self.substeps), self.unknowns, kernel.record.size, model.p[0],
             self._spread_places, kernel.function, kernel.row, self.between, tangent, self.densities, moving, carrying,
-            self.commanded, self.width, model.assembly, projector,
+            self.commanded, self.width, model.assembly, projector, shake, self._drifts.count - len(self._drifts.places),
         )  # fmt: skip
 
     @property

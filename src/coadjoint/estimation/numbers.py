@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.checks import is_number
+from coadjoint.errors import ArgumentError
 
 
 def float64(value: object) -> np.ndarray:
@@ -23,3 +25,16 @@ def numbers(value: object) -> np.ndarray:
         return float64(value)
     except (TypeError, ValueError):
         return np.asarray(np.nan)
+
+
+def input_of_members(value: object, name: str, shape: tuple[int, int]) -> np.ndarray:
+    """(members, size), or (size,) for all; raises ArgumentError."""
+    found = numbers(value)
+    members, size = shape
+    if found.shape not in ((), (size,), shape) or found.size not in (size, members * size):
+        raise ArgumentError(
+            f"The input `{name}` is {size} numbers, or ({members}, {size}) of all members, but has the shape "
+            f"{found.shape}."
+        )
+    checks.expect(np.all(np.isfinite(found)), value, f"The input `{name}`", "finite numbers")
+    return found.reshape(-1, size)

@@ -17,15 +17,17 @@ from coadjoint.estimation.process import Process
 from coadjoint.kernels.run.function import RowFunction
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.trace_checks import in_words
-from coadjoint.spaces.measured import MeasuredSpace, measured_space
+from coadjoint.spaces.measured import MeasuredSpace
+from coadjoint.spaces.measured_spaces import measured_space
 
 
 class PreparedMeasurement(NamedTuple):
     """A measurement of a process.
 
     space: of its values. reading: h of a row. function: (e, (row, y)) ↦ h ⊖ y of `spaces.measured`, whose negative is
-    ν. covariance: R (m, m). gate: the largest NIS that is accepted. loss: its numbers. recovery: after how many values
-    in a row beyond the gate what is done, of `kernels.emit.filter_correction`. trips: linearisations of an update.
+    ν. covariance: R (m, m). effective: that of the gain. gate: the largest NIS that is accepted. loss: its numbers.
+    recovery: after how many values in a row beyond the gate what is done, of `kernels.emit.filter_correction`. trips:
+    linearisations of an update.
     """
 
     name: str
@@ -33,6 +35,7 @@ class PreparedMeasurement(NamedTuple):
     reading: Callable[[Array], PyTree]
     function: RowFunction
     covariance: np.ndarray
+    effective: np.ndarray | None
     gate: float
     loss: tuple[float, float, float] | None
     recovery: tuple[int, int]
@@ -73,5 +76,17 @@ def prepared(process: Process, name: str, measurement: PyTree) -> PreparedMeasur
     loss = measurement.loss
     weights = None if loss is None else loss.numbers(space.dim)
     return PreparedMeasurement(
-        name, space, reading, function, R, gate, weights, measurement.recovery, measurement.trips
+        name, space, reading, function, R, _effective(R, space), gate, weights, measurement.recovery, measurement.trips
     )
+
+
+def _effective(R: np.ndarray, space: MeasuredSpace) -> np.ndarray | None:
+    """R + R Ric R, the inverse of the information R⁻¹ − Ric that an element with the noise R has to first order in R;
+    None where the space is flat.
+
+    An update on a group by the inverse differentials of the logarithm at the residual e and at the correction η has the
+    information (J⁻ᵀR⁻¹J⁻¹)(e) + (J⁻ᵀP⁻¹J⁻¹)(η). That of the posterior, whose density by Haar's measure has |J|⁻¹, has
+    in addition eᵀR⁻¹∂²e + ηᵀP⁻¹∂²η, −⅔ Ric in the mean over all y for any P and R, and −⅓ Ric of log |J|.
+    """
+    curvature = space.curvature
+    return R + R @ curvature @ R if curvature.any() else None

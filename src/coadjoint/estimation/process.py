@@ -13,7 +13,7 @@ from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
-from coadjoint.estimation.numbers import float64, numbers
+from coadjoint.estimation.numbers import float64, input_of_members
 from coadjoint.kernels.run.function import RowFunction
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.methods.step_model import implicit_slopes
@@ -165,7 +165,7 @@ class Process(Remade, ABC):
         rows, start = rows.copy(), 0
         for name, size in self.input_sizes.items():
             if name in inputs:
-                rows[:, self.commanded[start : start + size]] = _input(inputs[name], name, (len(rows), size))
+                rows[:, self.commanded[start : start + size]] = input_of_members(inputs[name], name, (len(rows), size))
             start += size
         return rows
 
@@ -190,6 +190,9 @@ class Process(Remade, ABC):
         the first and the last and 0 for others, and e has `between` numbers, those of an error and further ones.
         """
 
+    shaking: RowFunction | None = None
+    """(w, x) ↦ differ(x, x after an impulse w at the start of a step); None where `tangent` spreads w over the step."""
+
     @property
     def parts(self) -> PartsOfSteps | None:
         """The judge of the steps from rows (k, size), None if they are not those of a model."""
@@ -212,16 +215,19 @@ class Process(Remade, ABC):
         course: that of the step, from `stepped`; by default the step is taken again for it.
         """
         course = self.stepped(rows, h)[1] if course is None else course
-        Phi, G, variances = self._slopes(rows, after, h, course)
-        Q = G @ G.transpose(0, 2, 1)
-        last = np.arange(self.width - self.drifting, self.width)
-        Q[:, last, last] += variances
-        return Phi, Q
+        Phi, U = self._slopes(rows, after, h, course)
+        return Phi, U @ U.transpose(0, 2, 1)
 
     def _slopes(
         self, rows: np.ndarray, after: np.ndarray, h: float, course: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(Φ, G, q): e⁺ = Φ e + G u + noise of the variances q in drifting numbers, with u standard normal numbers."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(Φ, U): e⁺ = Φ e + U u with u standard normal numbers.
+
+        White noise at s of a step acts at its end by Φ(h, s)G. With the linear interpolant of that between ΦG₀ = A at
+        the start and G = B at the end, ∫ Φ G S²GᵀΦᵀ ds = h/3 (A S²Aᵀ + ½ (A S²Bᵀ + B S²Aᵀ) + B S²Bᵀ) = UUᵀ, with
+        U = √h ((A + B)/2, (A − B)/√12) S: of second order in h, and exact where velocities are constant. Numbers that
+        drift, θ⁺ = φθ + noise of the variance q, gain q/(1 + φ²) before the step and as much after it.
+        """
         m, n, k = self.unknowns, self.width, self.unknowns + self.between
         still, count = np.zeros((len(rows), self.between + len(self.densities))), len(self.substeps)
         begin, Phi, value, J = rows, np.eye(self.between), rows, still
@@ -234,7 +240,13 @@ class Process(Remade, ABC):
             value, J = self.tangent(x, y)
             own = implicit_slopes(J[:, :k, :k], m)
             Phi, begin = own @ Phi if number else own, end
-        return Phi[:, :n, :n], J[:, m : m + n, k:] * (self.densities * np.sqrt(h)), value[:, k + self.drifting :]
+        Phi, end = Phi[:, :n, :n], J[:, m : m + n, k:]
+        if self.shaking is not None:
+            begun = Phi @ self.shaking(np.zeros((len(rows), len(self.densities))), rows)[1]
+            end = np.concatenate([0.5 * (begun + end), (begun - end) / np.sqrt(12.0)], axis=2)
+        U, last = end * np.resize(self.densities * np.sqrt(h), end.shape[2]), np.arange(n - self.drifting, n)
+        half = np.sqrt(value[:, None, k + self.drifting :] / (1.0 + Phi[:, None, last, last] ** 2))
+        return Phi, np.concatenate([U, Phi[:, :, last] * half, np.eye(n)[:, last] * half], axis=2)
 
     def _drifting(self, rows: np.ndarray) -> np.ndarray:
         return rows[:, rows.shape[1] - self.drifting :]
@@ -250,10 +262,8 @@ class Process(Remade, ABC):
                 f"rows {np.shape(rows)} and {shown(random)}."
             )
         after, course = self.stepped(rows, h)
-        _, G, variances = self._slopes(rows, after, h, course)
-        e = (G @ random.normal(size=(len(rows), len(self.densities), 1)))[:, :, 0]
-        e[:, self.width - self.drifting :] += np.sqrt(variances) * random.normal(size=variances.shape)
-        return self.moved(after, e)
+        _, U = self._slopes(rows, after, h, course)
+        return self.moved(after, (U @ random.normal(size=(len(rows), U.shape[2], 1)))[:, :, 0])
 
     @abstractmethod
     def first_covariance(self, row: np.ndarray, deviations: Mapping[str, PyTree]) -> np.ndarray:
@@ -322,16 +332,3 @@ class Process(Remade, ABC):
                 f"needs {taken} arguments."
             )
         return lambda row: function(*see(row)[:taken])
-
-
-def _input(value: object, name: str, shape: tuple[int, int]) -> np.ndarray:
-    """(members, size), or (size,) for all; raises ArgumentError."""
-    found = numbers(value)
-    members, size = shape
-    if found.shape not in ((), (size,), shape) or found.size not in (size, members * size):
-        raise ArgumentError(
-            f"The input `{name}` is {size} numbers, or ({members}, {size}) of all members, but has the shape "
-            f"{found.shape}."
-        )
-    checks.expect(np.all(np.isfinite(found)), value, f"The input `{name}`", "finite numbers")
-    return found.reshape(-1, size)

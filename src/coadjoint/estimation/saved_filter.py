@@ -32,7 +32,7 @@ from coadjoint.texts import Table
 
 KIND = FileKind("filter", "filter", 1)
 _FIELDS, _NUMBERS = ("row", "inputs", "measurements"), ("parts", "parameters", "places", "densities", "inputs")
-_SIZES = ("size", "state", "unknowns", "course", "scratch", "between", "errors")
+_SIZES = ("size", "state", "unknowns", "course", "scratch", "between", "errors", "still")
 _KERNEL = [*[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4]
 _FUNCTION = [*[ctypes.c_void_p] * 4, ctypes.c_int64]
 
@@ -68,10 +68,12 @@ def to_bytes(face: FilterInterface, model: Model, seen: list[MeasurementCode], h
         "face": {**asdict(face), **{name: getattr(face, name).shapes for name in _FIELDS}},
         "sizes": {name: int(getattr(model, name)) for name in _SIZES},
         "constrained": model.projector is not None,
+        "shaken": model.shake is not None,
         "measured": measured,
     }  # fmt: skip
     arrays = {f"model_{name}": np.asarray(getattr(model, name)) for name in _NUMBERS}
     arrays |= {f"covariance_{i}": np.ascontiguousarray(one.covariance, float) for i, one in enumerate(seen)}
+    arrays |= {f"effective_{i}": one.matrices[1] for i, one in enumerate(seen)}
     return packed(KIND, header, assembly, compiled(assembly), arrays | held._asdict())
 
 
@@ -184,8 +186,11 @@ def _opened(archive: zipfile.ZipFile, header: Table) -> SavedFilter:
     face = FilterInterface(**{**known, "errors": tuple(known["errors"]), "awaited": tuple(known["awaited"])})
     numbers, sizes = {name: stored_array(archive, f"model_{name}") for name in _NUMBERS}, header["sizes"]
     held = FilterMemory(*(stored_array(archive, name) for name in FilterMemory._fields))
-    covariances = [stored_array(archive, f"covariance_{i}") for i in range(len(header["measured"]))]
-    _require_shapes(face, sizes, numbers, covariances, held)
+    covariances, effective = (
+        [stored_array(archive, f"{name}_{i}") for i in range(len(header["measured"]))]
+        for name in ("covariance", "effective" if "shaken" in header else "covariance")  # of older files
+    )
+    _require_shapes(face, sizes, numbers, [*covariances, *effective], held)
     machine = Machine(code_of(archive, header, KIND)[1])
 
     def function(name: str) -> _Loaded:
@@ -194,13 +199,16 @@ def _opened(archive: zipfile.ZipFile, header: Table) -> SavedFilter:
     step = machine.function("step", *(_KERNEL if sizes["unknowns"] else _FUNCTION))
     functions: Table = {name: function(name) for name in ("tangent", "retract", "carry")}
     functions |= {"step": step, "step_assembly": _Loaded(step).assembly}
-    model = Model(**numbers, **sizes, **functions, projector=function("projector") if header["constrained"] else None)
+    optional = {"projector": header["constrained"], "shake": header.get("shaken", False)}
+    functions |= {name: function(name) if there else None for name, there in optional.items()}
+    model = Model(**numbers, **sizes, **functions)
     seen = [
         MeasurementCode(
-            function(f"measure_{i}"), R, one["gate"], one["numbers"], one["loss"], tuple(one["recovery"]), one["trips"]
+            function(f"measure_{i}"), R, one["gate"], one["numbers"], one["loss"], tuple(one["recovery"]), one["trips"],
+            None if np.array_equal(R, used) else used,
         )
-        for i, (one, R) in enumerate(zip(header["measured"], covariances, strict=True))
-    ]
+        for i, (one, R, used) in enumerate(zip(header["measured"], covariances, effective, strict=True))
+    ]  # fmt: skip
     return SavedFilter(face, machine, Filters(model, seen, orders_of(machine, "filter")), seen, held)
 
 
@@ -210,7 +218,9 @@ def _require_shapes(
     """Raise ValueError unless the arrays are those that the machine code reads and writes."""
     n, count, drifting = sizes["errors"], len(face.measurements.shapes), sizes["size"] - sizes["state"]
     shapes = (1, sizes["size"]), (1, n, n), (1, max(count, 1))
-    well = all(array.shape == shape for array, shape in zip(held, shapes, strict=True)) and len(covariances) == count
+    well = (
+        all(array.shape == shape for array, shape in zip(held, shapes, strict=True)) and len(covariances) == 2 * count
+    )
     well &= face.row.size == sizes["size"] and len(face.errors) == n and len(numbers["inputs"]) == face.inputs.size
     well &= numbers["places"].shape == (drifting,) or sizes["unknowns"] == 0
     if not well or held.rejected.dtype != np.int64 or any(one.dtype != float for one in (*held[:2], *covariances)):

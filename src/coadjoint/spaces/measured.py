@@ -17,17 +17,16 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.linalg import block_diag
 
-from coadjoint import checks
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups import SE3, SO2, SO3, LieGroup, UnitQuaternion
+from coadjoint.groups import SO3, LieGroup, UnitQuaternion
 from coadjoint.groups.rotation_vector import of_quaternion
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.spaces.charts import CHARTS, Chart, along_bearing, bearing, bearing_frame, wrapped
+from coadjoint.spaces.charts import Chart, along_bearing, bearing, bearing_frame, wrapped
 from coadjoint.spaces.sphere import Sphere
 
-SIDES = ("body", "space")
 OPPOSITE = 1e-6
 """The distance from −y, rad, within which a direction counts as opposite to y."""
 OFF = 1e-2
@@ -43,6 +42,11 @@ class MeasuredSpace(ABC):
     angles: np.ndarray
     everywhere: bool = False
     """Whether all numbers are values."""
+
+    @property
+    def curvature(self) -> np.ndarray:
+        """Ric (dim, dim) in the axes of the noise: 0 of vectors; −¼ tr(ad ad) of a group, ½ of SO(3); 1 of S²."""
+        return np.zeros((self.dim, self.dim))
 
     @abstractmethod
     def difference(self, h: PyTree, y: Array) -> Array:
@@ -137,6 +141,12 @@ class Elements(MeasuredSpace):
         turn = jnp.where(turn[0] < 0, -turn, turn) if type(group) is UnitQuaternion else turn
         return group.log(turn)
 
+    @property
+    def curvature(self) -> np.ndarray:
+        each = np.eye(self.dim)
+        ad = evaluate(jax.vmap(jax.vmap(self._group.ad, (None, 0), 1), (0, None)), each, each)
+        return -0.25 * np.einsum("ikl,jlk->ij", ad, ad)
+
     def moved(self, h: PyTree, e: Array) -> PyTree:
         turn = self._group.exp(e)
         return self._group.compose(h, turn) if self._body else self._group.compose(turn, h)
@@ -189,6 +199,10 @@ class Directions(MeasuredSpace):
     def value(self, y: Array) -> PyTree:
         return along_bearing(y) if self._bearing else y
 
+    @property
+    def curvature(self) -> np.ndarray:
+        return np.eye(2)
+
     def moved(self, h: PyTree, e: Array) -> PyTree:
         h = _unit(h)
         B = bearing_frame(bearing(h)) if self._bearing else Sphere().frame(SO3(), h)
@@ -221,6 +235,10 @@ class MeasuredTogether(MeasuredSpace):
     def origin(self) -> np.ndarray:
         return np.concatenate([part.origin for part in self._parts])
 
+    @property
+    def curvature(self) -> np.ndarray:
+        return np.asarray(block_diag(*(part.curvature for part in self._parts)))
+
     def value(self, y: Array) -> PyTree:
         ends = zip(self._values, self._values[1:], strict=False)
         return tuple(part.value(y[a:b]) for part, (a, b) in zip(self._parts, ends, strict=True))
@@ -241,53 +259,3 @@ class MeasuredTogether(MeasuredSpace):
 def _unit(x: PyTree) -> Array:
     x = jnp.ravel(jnp.asarray(x, dtype=float))
     return x / jnp.sqrt(x @ x)
-
-
-def measured_space(space: PyTree, value: PyTree, side: str, coordinates: PyTree, what: str) -> MeasuredSpace:
-    """The space of a measurement called `what`, whose function returns `value`, arrays or shapes.
-
-    space, side, coordinates: as of `co.estimation.Measurement`. Raises ArgumentError where they do not fit.
-    """
-    if isinstance(space, (tuple, list)):
-        charts = [None] * len(space) if coordinates is None else coordinates
-        if not isinstance(value, (tuple, list)) or len(value) != len(space) or len(charts) != len(space):
-            raise ArgumentError(
-                f"{what} has {len(space)} spaces: its function returns a tuple of as many values, and `coordinates` "
-                f"has as many parts, but there are {shown(jax.tree.map(np.shape, value))} and {shown(coordinates)}."
-            )
-        parts = zip(space, value, charts, strict=True)
-        return MeasuredTogether([measured_space(one, part, side, chart, what) for one, part, chart in parts])
-    checks.choice(side, f"`error_side` of {what}", SIDES)
-    chart = (
-        None if coordinates is None else checks.choice(coordinates, f"`coordinates` of {what}", (*CHARTS, "bearing"))
-    )
-    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(value)]
-    if isinstance(space, Sphere) and space == Sphere() and chart in (None, "bearing"):
-        _require_shapes(shapes, [(3,)], what, "a direction, a vector (3,)")
-        return Directions(chart == "bearing")
-    if chart is not None and (chart == "bearing" or not isinstance(space, (SO3, SE3))):
-        raise ArgumentError(
-            f'`coordinates="{chart}"` of {what} is of {"co.Sphere()" if chart == "bearing" else "co.SO3() or co.SE3()"}'
-            f", but its space is {space!r}."
-        )
-    if space is None or (isinstance(space, SO2) and shapes != [(2, 2)]):
-        _require_shapes(shapes[1:], [], what, "one array")
-        if not shapes or 0 in shapes[0]:
-            raise ArgumentError(
-                f"The function of {what} returns no number: there is nothing to measure. Of a system without "
-                "`additional`, q and qdot of a motion are empty."
-            )
-        return Vectors(shapes[0], space is not None)
-    if isinstance(space, LieGroup):
-        wanted = [leaf.shape for leaf in jax.tree.leaves(evaluate(space.identity))]
-        _require_shapes(shapes, wanted, what, f"an element of {space!r}, of the shapes {shown(wanted)}")
-        return Elements(space, side, None if chart is None else CHARTS[chart])
-    raise ArgumentError(
-        f"`space` of {what} must be a group such as co.SO3(), co.Sphere() for directions, None for vectors, or a tuple "
-        f"of these, but is {shown(space)}."
-    )
-
-
-def _require_shapes(shapes: list[tuple[int, ...]], wanted: list[tuple[int, ...]], what: str, words: str) -> None:
-    if shapes != wanted:
-        raise ArgumentError(f"The function of {what} must return {words}, but returns the shapes {shown(shapes)}.")

@@ -44,6 +44,7 @@ def correction(module: ir.Module, algebra: DenseAlgebra) -> Value:
     with f.b.if_then(f.b.icmp_signed("==", action, INT64(STOP))):
         f.b.ret(INT64(1))
     recovers = f.b.icmp_signed(">", action, INT64(0))
+    noise, R = R, f.b.inttoptr(f.at(m.integers("effective"), measurement), NUMBERS)
     f.put(output, 1, f.b.select(recovers, DOUBLE(2.0), one))
     with f.b.if_then(f.b.icmp_signed("==", action, INT64(INFLATE))):
         factor = f.b.fdiv(f.b.load(nis), f.b.sitofp(size, DOUBLE))
@@ -51,6 +52,8 @@ def correction(module: ir.Module, algebra: DenseAlgebra) -> Value:
         for name, count in (("P", f.times(n, n)), ("HP", f.times(size, n)), ("A", f.times(size, size))):
             with f.over(count) as i:
                 f.put(m.numbers(name), i, f.b.fmul(f.at(m.numbers(name), i), factor))
+    changed = f.b.icmp_signed("!=", f.b.ptrtoint(R, INT64), f.b.ptrtoint(noise, INT64))
+    with f.b.if_then(f.b.or_(changed, f.b.icmp_signed("==", action, INT64(INFLATE)))):
         _whitened(f, m, algebra, size, R, one)
     weight = f.variable(DOUBLE, one)
 
@@ -239,7 +242,8 @@ def _apply(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: 
     f.b.call(algebra.copy, [f.place(moved, width), row, width])
     clear(f, T, square)
     m.call("carry", FUNCTION, [e, moved, m.numbers("KR"), T, INT64(1)])
-    sandwich(f, m, algebra, T, algebra.product)
+    among = f.b.select(f.b.icmp_signed("!=", m.integer("projector"), INT64(0)), n, f.b.sub(n, m.integer("drifting")))
+    sandwich(f, m, algebra, T, algebra.product, among)
     symmetric(f, P, n)
 
 
@@ -248,5 +252,5 @@ def _project(f: Loops, m: FilterAddresses, algebra: DenseAlgebra) -> None:
     n, Pi = m.integer("errors"), m.numbers("Phi")
     clear(f, Pi, f.times(n, n))
     m.call("projector", FUNCTION, [m.numbers("zeros"), m.numbers("row"), m.numbers("value"), Pi, INT64(1)])
-    sandwich(f, m, algebra, Pi, algebra.product)
+    sandwich(f, m, algebra, Pi, algebra.product, n)
     symmetric(f, m.numbers("P"), n)

@@ -16,6 +16,7 @@ FIELDS = (
     *("input_places", "measurements", "sizes", "counts", "covariances", "gates", "losses"),
     *("limits", "actions", "trips", "rejected", "seen"),
     *("nu", "H", "HP", "A", "S", "K", "KR", "e", "zeros", "projector"),
+    *("effective", "shake", "started", "shaken", "acting"),
 )
 """The memory of a filter: sizes and addresses, all integers."""
 
@@ -42,16 +43,31 @@ class FilterAddresses:
         self._f.b.call(self._f.b.inttoptr(self.integer(name), kind), arguments)
 
 
-def sandwich(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, T: Value, product: Value) -> None:
-    """P ← T P Tᵀ, not symmetric to round-off; product: of T, which has few zeros or many."""
-    n, one = m.integer("errors"), DOUBLE(1.0)
+def sandwich(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, T: Value, product: Value, among: Value) -> None:
+    """P ← T P Tᵀ, not symmetric to round-off; product: of T, which has few zeros or many.
+
+    The last rows of T, of the drifting numbers, are diagonal; among: the columns that its other rows have.
+    """
+    n, k, one = m.integer("errors"), m.integer("drifting"), DOUBLE(1.0)
     turned, W, P = (m.numbers(name) for name in ("turned", "W", "P"))
-    clear(f, W, f.times(n, n))
-    f.b.call(product, [W, T, P, n, n, n, n, n, n, one])
-    clear(f, P, f.times(n, n))
+    moving = f.b.sub(n, k)
+    clear(f, W, f.times(moving, n))
+    f.b.call(product, [W, T, P, moving, among, n, n, n, n, one])
     # W is full and Tᵀ is not: the product is taken transposed, T Wᵀ, of which P is the transpose.
-    f.b.call(algebra.transpose, [turned, W, n, n, n])
-    f.b.call(product, [P, T, turned, n, n, n, n, n, n, one])
+    f.b.call(algebra.transpose, [turned, W, moving, among, n])
+    with f.over(moving) as i:
+        clear(f, f.place(P, f.times(i, n)), moving)
+    f.b.call(product, [P, T, turned, moving, among, moving, n, n, moving, one])
+    with f.over(n, moving) as j:
+        own = f.at(T, f.times(j, f.add(n, 1)))
+        with f.over(moving) as i:
+            value = f.b.fmul(f.at(W, f.add(f.times(i, n), j)), own)
+            f.put(P, f.add(f.times(i, n), j), value)
+            f.put(P, f.add(f.times(j, n), i), value)
+        with f.over(n, moving) as i:
+            here = f.place(P, f.add(f.times(j, n), i))
+            other = f.at(T, f.times(i, f.add(n, 1)))
+            f.b.store(f.b.fmul(f.b.load(here), f.b.fmul(own, other)), here)
 
 
 def clear(f: Loops, array: Value, count: Value) -> None:

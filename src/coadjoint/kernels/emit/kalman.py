@@ -131,14 +131,18 @@ def _eliminate(f: Loops, m: FilterAddresses, algebra: DenseAlgebra) -> None:
     """Φ = ∂e⁺/∂e of a part by the implicit function theorem."""
     u, n, w = (m.integer(name) for name in ("unknowns", "between", "noises"))
     J, Phi, stride = m.numbers("J"), m.numbers("Phi"), f.add(u, n, w)
+    # Of a single part the rows of drifting numbers are diagonal, and no step reads the last columns.
+    alone = f.b.icmp_signed("==", m.integer("parts"), INT64(1))
+    rows = f.b.select(alone, f.b.sub(n, m.integer("drifting")), n)
+    columns = f.b.select(alone, m.integer("acting"), n)
     below = f.place(J, f.times(u, stride))
     # The slopes of the step keep their zeros: the solve works on a copy.
     kept = m.numbers("KR")
     f.b.call(algebra.copy, [kept, J, f.times(u, stride)])
-    f.b.call(algebra.solve, [kept, f.place(kept, u), u, n, stride, stride])
+    f.b.call(algebra.solve, [kept, f.place(kept, u), u, columns, stride, stride])
     with f.over(n) as i:
         f.b.call(algebra.copy, [f.place(Phi, f.times(i, n)), f.place(below, f.add(f.times(i, stride), u)), n])
-    f.b.call(algebra.full, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, DOUBLE(-1.0)])
+    f.b.call(algebra.full, [Phi, below, f.place(kept, u), rows, u, columns, n, stride, stride, DOUBLE(-1.0)])
 
 
 def _chain(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, first: Value, last: Value) -> None:
@@ -157,19 +161,62 @@ def _chain(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, first: Value, la
 
 
 def _carry(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, h: Value) -> None:
-    """P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
+    """P ← Φ(P + D)Φᵀ + U S²h Uᵀ + D, with the noise U and D = diag q/(1 + φ²) of `estimation.process`."""
     u, n, w, k = (m.integer(name) for name in ("unknowns", "errors", "noises", "drifting"))
-    between = m.integer("between")
-    J, P, W, turned = (m.numbers(name) for name in ("J", "P", "W", "turned"))
+    between, moving = m.integer("between"), f.b.sub(n, k)
+    J, P, W, turned, U = (m.numbers(name) for name in ("J", "P", "W", "turned", "shaken"))
     stride, densities, value = f.add(u, between, w), m.numbers("densities"), m.numbers("value")
-    G, first, last = f.place(J, f.add(f.times(u, stride), u, between)), f.add(u, between, k), f.b.sub(n, k)
-    sandwich(f, m, algebra, m.numbers("Phi"), algebra.full)
-    with f.over(n) as i, f.over(w) as a:
-        scale = f.b.fmul(f.at(densities, a), h)
-        f.put(W, f.add(f.times(i, w), a), f.b.fmul(f.at(G, f.add(f.times(i, stride), a)), scale))
-    f.b.call(algebra.transpose, [turned, G, n, w, stride])
-    f.b.call(algebra.product, [P, W, turned, n, w, n, n, w, n, DOUBLE(1.0)])
-    with f.over(k) as i:
-        place = f.place(P, f.times(f.add(last, i), f.add(n, 1)))
-        f.b.store(f.b.fadd(f.b.load(place), f.at(value, f.add(first, i))), place)
+    G, first = f.place(J, f.add(f.times(u, stride), u, between)), f.add(u, between, k)
+
+    def drift() -> None:
+        with f.over(k) as i:
+            place = f.times(f.add(moving, i), f.add(n, 1))
+            own = f.at(m.numbers("Phi"), place)
+            half = f.b.fdiv(f.at(value, f.add(first, i)), f.plus(DOUBLE(1.0), own, own))
+            f.put(P, place, f.b.fadd(f.at(P, place), half))
+
+    drift()
+    sandwich(f, m, algebra, m.numbers("Phi"), algebra.full, m.integer("acting"))
+    with f.over(moving) as i, f.over(w) as a:
+        f.put(U, f.add(f.times(i, w), a), f.at(G, f.add(f.times(i, stride), a)))
+    count = f.variable(INT64, w)
+    with f.b.if_then(f.b.icmp_signed("!=", m.integer("shake"), INT64(0))):
+        f.b.store(f.times(w, 2), count)
+        _shake(f, m)
+    wide = f.b.load(count)
+    with f.over(moving) as i, f.over(wide) as a:
+        scale = f.b.fmul(f.at(densities, f.b.srem(a, w)), h)
+        place = f.add(f.times(i, wide), a)
+        f.put(W, place, f.b.fmul(f.at(U, place), scale))
+    f.b.call(algebra.transpose, [turned, U, moving, wide, wide])
+    f.b.call(algebra.full, [P, W, turned, moving, wide, moving, n, wide, moving, DOUBLE(1.0)])
+    drift()
     symmetric(f, P, n)
+
+
+def _shake(f: Loops, m: FilterAddresses) -> None:
+    """U ← ((A + B)/2, (A − B)/√12), of impulses at the start of the step, A = ΦG₀, and at its end, B, which is in U."""
+    n, w, among = (m.integer(name) for name in ("errors", "noises", "acting"))
+    start, Phi, U, moving = (
+        m.numbers("started"),
+        m.numbers("Phi"),
+        m.numbers("shaken"),
+        f.b.sub(n, m.integer("drifting")),
+    )
+    m.call("shake", FUNCTION, [m.numbers("zeros"), m.numbers("row"), m.numbers("KR"), start, INT64(1)])
+    A, wide = m.numbers("W"), f.times(w, 2)
+    clear(f, A, f.times(moving, w))
+    with f.over(w) as a, f.over(among) as j:
+        value = f.at(start, f.add(f.times(j, w), a))
+        with f.b.if_then(f.b.fcmp_unordered("!=", value, DOUBLE(0.0))), f.over(moving) as i:
+            here = f.place(A, f.add(f.times(i, w), a))
+            f.b.store(f.plus(f.b.load(here), f.at(Phi, f.add(f.times(i, n), j)), value), here)
+    # Rows of U become twice as long: the last ones move first.
+    with f.over(moving) as back:
+        i = f.b.sub(f.b.sub(moving, INT64(1)), back)
+        with f.over(w) as across:
+            a = f.b.sub(f.b.sub(w, INT64(1)), across)
+            begin, end = (f.at(one, f.add(f.times(i, w), a)) for one in (A, U))
+            place = f.add(f.times(i, wide), a)
+            f.put(U, f.add(place, w), f.b.fmul(DOUBLE(12.0**-0.5), f.b.fsub(begin, end)))
+            f.put(U, place, f.b.fmul(DOUBLE(0.5), f.b.fadd(begin, end)))

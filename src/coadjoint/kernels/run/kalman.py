@@ -38,7 +38,8 @@ class Model(NamedTuple):
     between parts, the first of them e. tangent: (unknowns, errors, w), (row, row after, length, h, first, last) of a
     part ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e). carry:
     (e, (row, row moved by e)) ↦ the error about the second. step_assembly: returns the LLVM assembly of `step`.
-    projector: (e, row) ↦ the error that is left of e on constraints; None without them.
+    projector: (e, row) ↦ the error that is left of e on constraints; None without them. shake: (w, row) ↦ the error by
+    an impulse w at the start of a step; None where w acts in the step. still: the last errors, which no step reads.
     """
 
     size: int
@@ -59,13 +60,15 @@ class Model(NamedTuple):
     errors: int
     step_assembly: Callable[[], str]
     projector: FilterFunction | None = None
+    shake: FilterFunction | None = None
+    still: int = 0
 
 
 class MeasurementCode(NamedTuple):
     """A measurement: its function of (e, (row, y)), whose value is −ν, R (m, m), the largest NIS that is accepted, how
     many numbers y has, and (a, b, c) of its loss, with the weight min(1, a/d), or a/(b + d²) where c is 1.
     recovery: the number of values in a row beyond the gate after which something is done, and what, 0 for nothing.
-    trips: how many times the function is linearised."""
+    trips: how many times the function is linearised. effective: the covariance that the gain has, None for R."""
 
     function: FilterFunction
     covariance: np.ndarray
@@ -74,6 +77,13 @@ class MeasurementCode(NamedTuple):
     loss: tuple[float, float, float] | None
     recovery: tuple[int, int]
     trips: int = 1
+    effective: np.ndarray | None = None
+
+    @property
+    def matrices(self) -> list[np.ndarray]:
+        """R and the covariance that the gain has, the same array where they are equal."""
+        R = np.ascontiguousarray(self.covariance, float)
+        return [R, R if self.effective is None else np.ascontiguousarray(self.effective, float)]
 
 
 class FilterTable(NamedTuple):
@@ -95,7 +105,8 @@ def table(M: Model, seen: Sequence[MeasurementCode]) -> FilterTable:
     scratch = {
         "after": size + 1, "x": u + among + w, "y": 2 * size + 4,
         "value": u + among + 2 * k, "J": (u + among + 2 * k) * (u + among + w),
-        "Phi": among**2, "chain": among**2, "turned": n * max(n, most), "W": max(n * max(n, most), among**2),
+        "Phi": among**2, "chain": among**2, "turned": n * max(n, most, 2 * w),
+        "W": max(n * max(n, most, 2 * w), among**2), "started": n * w, "shaken": 2 * n * w,
         "step_scratch": max(M.scratch, 1),
         "moved": 2 * size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
         "KR": max(most * n, n, u * (u + among + w)), "e": max(n, most), "zeros": u + n + w + 1,
@@ -113,6 +124,7 @@ def table(M: Model, seen: Sequence[MeasurementCode]) -> FilterTable:
     constants |= {name: np.append(np.asarray(value, np.int64), 0) for name, value in integers.items()}
     sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
     sizes |= {"parts": len(M.parts), "between": among, "course": M.course, "implicit": int(u > 0)}
+    sizes["acting"] = n - M.still
     found = {name: max(count, 1) for name, count in scratch.items()}
     return FilterTable(found, constants | {"losses": np.array([*losses, (0.0,) * 3])}, sizes)
 
@@ -133,6 +145,7 @@ def parts_of(M: Model, seen: Sequence[MeasurementCode]) -> dict[str, tuple[str, 
     """Name → (LLVM assembly, the function in it) of all functions of a filter, for `kernels.run.portable_code`."""
     step = (M.step_assembly(), "step" if M.unknowns else "function")
     functions = {"tangent": M.tangent, "retract": M.retract, "carry": M.carry, "projector": M.projector}
+    functions["shake"] = M.shake
     functions |= {f"measure_{i}": one.function for i, one in enumerate(seen)}
     made = {name: (one.assembly(), "function") for name, one in functions.items() if one is not None}
     return {"filter": (kalman.assemble(), kalman.NAME), "step": step, **made}
@@ -163,14 +176,14 @@ class Filters:
         self._hold("status", np.zeros(4, np.int64))
         for name, array in given.constants.items():
             self._hold(name, array)
-        covariances = [np.ascontiguousarray(one.covariance, float) for one in seen]
-        self._held |= {f"of {i}": part for i, part in enumerate(covariances)}
+        self._covariances = [one.matrices for one in seen]
         self._hold("measurements", np.array([address(one.function.code) for one in seen] + [0], np.int64))
-        self._hold("covariances", np.array([R.ctypes.data for R in covariances] + [0], np.int64))
+        for i, name in enumerate(("covariances", "effective")):
+            self._hold(name, np.array([pair[i].ctypes.data for pair in self._covariances] + [0], np.int64))
         functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}
         functions["carry"] = address(M.carry.code)
-        if M.projector is not None:
-            functions["projector"] = address(M.projector.code)
+        optional = {"projector": M.projector, "shake": M.shake}
+        functions |= {name: address(one.code) for name, one in optional.items() if one is not None}
         for name, value in {**given.sizes, **functions}.items():
             self._memory[FIELDS.index(name)] = value
 

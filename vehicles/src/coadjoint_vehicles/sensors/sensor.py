@@ -20,7 +20,8 @@ from coadjoint.extending import evaluate
 from coadjoint.groups import SO2
 from coadjoint.models.quantities import not_negative, number, positive, vector
 from coadjoint.spaces import Named
-from coadjoint.spaces.measured import MeasuredSpace, measured_space
+from coadjoint.spaces.measured import MeasuredSpace
+from coadjoint.spaces.measured_spaces import measured_space
 from coadjoint_vehicles.axes import body_axes
 from coadjoint_vehicles.parts.measured import Measured, angle_within, check_fields, measured, place, share
 from coadjoint_vehicles.parts.numbers import Numbers
