@@ -50,6 +50,18 @@ def test_the_page_of_keys_is_what_the_sections_declare() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(declared_keys()), "coadjoint keys --markdown > docs/keys.md"
 
 
+def test_keys_of_all_kinds_of_a_section_are_listed_once() -> None:
+    kinds = {"sensors, one": rows(Above), "sensors, two": rows(Section), "late": rows(Above)}
+    text = page({"run files": kinds})
+    assert text.count("- `late`, s, 0.5: how long it waits, s") == 2  # of all kinds, and of the section `late`
+    listed = {part.partition("\n")[0]: part for part in text.split("### ")[1:]}
+    assert "`second`" in listed["`[sensors]` of run files: all kinds"]
+    assert "No others." in listed["`[sensors, one]` of run files"]
+    assert (
+        "`until`" in listed["`[sensors, two]` of run files"] and "`late`" not in listed["`[sensors, two]` of run files"]
+    )
+
+
 def test_every_key_of_every_file_has_a_meaning() -> None:
     found = {
         f"[{name}] {row.key}": row for of in declared_keys().values() for name, listed in of.items() for row in listed

@@ -65,7 +65,7 @@ def test_a_printed_line_agrees_but_for_times_and_last_digits() -> None:
 @pytest.mark.long
 def test_recipes_with_other_libraries_run_where_they_are_installed(tmp_path: Path) -> None:
     """In a process of its own, because it sets JAX to float64."""
-    for name in ("optimistix", "diffrax", "blackjax"):
+    for name in ("optimistix", "blackjax"):
         pytest.importorskip(name)
     text = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
     program = "\n".join(re.findall(r"^```py\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))

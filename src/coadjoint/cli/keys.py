@@ -80,10 +80,31 @@ def page(found: dict[str, dict[str, list[KeyRow]]]) -> str:
     written: dict[tuple[KeyRow, ...], str] = {}
     for file, sections in found.items():
         lines += ["", f"## {file[:1].upper()}{file[1:]}"]
+        shared = _shared(sections)
         for name, listed in sections.items():
-            same = written.setdefault(tuple(listed), title := f"`[{name}]` of {file}")
-            lines += ["", f"### {title}", "", *(_points(listed) if same is title else [f"As {same}."])]
+            section, _, kind = name.partition(", ")
+            common = shared.get(section, []) if kind else []
+            if common and name == next(one for one in sections if one.startswith(f"{section}, ")):
+                lines += ["", f"### `[{section}]` of {file}: all kinds", "", *_points(common)]
+            own = [row for row in listed if row not in common]
+            same = written.setdefault(tuple(own), title := f"`[{name}]` of {file}")
+            points = _points(own) if same is title else [f"As {same}."]
+            lines += ["", f"### {title}", "", *(points if own else ["No others."])]
     return "\n".join(lines) + "\n"
+
+
+def _shared(sections: dict[str, list[KeyRow]]) -> dict[str, list[KeyRow]]:
+    """The rows that all kinds of a section share, as "sensors, imu" and "sensors, gps" share `rate`."""
+    kinds: dict[str, list[list[KeyRow]]] = {}
+    for name, listed in sections.items():
+        section, _, kind = name.partition(", ")
+        if kind:
+            kinds.setdefault(section, []).append(listed)
+    return {
+        section: [row for row in listed[0] if all(row in other for other in listed)]
+        for section, listed in kinds.items()
+        if len(listed) > 1
+    }
 
 
 def _points(listed: Iterable[KeyRow]) -> list[str]:
