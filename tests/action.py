@@ -58,8 +58,13 @@ def nodes(system: co.System, step: Step, xi, n, s, a, h, t) -> list[tuple[float,
     def seen_from(frame, fraction, weight):
         back = group.inverse(frame)
         first, last = Q.act(group, back, n), Q.act(group, back, s)
-        place = first + fraction * (last - first)
-        return weight, (xi, place, (last - first) / h, V.act(group, back, a), t + fraction * h)
+        place, velocity = first + fraction * (last - first), (last - first) / h
+        if isinstance(step, co.Simpson) and not Q.flat:
+            turn = group.compose(back, half(system, step, h * xi))
+            ends = [Q.act(group, group.inverse(turn), x) for x in (first, last)]
+            bend = Q.push(group, turn, ends[0], middle(system, *ends) - 0.5 * (ends[0] + ends[1]))
+            place, velocity = place + 4 * fraction * (1 - fraction) * bend, velocity + (4 - 8 * fraction) / h * bend
+        return weight, (xi, place, velocity, V.act(group, back, a), t + fraction * h)
 
     if isinstance(step, co.LeftRectangle):
         return [seen_from(group.identity(), 0.0, 1.0)]
@@ -72,6 +77,13 @@ def nodes(system: co.System, step: Step, xi, n, s, a, h, t) -> list[tuple[float,
         return [seen_from(group.identity(), 0.0, 1 / 6), seen_from(H, 0.5, 4 / 6), seen_from(F, 1.0, 1 / 6)]
     assert isinstance(step, co.Trapezoidal)
     return [seen_from(group.identity(), 0.0, 0.5), seen_from(increment(system, step, h * xi), 1.0, 0.5)]
+
+
+def middle(system: co.System, x, y) -> Any:
+    """The middle of two points of a curved Q: the mean of two points halfway, by the retraction from either end."""
+    group, Q = system.group, system.additional
+    from_x, from_y = (p + Q.difference(group, p, Q.project(group, p, 0.5 * (q - p))) for p, q in ((x, y), (y, x)))
+    return 0.5 * (from_x + from_y)
 
 
 def discrete_lagrangian(system: co.System, step: Step, xi, n, s, a, h, t) -> Any:
@@ -108,9 +120,15 @@ def virtual_work(system: co.System, step: Step, record: co.State, h, v: Variatio
         if isinstance(step, co.Midpoint) or (isinstance(step, co.Simpson) and index == 1):
             value, change = jax.jvp(lambda x: group.matrix(half(system, step, x)), (hxi,), (dhxi,))
             eta = group.vee(jnp.linalg.solve(value, group.hat(v.eta) @ value + change))
-            mean = 0.5 * (v.w + Q.push(group, F, Q.act(group, group.inverse(F), s), v.w_next))
+            ends = v.w, Q.push(group, F, Q.act(group, group.inverse(F), s), v.w_next)
             back = group.inverse(half(system, step, hxi))
-            w = Q.push(group, back, record.n, mean)
+            w0, w1 = (Q.push(group, back, record.n, end) for end in ends)
+            w = 0.5 * (w0 + w1)
+            if isinstance(step, co.Simpson) and not Q.flat:
+                x = [Q.act(group, back, p) for p in (record.n, s)]
+                moves = [end - infinitesimal(Q, group, eta, p) for end, p in zip((w0, w1), x, strict=True)]
+                place, change = jax.jvp(lambda a, b: middle(system, a, b), tuple(x), tuple(moves))
+                w = infinitesimal(Q, group, eta, place) + change
         else:
             first = isinstance(step, co.LeftRectangle) or (isinstance(step, co.Trapezoidal | co.Simpson) and index == 0)
             eta, w = (v.eta, v.w) if first else (v.eta_next, v.w_next)

@@ -270,8 +270,8 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(co.errors.ArgumentError, match="forces, explicit time, inputs and internal states change"):
         co.simulate(forced, start, dt=0.1, steps=1, method=VariableStep())
     sphere, start = timeless("SO3 on a sphere")
-    with pytest.raises(co.errors.ArgumentError, match="needs a flat space"):
-        co.simulate(sphere, start, dt=0.1, steps=1, method=VariableStep())
+    with pytest.raises(co.errors.ArgumentError, match="VariableStep over Midpoint needs a flat space"):
+        co.simulate(sphere, start, dt=0.1, steps=1, method=VariableStep(co.Midpoint()))
     model = catalogue["heavy_top"]
     with pytest.raises(co.errors.ArgumentError, match="by parts of a step"):
         top = model.make()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from coadjoint.arrays import Array, Scalar
@@ -20,10 +21,12 @@ _END, _MIDDLE = 1 / 6, 4 / 6
 
 
 class _Nodes(NamedTuple):
-    """H, H⁻¹n and the place at the end, and the values of ℓ at the start, in the middle and at the end."""
+    """H, H⁻¹n, the mean of both ends, the sagitta e, the place at the end, and the values of ℓ at the three nodes."""
 
     half: Element
     begin: Array
+    mean: Array
+    sagitta: Array
     middle: Array
     n: Array
     a: Array
@@ -43,6 +46,12 @@ class Simpson(Method, HalfStepSquared):
     π_{k+1} = H*(H*(π_k + κ⁰) + κ^½) + κ¹, with the weights in D = wh torque, κ = wh force.
     The quadrature is exact to order 4, so that the action exceeds that of the true motion by half its second variation,
     Λ − S = h³⟨α, α⟩/24 with the acceleration α off the straight motion: of one sign, as `VariableStep` requires.
+
+    On a curved Q the path between the ends x₀, x₁ in the middle's frame is a parabola through the point x̄ =
+    (x₀ + x₁)/2 + e, up to O(h⁶) on Q: 2e = (ρ(x₀, P(x₁ − x₀)/2) − x₀) + (ρ(x₁, P(x₀ − x₁)/2) − x₁). The middle node is
+    at n̄ = x̄, the outer ones have ν̄ ± 4e/h, and α is the acceleration within Q. With R = ⅔(hκ + P⁰ − P¹), hκ of the
+    middle and P = ∂_νℓ in its frame, e adds (∂e/∂x₀)ᵀR to ∂Λ/∂x₀, (∂e/∂x₁)ᵀR to ∂Λ/∂x₁, and to D^½
+    (∂e/∂x₀)ᵀR⋄x₀ + (∂e/∂x₁)ᵀR⋄x₁ − R⋄e.
     """
 
     @property
@@ -63,13 +72,29 @@ class Simpson(Method, HalfStepSquared):
         half = self.turn(system, h, xi)
         back = group.inverse(half)
         begin, a = Q.act(group, back, record.n), V.act(group, back, record.a)
-        n = begin + 0.5 * h * nu
-        end = n + 0.5 * h * nu
-        first = Point(xi, record.n, Q.push(group, half, n, nu), record.a, t)
-        last = Point(xi, Q.act(group, back, end), Q.push(group, back, end, nu), V.act(group, back, a), t + h)
+        mean = begin + 0.5 * h * nu
+        end = mean + 0.5 * h * nu
+        e = jnp.zeros_like(mean) if Q.flat else sagitta(system, begin, end)
+        n, bent = mean + e, 4 * e / h
+        first = Point(xi, record.n, Q.push(group, half, n, nu + bent), record.a, t)
+        last = Point(xi, Q.act(group, back, end), Q.push(group, back, end, nu - bent), V.act(group, back, a), t + h)
         points = first, Point(xi, n, nu, a, t + 0.5 * h), last
         left, mid, right = (node(system, record, point) for point in points)
-        return _Nodes(half, begin, n, last.n, last.a, points, left, mid, right)
+        return _Nodes(half, begin, mean, e, n, last.n, last.a, points, left, mid, right)
+
+    def _of_sagitta(self, system: System, h: Scalar, at: _Nodes) -> tuple[Array, Array, Array]:
+        """(∂e/∂x₀)ᵀR, (∂e/∂x₁)ᵀR, and what they add to D^½ at nodes that take e for a vector; zero on a flat Q."""
+        group, Q, _ = system.places
+        if Q.flat:
+            return jnp.zeros_like(at.n), jnp.zeros_like(at.n), jnp.zeros(group.dim)
+        start = Q.pull(group, at.half, at.begin, at.left.pi)
+        end = Q.pull(group, group.inverse(at.half), at.middle, at.right.pi)
+        along = 2 / 3 * (h * at.mid.force + start - end)
+        ends = at.begin, at.begin + 2 * (at.mean - at.begin)
+        _, back = jax.vjp(lambda x, y: sagitta(system, x, y), *ends)
+        first, last = back(along)
+        turning = Q.diamond(group, first, ends[0]) + Q.diamond(group, last, ends[1])
+        return first, last, turning - Q.lifted_diamond(group, along, at.middle, at.sagitta)
 
     def nodes(self, system: System, record: State, h: Scalar) -> list[tuple[float, Node]]:
         at = self._nodes(system, record, h)
@@ -83,11 +108,14 @@ class Simpson(Method, HalfStepSquared):
         at = self._nodes(system, record, h)
         mean = _END * (at.left.mu + at.right.mu) + _MIDDLE * at.mid.mu
         carried = record.mu + _END * h * at.left.torque
+        of_first, _, turning = self._of_sagitta(system, h, at)
         momentum = 2 * self.difference_map.dtau_inverse_dual(group, 0.5 * h * record.xi, mean)
-        rows = momentum - carried - group.Ad_dual(at.half, carried) - _MIDDLE * h * at.mid.torque
+        rows = momentum - carried - group.Ad_dual(at.half, carried) - _MIDDLE * h * at.mid.torque - turning
         first = _END * at.left.pi - record.pi - _END * h * at.left.force
         last = Q.pull(group, group.inverse(at.half), at.middle, _END * at.right.pi)
-        rest = Q.pull(group, at.half, at.begin, first) + last + _MIDDLE * (at.mid.pi - 0.5 * h * at.mid.force)
+        rest = (
+            Q.pull(group, at.half, at.begin, first) + last + _MIDDLE * (at.mid.pi - 0.5 * h * at.mid.force) - of_first
+        )
         return jnp.concatenate([rows, self.coordinates(system, record, at.half, rest)])
 
     def advance(self, system: System, record: State, h: Scalar) -> State:
@@ -102,9 +130,10 @@ class Simpson(Method, HalfStepSquared):
             return Q.pull(group, half, at.n, b)
 
         transported = to_end(to_middle(record.pi + _END * h * at.left.force) + _MIDDLE * h * at.mid.force)
-        legendre = to_end(to_middle(_END * at.left.pi) + _MIDDLE * (at.mid.pi + 0.5 * h * at.mid.force))
+        _, of_last, turning = self._of_sagitta(system, h, at)
+        legendre = to_end(to_middle(_END * at.left.pi) + _MIDDLE * (at.mid.pi + 0.5 * h * at.mid.force) + of_last)
         behind = _END * h * at.right.force
-        mu = group.Ad_dual(half, record.mu + _END * h * at.left.torque) + _MIDDLE * h * at.mid.torque
+        mu = group.Ad_dual(half, record.mu + _END * h * at.left.torque) + _MIDDLE * h * at.mid.torque + turning
         return record.later(
             h,
             g=group.compose(record.g, group.compose(half, half)),
@@ -119,3 +148,11 @@ class Simpson(Method, HalfStepSquared):
         back = system.group.inverse(at.half)
         ahead = _END * h * at.left.source + system.group.Ad_dual(back, _MIDDLE * h * at.mid.source)
         return ahead, _END * h * at.right.source
+
+
+def sagitta(system: System, x: Array, y: Array) -> Array:
+    """e, (ambient,), for which (x + y)/2 + e is the middle on Q of two points x, y (ambient,) of a curved Q."""
+    group, Q, _ = system.places
+    halfway = 0.5 * (y - x)
+    ahead = Q.difference(group, x, Q.project(group, x, halfway))
+    return 0.5 * (ahead + Q.difference(group, y, -Q.project(group, y, halfway)))

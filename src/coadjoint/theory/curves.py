@@ -33,6 +33,7 @@ from coadjoint.methods import (
 )
 from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.quadrature import gauss, lobatto
+from coadjoint.methods.simpson import sagitta
 from coadjoint.methods.step import Step
 from coadjoint.methods.variable_step import Paced
 
@@ -143,13 +144,32 @@ def _quadrature(system: System, step: Step, h: Scalar, record: State) -> Trial:
         H = tau.tau(group, 0.5 * h * xi)
         F = group.compose(H, H) if isinstance(step, HalfStepSquared) else tau.tau(group, h * xi)
         frames = {0.0: group.identity(), 0.5: H, 1.0: F}
+        e = _bend(system, step, H, n, d)
         places = [
-            _place(system, w, frames[c], xi, n + c * d, d / h, a, record.t + c * h)
+            _place(
+                system,
+                w,
+                frames[c],
+                xi,
+                n + c * d + 4 * c * (1 - c) * e,
+                (d + 4 * (1 - 2 * c) * e) / h,
+                a,
+                record.t + c * h,
+            )
             for c, w in next(nodes for kind, nodes in NODES.items() if isinstance(step, kind))
         ]
         return Curve(F, d, places, _action(system, record, h, places))
 
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
+
+
+def _bend(system: System, step: Step, H: Element, n: Array, d: Array) -> Array:
+    """How far the middle of Simpson's parabola on a curved Q is from that of the chord, (ambient,), in n's frame."""
+    group, Q, _ = system.places
+    if Q.flat or not isinstance(step, Simpson):
+        return jnp.zeros_like(d)
+    back = group.inverse(H)
+    return Q.push(group, H, n, sagitta(system, Q.act(group, back, n), Q.act(group, back, n + d)))
 
 
 def _of_ones_own(system: System, step: Step, h: Scalar, record: State) -> Trial:
