@@ -73,7 +73,7 @@ def test_a_long_run_is_thinned_without_losing_its_worst_moment():
     nodes = 1_000_000
     energy = np.full(nodes, 5.0) + 1e-9 * np.sin(np.arange(nodes))
     energy[123_457] = 5.5
-    (curve,) = curves(Plots(dataset(nodes, energy=energy)).energy())
+    (curve,) = curves(Plots(dataset(nodes, energy=energy, energy_budget=None)).energy())
     assert len(curve) < 5000
     assert curve[:, 1].max() == pytest.approx(0.1)
 
@@ -113,6 +113,34 @@ def test_of_a_vehicle_a_dive_is_drawn_as_a_dive_and_a_turn_to_starboard_as_one()
 def test_only_where_no_force_acts_a_change_of_energy_is_called_an_error():
     assert Plots(dataset(energy_budget=None)).energy().axes[0].get_ylabel().startswith("energy error")
     assert Plots(dataset()).energy().axes[0].get_ylabel().startswith("energy change")
+
+
+def test_an_energy_that_forces_change_is_drawn_itself_on_a_linear_axis():
+    energy = np.linspace(0.0, 5.0, 200)
+    figure = Plots(dataset(energy=energy)).energy(dataset())
+    assert np.array_equal(curves(figure)[0][:, 1], energy) and figure.axes[0].get_yscale() == "linear"
+    assert Plots(dataset(energy=energy, energy_budget=None)).energy().axes[0].get_yscale() == "log"
+
+
+def test_inputs_are_held_between_nodes_and_stand_against_their_bounds():
+    torque = np.stack([np.sin(np.arange(200)), np.cos(np.arange(200))], axis=1)
+    run = dataset(inputs_torque=torque, inputs_rudder=np.linspace(0, 1, 200))
+    figure = Plots(run).inputs(bounds={"torque": ([-2.0, -np.inf], 2.0)})
+    names = [axes.get_ylabel() for axes in figure.axes]
+    lines = figure.axes[names.index("torque")].get_lines()
+    assert names == ["depth (m)", "heading (rad)", "torque", "rudder"] and "inputs" in available(run)
+    assert [line.get_ydata()[0] for line in lines[2:]] == [-2.0, 2.0]
+    assert np.array_equal(lines[1].get_ydata(), torque[:, 1]) and lines[0].get_drawstyle() == "steps-post"
+    for bounds, words in (
+        ({"pull": (0, 1)}, "no input `pull`"),
+        ({"torque": 3}, "must give `torque` \\(lower, upper\\)"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            Plots(run).inputs(bounds=bounds)
+    bare = dataset(inputs_depth=None, inputs_heading=None)
+    assert "inputs" not in available(bare)
+    with pytest.raises(ArgumentError, match="no inputs to draw"):
+        Plots(bare).inputs()
 
 
 @pytest.mark.parametrize("size", [1, 2, 5])

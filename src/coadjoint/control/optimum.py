@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import moved_start
 from coadjoint.control.conditions import SolvedProgram, deviations
 from coadjoint.control.inputs_between import at_end, flown_inputs
 from coadjoint.control.library import casadi
+from coadjoint.control.problem_data import Input
 from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.transcription import Split, Transcription
@@ -20,9 +22,13 @@ from coadjoint.control.within_steps import WorstWithin, lines, worst_within
 from coadjoint.errors import OptimumError, StepError, warn
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.plotting.plots import Plots
 from coadjoint.simulation.accuracy.resolution import accuracy_warnings
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ROUND_OFF = 1e-13
 """The largest violation of a step that counts as none."""
@@ -83,6 +89,11 @@ class Optimum:
     def run(self) -> Run:
         """The motion with the optimum's inputs, by `co.simulate`; raises OptimumError if it cannot be simulated."""
         return self._flown.run
+
+    @property
+    def plot(self) -> Plots:
+        """The figures of the run; `plot.inputs()` shows the inputs against the bounds of the problem."""
+        return OptimumPlots(self.run.dataset, self.solution.problem.inputs)
 
     @property
     def difference(self) -> float:
@@ -169,6 +180,17 @@ def soft_lines(violated: dict[str, np.ndarray], begin: float, duration: float) -
         text = f"`{name}` is violated by at most {most:.3g}{at}" if most > 1e-6 else f"`{name}` holds"
         found.append(("soft constraint", text))
     return found
+
+
+class OptimumPlots(Plots):
+    """Figures of an optimum, whose inputs have bounds."""
+
+    def __init__(self, dataset: Any, inputs: Mapping[str, PyTree]):
+        super().__init__(dataset)
+        self._bounds = {name: one for name, one in inputs.items() if isinstance(one, Input)}
+
+    def inputs(self, *others: object, bounds: Mapping[str, object] | None = None, **more: Any) -> Figure:
+        return super().inputs(*others, bounds=self._bounds if bounds is None else bounds, **more)
 
 
 class OptimalMotion(NamedTuple):

@@ -17,9 +17,12 @@ Definition = Literal["discrete", "legendre"]
 
 _HEIGHT = 2.3
 
+CHANGED = 0.01
+"""The part of its largest value by which forces change an energy that is drawn itself, on a linear axis."""
+
 
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
-    """|E_k/E₀ − 1| over time: an error where no force acts, otherwise the change by forces.
+    """|E_k/E₀ − 1| over time: an error where no force acts, otherwise the change by forces; E_k if it is large.
 
     `definition`: "discrete" is E_k = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
@@ -35,7 +38,23 @@ def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
         return require(run, names[:1] if definition else names, "No energy was recorded, as with `monitors=False`.")
 
     driven = any("energy_budget" in run.dataset for run in runs)
+    if driven and any(np.ptp(E) > CHANGED * np.max(np.abs(E)) for E in (run.values(name(run)) for run in runs)):
+        return _itself(runs, name)
     return _changes(runs, name, "energy change" if driven else "energy error", "E")
+
+
+def _itself(runs: Sequence[Entry], name: Callable[[Entry], str]) -> Figure:
+    figure = canvas(COLUMN, _HEIGHT)
+    axes = figure.subplots()
+    for run in runs:
+        values = run.values(name(run))
+        kept = run.thin(values)
+        axes.plot(run.time[kept], values[kept], label=run.label, **run.look)
+    unit = runs[0].unit(name(runs[0]))
+    axes.set_ylabel("energy $E_k$" + (f" ({unit})" if unit else ""))
+    time_axis([axes], [run.time for run in runs])
+    legend(figure, *axes.get_legend_handles_labels())
+    return figure
 
 
 def kelvin_noether(runs: Sequence[Entry]) -> Figure:

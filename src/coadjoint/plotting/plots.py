@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from coadjoint import checks
@@ -41,7 +41,10 @@ class Plots:
         labels: Sequence[str] | None = None,
         path: Path | None = None,
     ) -> Figure:
-        """|E_k/E₀ − 1| over time: E_k = −∂_hΛ for the left rectangle (P68, P69), else the Legendre energy."""
+        """|E_k/E₀ − 1| over time, or E_k where forces change it by more than 1 %.
+
+        E_k = −∂_hΛ for the left rectangle (P68, P69), else the Legendre energy.
+        """
         from coadjoint.plotting import conservation
 
         return self._draw(lambda runs: conservation.energy(runs, definition), others, labels, path)
@@ -57,6 +60,21 @@ class Plots:
         from coadjoint.plotting import budget
 
         return self._draw(budget.budget, others, labels, path)
+
+    def inputs(
+        self,
+        *others: object,
+        bounds: Mapping[str, object] | None = None,
+        labels: Sequence[str] | None = None,
+        path: Path | None = None,
+    ) -> Figure:
+        """The inputs over time, a panel each, and their bounds: name → `co.control.Input`, or (lower, upper).
+
+        Inputs of `bounds` that are linear in each step are joined by lines, all others are held until the next node.
+        """
+        from coadjoint.plotting import inputs
+
+        return self._draw(lambda runs: inputs.inputs(runs, bounds or {}), others, labels, path)
 
     def trajectory(
         self,
@@ -198,6 +216,7 @@ OWN: dict[str, tuple[str, ...]] = {
     "velocities": ("xi",),
     "momenta": ("mu",),
     "group_defect": ("group_defect",),
+    "inputs": ("inputs",),
 }
 """The figures that any dataset may have, by the names of their methods, and a variable that each needs."""
 
@@ -214,7 +233,7 @@ def figure_names(films: bool = True) -> list[str]:
 def available(dataset: Any, films: bool = False) -> list[str]:
     """The names of the figures that can be drawn of this dataset, with or without films."""
     held = {str(name) for name in dataset.data_vars}
-    held |= {"q" for name in held if name.startswith("q_")}
+    held |= {part for part in ("q", "inputs") for name in held if name.startswith(f"{part}_")}
     own = [name for name, needed in OWN.items() if held.intersection(needed)]
     added = [name for name, one in ADDED.items() if (films or not one.film) and import_string(one.fits)(dataset)]
     return [*own, *added, *(FILMS if films else ())]

@@ -20,15 +20,14 @@ OWN = {
     "energy": "The energy, relative to that at the start: no force acts, so any change is an error of the computation.",
     "kelvin_noether": "The Kelvin–Noether quantity, a component of the momentum in space, relative to that at the "
     "start.",
+    "inputs": "The inputs over time.",
     "group_defect": "How far the configuration is from its group over time; of a rotation matrix R the largest entry "
     "of |RᵀR − I|.",
 }
 """The captions of the library's own figures, from those on the motion to those on the computation."""
-_DRIVEN = (
-    "The energy, relative to that at the start. Forces act and change it: this is not an error of the computation."
-)
-_FINE = ("velocities", "momenta")
-"""Figures that a report of a vehicle omits by default, because its speeds and rates are shown."""
+_DRIVEN = "The energy over time. Forces act and change it: this is not an error of the computation."
+_FINE = ("velocities", "momenta", "inputs")
+"""Figures that a report of a vehicle omits by default, because its speeds, rates and commands are shown."""
 
 
 def chosen(datasets: Sequence[Any]) -> list[str]:

@@ -5,6 +5,7 @@ Imports NumPy, llvmlite and PythonFMU, but not JAX.
 
 from __future__ import annotations
 
+import ctypes
 import math
 import warnings
 from collections.abc import Iterator, Mapping
@@ -36,11 +37,13 @@ _held: list[Table] = []
 
 
 def hold(names: dict[str, object]) -> None:
-    """Hold the globals of a unit's script, which PythonFMU 0.7, running it for every instance, releases too often.
+    """Hold the globals of a unit's script, which PythonFMU 0.7, running it for every instance, releases once too often.
 
-    Without this they are freed with the first instance, and Python crashes later.
+    Without this they are freed with the first instance, and Python crashes later. With the list's own reference alone
+    it may abort at its end, where that of the script's module is missing.
     """
     _held.append(names)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(names))
 
 
 class FmiInstance(Fmi2Slave):
