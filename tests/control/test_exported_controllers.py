@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from c_library import built, needs_compiler, structure
+from c_library import built, needs_compiler, structure, written_while_it_runs
 from coadjoint.errors import ArgumentError
 
 pytest.importorskip("casadi")
@@ -92,6 +92,8 @@ def test_a_loop_in_c_turns_the_body_as_the_controller_would(controller, tmp_path
         built(folder, "control", sources=("control.c", "control_solver.c"), strict=False),
         (folder / "control.h").read_text(),
     )
+    assert written_while_it_runs(folder, "control.c") == [] and "CasADi's code has static memory" in text
+    assert written_while_it_runs(folder, "control_solver.c")
     names = ("commands", "given", "variables", "bound_multipliers", "multipliers", "residuals", "work")
     sizes = {name: int(re.search(rf"double {name}\[(\d+)\]", text).group(1)) for name in names}
     fields = {name: (ctypes.c_double, size) for name, size in sizes.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import runpy
 import shutil
+import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +22,7 @@ import coadjoint as co
 
 matplotlib.use("Agg")
 EXAMPLES = Path(__file__).parents[2] / "examples"
+ROS_2 = Path(__file__).parent / "ros2"
 
 
 @pytest.fixture
@@ -51,9 +53,30 @@ def test_every_example_has_a_test_is_short_and_says_how_to_run_it():
 @pytest.mark.long
 @pytest.mark.skipif(not (shutil.which("cmake") and shutil.which("cc")), reason="no C compiler is installed")
 def test_a_program_in_c_steers_a_served_vehicle_by_its_filter(run_example):
-    found = re.findall(r"[\d.e+-]+(?= m)", run_example("robot", 15)["said"])
+    example = run_example("robot", 15)
+    found = re.findall(r"[\d.e+-]+(?= m)", example["said"])
     depth, estimated, apart = map(float, found)
     assert abs(depth - 4.0) < 0.1 and abs(estimated - depth) < 0.05 and apart < 1e-12
+    if shutil.which("c++") is not None:
+        _steers_as_a_node_of_ros_2(Path("robot/dive").resolve(), example["filter"])
+
+
+def _steers_as_a_node_of_ros_2(dive: Path, filter: Any) -> None:
+    """The node says what its law makes of the filter in Python, against headers that stand in for those of ROS 2."""
+    call = ["c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-I", str(ROS_2), "-I", str(dive)]
+    subprocess.run(["cc", "-std=c99", "-c", str(dive / "dive.c"), "-o", "dive.o"], check=True)
+    call += [str(EXAMPLES / "robot" / "node.cpp"), "dive.o", str(dive / "dive_code.o"), "-o", "node", "-lm"]
+    subprocess.run(call, check=True, capture_output=True)
+    said = subprocess.run(["./node"], check=True, capture_output=True, text=True).stdout.splitlines()
+    angle, before = 0.0, float(filter.state.q[2])
+    for k, text in enumerate(said):
+        filter.update({"depth": 3.0 + 0.001 * k, "attitude": [1.0, 0.0, 0.0, 0.0]})
+        for _ in range(2):
+            filter.predict(0.05, inputs={"stern_planes": angle, "rudder": 0.0, "propeller": 15.0})
+        now = float(filter.state.q[2])
+        angle, before = float(np.clip(0.3 * (4.0 - now) - 0.6 * (now - before) / 0.1, -0.2, 0.2)), now
+        assert float(text) == pytest.approx(angle, abs=1e-12)
+    assert len(said) == 20
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_saved_filters import H, body
 
-from c_library import built, needs_compiler, structure
+from c_library import built, needs_compiler, structure, written_while_it_runs
 from coadjoint.errors import ArgumentError, FileError
 
 __all__ = ["body"]
@@ -41,6 +41,7 @@ def test_the_header_names_the_numbers_of_the_filter(exported):
 def test_predictions_and_updates_in_c_are_those_of_the_filter(exported):
     folder, body = exported
     library, size, n = built(folder, "dive"), body.rows.size, body.P.shape[1]
+    assert written_while_it_runs(folder) == []  # so each thread may have its own filter
     work = int((folder / "dive.h").read_text().partition("double work[")[2].partition("]")[0])
     double, whole = ctypes.c_double, ctypes.c_int64
     held = len(body._engine.coded.model.parameters) + 1

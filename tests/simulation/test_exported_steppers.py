@@ -9,7 +9,7 @@ import pytest
 from test_saved_stepper import made
 
 import coadjoint as co
-from c_library import built, needs_compiler, structure
+from c_library import built, needs_compiler, structure, written_while_it_runs
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.lanes import of_lanes
 
@@ -48,6 +48,7 @@ def test_another_processor_gets_its_own_object_file(exported, tmp_path):
 @needs_compiler
 def test_steps_in_c_are_those_of_the_stepper_and_their_slopes_those_of_differences(exported):
     library, top = built(exported[0], "top"), exported[1]
+    assert written_while_it_runs(exported[0]) == []  # so each thread may have its own vehicle
     face, double = top.face, ctypes.c_double
     sizes = {"state": face.state, "commands": face.commands, "observations": face.observations}
     fields = {name: (double, one.size) for name, one in {**sizes, "parameters": face.parameters}.items()}

@@ -1,0 +1,6 @@
+#pragma once
+namespace std_msgs::msg {
+struct Float64 {
+    double data;
+};
+}  // namespace std_msgs::msg
