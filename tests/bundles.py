@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.models import hopf
 from systems import GROUPS, SEED, system_on
 
 SIZE = 2
@@ -129,6 +131,78 @@ def turned_connection(index: int = 0) -> co.mechanics.DiscreteConnection:
         return co.Cayley().tau(co.SO3(), 0.6 * jnp.sin(C @ jnp.concatenate([x, x_next, jnp.ones(1)])))
 
     return co.mechanics.DiscreteConnection(co.SO3(), 6, increment, shapes=TURNED)
+
+
+def monopole(mass: float, fibre: float, weight: float = 0.0):
+    """ℓ of a particle on S² of this mass, in the field of a monopole and its weight, by points of S³ (Kaluza–Klein)."""
+
+    def lagrangian(p, v):
+        along = hopf.connection_form(p)[0] @ v * jnp.sqrt(p @ p)
+        return 2 * mass * (v @ v - along**2) + 0.5 * fibre * along**2 - weight * hopf.direction(p)[2]
+
+    return lagrangian
+
+
+SKEW = np.array([[0.5, -0.3], [0.8, 0.2], [-0.4, 0.9]])
+"""χ(x) = exp(SKEW x) of `skew_bundle`."""
+
+
+def skew_bundle() -> co.mechanics.PrincipalBundle:
+    """SO(3) × ℝ² → ℝ², points (R, x), by the sections (1, x) for x₀ < 1 and (exp(SKEW x), x) for x₀ > −1."""
+    P = co.spaces.Submanifold(
+        lambda p: (lambda R: (R.T @ R - jnp.eye(3))[np.triu_indices(3)])(jnp.reshape(p[:9], (3, 3))), Attitudes()
+    )
+
+    def section(rates):
+        return lambda x: jnp.concatenate([jnp.ravel(co.SO3().exp(jnp.asarray(rates) @ x)), x])
+
+    Section = co.mechanics.Section
+    return co.mechanics.PrincipalBundle(
+        co.SO3(), P, co.Trivial(2), lambda p: p[9:], lambda p, q: attitude(q) @ attitude(p).T,
+        (Section(section(0 * SKEW), lambda x: 1 - x[0]), Section(section(SKEW), lambda x: 1 + x[0])),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Attitudes(co.spaces.Representation):
+    """Matrices R and two numbers x, (11,): g·(R, x) = (gR, x)."""
+
+    def ambient(self, group: Any) -> int:
+        return 11
+
+    def act(self, group: Any, g: Any, x: Any) -> Any:
+        return jnp.concatenate([jnp.ravel(g @ attitude(x)), x[9:]])
+
+
+def attitude(p: Any) -> Any:
+    return jnp.reshape(p[:9], (3, 3))
+
+
+def skew_connection():
+    """𝒜(p)v = (ṘRᵀ)ᵛ + R A(x)ẋ and 𝒜(p, p⁺) = R⁺Ω(x, x⁺)⁻¹Rᵀ of `skew_bundle`."""
+
+    def smooth(p):
+        R, x = attitude(p), p[9:]
+        A = jnp.stack([jnp.stack([0.3 * x[1], 0 * x[0]]), jnp.array([0.0, 0.2]), jnp.stack([0 * x[0], jnp.sin(x[0])])])
+
+        def along(v):
+            W = attitude(v) @ R.T
+            return 0.5 * co.SO3().vee(W - W.T) + R @ A @ v[9:]
+
+        return jax.vmap(along)(jnp.eye(11)).T
+
+    def discrete(p, q):
+        x = jnp.append(p[9:], 0.5)
+        return attitude(q) @ co.SO3().exp(0.3 * (q[9] - p[9]) * x).T @ attitude(p).T
+
+    return smooth, discrete
+
+
+def skew_lagrangian(p, v):
+    """½tr(ṘᵀṘ D) coupled with ẋ, of (R, x): invariant under R ↦ gR, and not under R ↦ Rg."""
+    R, S = attitude(p), attitude(v)
+    D = jnp.diag(jnp.array([1.0, 2.0, 3.0])) + 0.3 * p[9] * jnp.ones((3, 3))
+    return 0.5 * jnp.trace(S @ D @ S.T) + v[9:] @ v[9:] + 0.4 * (R.T @ S)[0, 1] * v[10] - jnp.cos(p[10])
 
 
 def largest(tree: Any) -> float:

@@ -193,6 +193,16 @@ def test_waves_of_alfven_have_the_frequencies_of_the_closed_form(run_example):
 
 
 @pytest.mark.long
+def test_particles_around_a_monopole_run_around_circles_with_half_their_solid_angle_as_phase(run_example):
+    found = run_example("monopole", 4)
+    for run, rho, geometric in found["circles"].values():
+        assert np.ptp(run.momentum) < 1e-13
+        assert abs(geometric - np.pi * (1 - np.cos(rho))) < 0.01
+    assert found["apart"] < 1e-11
+    assert Path("monopole.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
 def test_the_spherical_pendulum_keeps_its_sphere_and_the_vertical_momentum(run_example):
     found = run_example("spherical_pendulum", 10)
     assert found["off_sphere"] < 1e-13

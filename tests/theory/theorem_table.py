@@ -26,6 +26,7 @@ import rows_poisson
 import rows_products
 import rows_right
 import rows_schemes
+import rows_sections
 import rows_semidirect
 import rows_vehicle
 from theorem_mutations import detected, mutations
@@ -34,7 +35,7 @@ from theorem_row import Row
 PAGE = Path(__file__).parents[2] / "docs" / "theorems.md"
 
 P = [*rows_continuous.ROWS, *rows_maps.ROWS, *rows_discrete.ROWS, *rows_vehicle.ROWS, *rows_schemes.ROWS]
-B = [*rows_products.ROWS, *rows_semidirect.ROWS, *rows_poisson.ROWS, *rows_bundles.ROWS]
+B = [*rows_products.ROWS, *rows_semidirect.ROWS, *rows_poisson.ROWS, *rows_bundles.ROWS, *rows_sections.ROWS]
 L = [*rows_links.ROWS, *rows_right.ROWS, *rows_large_groups.ROWS]
 C = rows_constraints.ROWS
 D = rows_phase_space.ROWS

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.own_time import in_own_time as in_own_time
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket
+    from coadjoint.mechanics.principal_bundle import PrincipalBundle as PrincipalBundle
+    from coadjoint.mechanics.principal_bundle import Section as Section
     from coadjoint.mechanics.signals import Held as Held
     from coadjoint.mechanics.signals import Linear as Linear
     from coadjoint.mechanics.signals import Signal as Signal

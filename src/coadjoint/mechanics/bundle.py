@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -90,7 +89,7 @@ def horizontal_lift(
     return finite(_product(connection.group, g0, increments), "The horizontal lift")
 
 
-def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
+def holonomy(connection: Connection | DiscreteConnection, loop: PyTree) -> Element:
     """The holonomy of a closed loop of shapes, its rotation with 𝒜 = e: ∏ Ω(x_k, x_{k+1}), left to right, or its limit.
 
     connection: a co.mechanics.DiscreteConnection or a co.mechanics.Connection.

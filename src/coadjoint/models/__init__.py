@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from coadjoint.models import fluids as fluids
     from coadjoint.models import general_form as general_form
     from coadjoint.models import heavy_top as heavy_top
+    from coadjoint.models import hopf as hopf
     from coadjoint.models import manakov as manakov
     from coadjoint.models import multibody as multibody
     from coadjoint.models import paper_form as paper_form

@@ -1,5 +1,6 @@
 """The theorems of both papers as functions: unreduced and reduced algorithms, reduction, and every printed equation."""
 
+from coadjoint.theory.bundle_motions import BundleCurve, bundle_motion, local_system
 from coadjoint.theory.constraints import (
     MomentumEquation,
     PhaseVariation,
@@ -70,6 +71,7 @@ from coadjoint.theory.unreduced import (
 )
 
 __all__ = [
+    "BundleCurve",
     "Configuration",
     "ContinuousLagrangian",
     "Equations",
@@ -90,6 +92,7 @@ __all__ = [
     "Variation",
     "action",
     "body_velocity",
+    "bundle_motion",
     "configuration",
     "continuous_invariance_defect",
     "discrete_euler_lagrange",
@@ -112,6 +115,7 @@ __all__ = [
     "left_momenta",
     "link_momentum_maps",
     "link_of",
+    "local_system",
     "off_constraints",
     "poisson_algorithm",
     "poisson_lagrangian",

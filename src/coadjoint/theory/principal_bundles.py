@@ -236,7 +236,10 @@ def lagrange_poincare_residual(
     def next_state(state, xi: Array, x: Array, sigma, x_next):
         back = group.inverse(l.increment(x, sigma, x_next))
         nu = link(system, l.step, l.h, state, xi, x, x_next).nu
-        after = state.replace(xi=xi, nu=nu).later(l.h, n=x_next, a=V.act(group, back, state.a))
+        centre = (
+            xi if state.memory is None else state.xi
+        )  # a memory holds the F at this ξ, the centre of Newton's chart
+        after = state.replace(xi=centre, nu=nu).later(l.h, n=x_next, a=V.act(group, back, state.a))
         return _next(system, after, l.slopes(state, xi, x, sigma, x_next), l.h)
 
     steps = [jax.tree.map(lambda leaf, k=k: leaf[k], (xi, *ends)) for k in range(len(x) - 2)]
