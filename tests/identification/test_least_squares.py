@@ -77,3 +77,14 @@ def test_a_search_that_a_kink_holds_near_the_optimum_has_converged():
         at = best.place.shared + off * error
         found = least_squares(Ledged(at[0]), Estimates(at, best.place.own))
         assert found is not None and found.converged
+
+
+def test_a_start_without_samples_moves_by_what_other_segments_know_of_it():
+    """As velocities of a segment whose first seconds do not count: by its own column it would move by 10⁶."""
+    J, r = np.zeros((2, 4, 2)), np.ones((2, 4))
+    J[:, :, 1], J[0, :2, 0], J[1, 3, 0] = [1.0, 2.0, -1.0, 1.0], 1.0, 1e-6
+    for damping in (0.0, 1e-3):
+        _, own, _ = step(J, r, 1, damping, np.array([False, True]))
+        _, far, _ = step(J, r, 1, damping)
+        np.testing.assert_allclose(own[0], far[0], rtol=0.5)
+        assert np.abs(far[1, 0]) > 1e5 and np.abs(own[1, 0]) < min(200, 1e-2 / max(damping, 1e-9))

@@ -54,6 +54,11 @@ class Fit:
         self.wander: Wander | None = None
 
     @property
+    def blind(self) -> np.ndarray:
+        """Which segments have no samples at their start, (segments,)."""
+        return ~self.there[:, 0].any(axis=1)
+
+    @property
     def each(self) -> tuple[Unknown, ...]:
         """All that segments share: parameters, biases, delays."""
         return (*self.shooting.unknowns.each, *self.sensing.each)

@@ -132,7 +132,7 @@ def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, s
         fit = Fit(asked.shooting(h, length), asked, sigma, held=True)
         place = fit.at(shared)
         fit.settle(place)
-        solution = least_squares(fit, place, fit.accepted, roughly=True)
+        solution = least_squares(fit, place, fit.accepted, roughly=True, blind=fit.blind)
         if solution is not None and np.max(np.abs(solution.place.shared)) < FAR:
             shared = solution.place.shared
     return shared
@@ -164,7 +164,7 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
     solution, unsettled = None, {}
     for _ in range(ROUNDS):
         fit.settle(place)
-        solution = least_squares(fit, place, fit.accepted)
+        solution = least_squares(fit, place, fit.accepted, blind=fit.blind)
         if solution is None:
             raise ArgumentError(
                 "The simulation fails already with the parameters of the system: check axes and units of the "

@@ -31,6 +31,10 @@ ROUGH = 1e-2
 FARTHEST = 1.0
 """The largest change of a shared unknown in one iteration; larger steps are damped more."""
 
+FORGOTTEN = 1e-8
+"""Its root: the standard error of a number of a start relative to that in segments that know it best, beyond which it
+counts as forgotten."""
+
 UNSEEN = 1e-12
 """Relative to the largest column of a segment: a shorter one is round-off, of a start that the log does not
 determine."""
@@ -65,11 +69,15 @@ class Solution(NamedTuple):
 
 
 def least_squares(
-    problem: LeastSquares, start: Estimates, accepted: Callable[[Any], None] | None = None, roughly: bool = False
+    problem: LeastSquares,
+    start: Estimates,
+    accepted: Callable[[Any], None] | None = None,
+    roughly: bool = False,
+    blind: np.ndarray | None = None,
 ) -> Solution | None:
     """The least sum of squares from `start`; None where there is no residual at the start.
 
-    `roughly`: for a start only, up to a part ROUGH of the sum of squares.
+    `roughly`: for a start only, up to a part ROUGH of the sum of squares. `blind`: of `step`.
     """
     first = problem.residual(start)
     if first is None:
@@ -78,7 +86,7 @@ def least_squares(
     J = problem.jacobian(place, way)
     damping, squares, converged, trip = 1e-3, float(np.vdot(r, r)), False, 0
     while trip < TRIPS and not converged and damping <= 1e12:
-        shared, own, errors = step(J, r, place.own.shape[1], damping)
+        shared, own, errors = step(J, r, place.own.shape[1], damping, blind)
         if np.max(np.abs(shared), initial=0.0) > FARTHEST:
             damping = max(4 * damping, 1e-6)
             continue
@@ -89,7 +97,7 @@ def least_squares(
         small = bool(np.all(np.abs(shared) < SETTLED * errors))
         if not better <= squares:
             if small and damping <= 1e-4 and better <= squares * (1 + 1e-9):
-                converged = stationary(J, r, place.own.shape[1])
+                converged = stationary(J, r, place.own.shape[1], blind)
             damping = max(4 * damping, 1e-6)
             continue
         assert found is not None
@@ -103,26 +111,35 @@ def least_squares(
         J = problem.jacobian(place, way)
         # Damping that is small against a parameter's column may be large against its part outside the span of the
         # starts.
-        converged = converged and (roughly or stationary(J, r, place.own.shape[1]))
+        converged = converged and (roughly or stationary(J, r, place.own.shape[1], blind))
     # If only a kink or round-off prevents steps from being accepted, the iteration has ended as well.
-    converged = converged or (not roughly and stationary(J, r, place.own.shape[1]))
+    converged = converged or (not roughly and stationary(J, r, place.own.shape[1], blind))
     return Solution(place, r, J, squares, trip, converged)
 
 
-def stationary(J: np.ndarray, r: np.ndarray, d: int) -> bool:
+def stationary(J: np.ndarray, r: np.ndarray, d: int, blind: np.ndarray | None = None) -> bool:
     """Whether the next Gauss–Newton step is far inside the standard errors."""
-    shared, _, errors = step(J, r, d, 0.0)
+    shared, _, errors = step(J, r, d, 0.0, blind)
     return bool(np.all(np.abs(shared) < STATIONARY * errors))
 
 
-def step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(dφ, dδ, standard errors of φ) of the damped normal equations; J (segments, rows, d + m), r (segments, rows)."""
+def step(
+    J: np.ndarray, r: np.ndarray, d: int, damping: float, blind: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(dφ, dδ, standard errors of φ) of the damped normal equations; J (segments, rows, d + m), r (segments, rows).
+
+    `blind`: which segments have no samples at their start (segments,). Later ones have forgotten parts of it, along
+    which a step would go far: it is damped by FORGOTTEN of what other segments know of the same number.
+    """
     H = J.swapaxes(1, 2) @ J
     g = np.einsum("srk,sr->sk", J, r)
     diagonal = np.einsum("skk->sk", H)
     own = diagonal[:, :d]
     own = np.where(own > UNSEEN**2 * np.max(diagonal, axis=1, keepdims=True), own, 1.0)
-    steep = H[:, :d, :d] + np.einsum("sk,kj->skj", damping * own + 1e-13 * own, np.eye(d))
+    held = (damping + 1e-13) * own
+    if blind is not None:
+        held = np.where(blind[:, None], np.maximum(held, (damping + FORGOTTEN) * np.max(own, axis=0)), held)
+    steep = H[:, :d, :d] + np.einsum("sk,kj->skj", held, np.eye(d))
     right = np.concatenate([H[:, :d, d:], g[:, :d, None]], axis=2)
     solved = np.linalg.solve(steep, right)
     across = H[:, d:, :d]
