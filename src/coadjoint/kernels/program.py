@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
 from coadjoint.arrays import PyTree
@@ -246,6 +247,10 @@ class LinkedStage(Protocol):
     def ended(self, parameters: Parameters, free: State, h: Scalar, impulse: Unknowns) -> State: ...
 
     def certificate(self, parameters: Parameters, record: State, h: Scalar, after: State) -> Mapping[str, Scalar]: ...
+
+    def observing(self) -> AbstractContextManager[None]:
+        """The context in which monitors and certificates are traced: the momenta of links are known to be apart."""
+        ...
 
     def accounted(self, parameters: Parameters, start: State, nodes: State, lengths: Any) -> State:
         """Records, and the node at the end, with the account of energy that they lead from a start; steps leave it."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import replace
 from functools import lru_cache
 
 import jax
@@ -54,9 +57,24 @@ def structure_of_links(group: Power, sizes: tuple[int, ...] = ()) -> Structure:
 def jacobian_solve(places: Places, function: Callable[[Array], Array], z: Array, right: Array) -> Array:
     """x with (∂function/∂z) x = right at z = (ξ, y), all (dim G + dim Q,), by the structure of the equations."""
     how = structure(places)
+    if isinstance(how, Coupled) and _apart.get():
+        return replace(how, pairs=()).jacobian_solve(function, z, right)
     if isinstance(how, Coupled) and not how.native:
         return how.jacobian_solve(function, z, right)
     return jnp.linalg.solve(jax.jacfwd(function)(z), right)
+
+
+_apart: ContextVar[bool] = ContextVar("apart", default=False)
+
+
+@contextmanager
+def momenta_of_links_apart() -> Generator[None]:
+    """Inside, `jacobian_solve` may take it that the momenta of a link depend on its own velocities alone."""
+    token = _apart.set(True)
+    try:
+        yield
+    finally:
+        _apart.reset(token)
 
 
 def large(group: LieGroup) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -16,6 +17,7 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters, replaced
+from coadjoint.mechanics.coupling import momenta_of_links_apart
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.internal_state import stepped
 from coadjoint.mechanics.reactions import count, kicked, rate, site
@@ -161,6 +163,11 @@ class RattleOfLinks:
     def certificate(self, parameters: PyTree, record: State, h: Scalar, after: State) -> dict[str, Array]:
         """The balance of momentum and Newton's residual of the step from a record, one number each."""
         return self.step.certificate(self._system(parameters), record, h, _before_renewal(record, after))
+
+    @staticmethod
+    def observing() -> AbstractContextManager[None]:
+        """A context for monitors: loops over links refuse an ℓ in which the momenta of a link depend on others."""
+        return momenta_of_links_apart()
 
     def accounted(self, parameters: PyTree, start: State, nodes: State, lengths: Array) -> State:
         """Records of steps of these lengths (steps,) and the node at their end, (steps + 1, …), with the ledger that

@@ -5,10 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.kernels.newton.coupled import RENEWED, Coupled
 from coadjoint.kernels.newton.layout import layout
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.mechanics.coupling import jacobian_solve, momenta_of_links_apart
+from coadjoint.mechanics.reduced_functions import TRIVIAL
+from coadjoint.mechanics.state import Places
 
 CHAIN = tuple((i, i + 1) for i in range(6))
 COUPLINGS = {
@@ -171,3 +175,20 @@ def test_an_iteration_starts_where_the_last_three_solutions_point_to():
         following = np.linalg.solve(A, s[0] + 0.6 * s[1] + 0.36 * s[2])
     assert codes == [0] * 6
     assert np.max(np.abs(np.asarray(found) + ahead - following)) < 1e-13
+
+
+@pytest.mark.parametrize("across", [0.0, 0.1])
+def test_links_whose_momenta_are_apart_are_solved_without_a_loop_over_them(across):
+    places, random = Places(co.Power(co.SO3(), 24, coupling="chain"), TRIVIAL, TRIVIAL), np.random.default_rng(5)
+    A, right = np.zeros((24, 3, 24, 3)), random.normal(size=72)
+    A[np.arange(24), :, np.arange(24)] = random.normal(size=(24, 3, 3)) + 4 * np.eye(3)
+    A = A.reshape(72, 72) + across * np.eye(72, k=3)
+
+    def solved(b):
+        with momenta_of_links_apart():
+            return jacobian_solve(places, lambda z: jnp.asarray(A) @ z, jnp.zeros(72), b)
+
+    found = evaluate(solved, right)
+    assert np.all(np.isnan(found)) if across else np.max(np.abs(A @ found - right)) < 1e-13
+    with jax.enable_x64(True):
+        assert "length=24" not in str(jax.make_jaxpr(solved)(right))

@@ -13,6 +13,8 @@ from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native, observed
 
 H = 0.5
+CALLS: list[int] = []
+"""The steps of each call of machine code."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +35,11 @@ class Counting:
 def counted(program, parameters, state, h, records, save_every, monitors=True, substeps=False, pattern=None):
     """The steps that machine code does, one iteration each; it fails where x would exceed 8."""
     assert save_every == 1 and not monitors and substeps
+    CALLS.append(records)
     x = state["x"] + h * np.arange(records + 1)
     steps = min(records, round(float(8.0 - state["x"]) / h))
     code = Code.CONVERGED if steps == records else Code.NOT_CONVERGED
-    return Chunk({"x": x[:steps]}, {"x": x[steps]}, steps, code, steps, 1, {}, {})
+    return Chunk(x[:steps, None], {"x": x[steps]}, steps, code, steps, 1, {}, {})
 
 
 @pytest.fixture(autouse=True)
@@ -44,6 +47,7 @@ def pieces(monkeypatch):
     """Four records together."""
     monkeypatch.setattr(native, "run", counted)
     monkeypatch.setattr(observed, "MOST", 4)
+    CALLS.clear()
 
 
 def test_every_step_is_observed_and_every_save_every_th_record_is_kept():
@@ -53,6 +57,14 @@ def test_every_step_is_observed_and_every_save_every_th_record_is_kept():
     np.testing.assert_array_equal(found.monitors["square"], [0.0, -3.75, 5.0])
     assert found.extrema["square"] == (-4.0, 21.0) and found.monitors["bounded"].shape == (3, 1)
     assert found.extrema["bounded"] == (0.0, 7.0)
+    assert CALLS == [15]
+
+
+def test_no_more_steps_are_taken_before_they_are_observed_than_the_cache_holds(monkeypatch):
+    monkeypatch.setattr(observed, "ROOM", 8 * 6)
+    found = observed.run(Counting(9.0), (), {"x": np.float64(0.0)}, H, 3, 5)
+    assert CALLS == [6, 6, 3] and found.steps == 15
+    np.testing.assert_array_equal(found.monitors["square"], [0.0, -3.75, 5.0])
 
 
 def test_a_run_ends_before_the_step_whose_observations_are_not_finite():

@@ -198,6 +198,8 @@ class Coupled:
     def factors(self, pushed: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
         """The three arrays of `Factors` of v ↦ J v, by elimination from the first block to the last."""
         lower, diagonal, upper = self.blocks(pushed)
+        if not self.pairs:
+            return jnp.linalg.inv(diagonal), lower, upper
 
         def eliminate(before: Array, row: tuple[Array, ...]) -> tuple[Array, tuple[Array, ...]]:
             L, D, U = row
@@ -212,6 +214,8 @@ class Coupled:
         """x with J x = right, both (m,)."""
         inverse, lower, upper = factors
         known = jnp.einsum("mij,mj->mi", inverse, self.in_blocks(right))
+        if not self.pairs:
+            return self.out_of_blocks(known)
 
         def ahead(before: Array, row: tuple[Array, Array]) -> tuple[Array, Array]:
             value = row[1] - jnp.sum(row[0] * before, axis=1)

@@ -7,6 +7,7 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -238,7 +239,8 @@ def run(
 ) -> Chunk:  # fmt: skip
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 
-    substeps: as in `Variant`. pattern: that of `specialised`, by default of these parameters.
+    substeps: as in `Variant`; then records are rows of numbers. pattern: that of `specialised`, by default of these
+    parameters.
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
@@ -248,7 +250,8 @@ def run(
         result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
     except Cut as cut:
         raise Cut(_chunk(kernel, shape_s, cut.result, records, save_every)) from None
-    return _chunk(kernel, shape_s, result, records, save_every)
+    chunk = _chunk(kernel, shape_s, result, records, save_every)
+    return replace(chunk, records=result.records[: chunk.steps, :, 0]) if substeps else chunk
 
 
 def _chunk(kernel: Kernel, state: Layout, result: PyTree, records: int, save_every: int) -> Chunk:

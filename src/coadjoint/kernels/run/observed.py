@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -14,16 +15,16 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.packing import flattened, layout, pack
-from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.program import Code, LinkedStage, Program
 from coadjoint.kernels.run import native
 from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.trace.fork_safety import require_own_xla
 
 ROOM = 2**22
-"""The most bytes of records that are observed together, which stay in the cache of a processor."""
+"""The most bytes of records between two observations, which stay in the cache of a processor."""
 
 MOST = 64
-"""The most records that are observed together: more save no time."""
+"""The most records that XLA observes in one call: more save no time."""
 
 
 class _Seen(NamedTuple):
@@ -46,15 +47,15 @@ def run(
 
     Every step is observed; one where an observation is not finite fails. pattern: as in `native.run`.
     """
-    size = 8 * layout(state).size * len(program.substeps)
-    total, together = records * save_every, max(min(ROOM // size, MOST), 1)
-    part = partial(_part, program, parameters, h=h, together=together, pattern=pattern)
+    total, ahead = records * save_every, max(ROOM // (8 * layout(state).size * len(program.substeps)), 1)
+    part = partial(_part, program, parameters, h=h, together=min(ahead, MOST), pattern=pattern)
     done_so_far, parts = None, []
     while done_so_far is None or (done_so_far.steps < total and not done_so_far.code):
         done = 0 if done_so_far is None else done_so_far.steps
-        found = part(state, min(together, total - done))
+        found = part(state, min(ahead, total - done))
         due = slice(-done % save_every, None, save_every)
-        parts.append(jax.tree.map(lambda rows, due=due: rows[due], (found.records, dict(found.monitors))))
+        chosen = jax.tree.map(lambda rows, due=due: rows[due], (found.records, dict(found.monitors)))
+        parts.append(chosen if save_every == 1 else jax.tree.map(np.copy, chosen))
         done_so_far, state = _continued(done_so_far, found), found.final
     kept, seen = jax.tree.map(lambda *rows: np.concatenate(rows), *parts)
     return replace(done_so_far, records=kept, monitors=seen)
@@ -81,49 +82,59 @@ def _part(
 ) -> Chunk:  # fmt: skip
     """Some steps, with a record, monitors and, in `extrema`, the limits of each; up to one that fails."""
     advance = partial(native.run, program, parameters, state, h, save_every=1, monitors=False, pattern=pattern)
-    chunk = advance(steps, substeps=True)
-    parts = len(program.substeps)
-    nodes = _nodes(chunk, together, parts)
-    seen = _seen(program, parameters, state, nodes, h)
-    finite = seen.finite[: chunk.steps]
+    chunk, parts, read = advance(steps, substeps=True), len(program.substeps), layout(state)
+    rows = np.concatenate([chunk.records.reshape(-1, read.size), pack(chunk.final)[1][None]])
+    monitors, certificates, finite, nodes = _seen(program, parameters, state, rows, h, together)
     good = chunk.steps if np.all(finite) else int(np.argmin(finite))
     if good < chunk.steps:
         chunk = replace(advance(good, substeps=True), code=Code.NOT_FINITE)
-    nodes = nodes if seen.nodes is None else seen.nodes
-    read, end = layout(state), good * parts
-    final = chunk.final if seen.nodes is None else read.unpack(nodes[end])
-    both = {name: rows[:good] for name, rows in {**seen.monitors, **seen.certificates}.items()}
+    rows, end = rows if nodes is None else nodes, good * parts
+    final = chunk.final if nodes is None else read.unpack(rows[end])
+    both = {name: x[:good] for name, x in {**monitors, **certificates}.items()}
     return replace(
         chunk,
-        records=read.views(nodes[:end:parts]),
+        records=read.views(rows[:end:parts]),
         final=final,
-        monitors={name: both[name] for name in seen.monitors},
+        monitors={name: both[name] for name in monitors},
         extrema={name: (np.min(x, 0, initial=np.inf), np.max(x, 0, initial=-np.inf)) for name, x in both.items()},
     )
 
 
-def _nodes(chunk: Chunk, together: int, parts: int) -> np.ndarray:
-    """The records of a chunk, of each substep, and the node at its end, which fills what is missing of `together`
-    steps: (together·parts + 1, size)."""
-    rows = np.tile(pack(chunk.final)[1], (together * parts + 1, 1))
-    if chunk.steps:
-        given = np.concatenate([x.reshape(chunk.steps, -1) for x in jax.tree.leaves(chunk.records)], 1)
-        rows[: chunk.steps * parts] = given.reshape(chunk.steps * parts, -1)
-    return rows
-
-
-def _seen(program: Program, parameters: PyTree, start: PyTree, nodes: np.ndarray, h: Scalar) -> _Seen:
-    """The observations of the steps between nodes."""
+def _seen(program: Program, parameters: PyTree, start: PyTree, rows: np.ndarray, h: Scalar, together: int) -> _Seen:
+    """The observations of the steps between rows, each a record or the node at the end, so many steps in a call."""
     require_own_xla()
-    with jax.enable_x64(True):
-        return jax.tree.map(np.asarray, _observe(program, parameters, start, nodes, np.float64(h)))
+    parts, found = len(program.substeps), list[_Seen]()
+    steps, wide = (len(rows) - 1) // parts, together * parts
+    for first in range(0, max(steps * parts, 1), wide):
+        piece = rows[first : first + wide + 1]
+        missing = wide + 1 - len(piece)  # the node at the end stands in for them
+        if missing:
+            piece = np.concatenate([piece, np.broadcast_to(piece[-1], (missing, rows.shape[1]))])
+        with jax.enable_x64(True):
+            seen = jax.tree.map(np.asarray, _observe(program, parameters, start, piece, np.float64(h)))
+        if seen.nodes is not None:
+            start = layout(start).unpack(seen.nodes[wide])
+        found.append(seen)
+    each = [one[:3] for one in found]
+    monitors, certificates, finite = jax.tree.map(lambda *x: np.concatenate(x)[:steps], *each)
+    nodes = None
+    if found[0].nodes is not None:
+        nodes = np.concatenate([*(one.nodes[:wide] for one in found), found[-1].nodes[wide:]])
+    return _Seen(monitors, certificates, finite, nodes)
 
 
 @compiled()
 def _observe(program: Program, parameters: PyTree, start: PyTree, rows: Array, h: Scalar) -> _Seen:
     """The observations of steps from the records in `rows` to the node of the next row, after a start."""
-    given = jax.vmap(layout(start).views)(rows)
-    stage, parts = program.linked(start), len(program.substeps)
+    stage = program.linked(start)
+    with nullcontext() if stage is None else stage.observing():
+        return _observed(program, stage, parameters, start, rows, h)
+
+
+def _observed(
+    program: Program, stage: LinkedStage | None, parameters: PyTree, start: PyTree, rows: Array, h: Scalar
+) -> _Seen:
+    given, parts = jax.vmap(layout(start).views)(rows), len(program.substeps)
     lengths = jnp.tile(h * np.array(program.substeps), (len(rows) - 1) // parts)
     nodes = given if stage is None else stage.accounted(parameters, start, given, lengths)
     before, after = (jax.tree.map(lambda rows, s=s: rows[s], nodes) for s in (np.s_[:-1], np.s_[1:]))
