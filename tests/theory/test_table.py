@@ -84,6 +84,7 @@ SOME = [
     ("(B18)", "theory.poisson.PoissonLagrangian.taken", "sign"),
     ("(B28)–(B31)", "mechanics.discrete_connection.DiscreteConnection.in_section", "transpose"),
     ("[Theorem 6.2]", "mechanics.bundle.reconstructed", "factor"),
+    ("after (B37), local", "mechanics.principal_bundle.PrincipalBundle.transition", "transpose"),
     ("(P20)–(P24) on Gᴺ", "spaces.links.Links.diamond", "sign"),
     ("[Theorem 1](theorems/euler-poincare.md) on relative", "spaces.RelativePoses.diamond", "factor"),
     ("(P20)–(P24), right", "spaces.by_inverse.ByInverse.lifted_diamond", "sign"),

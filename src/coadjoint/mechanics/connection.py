@@ -36,15 +36,14 @@ class Bundle:
 
     group: LieGroup
     size: int
-
-    shapes: Space | None = field(default=None, kw_only=True)
+    shapes: Space | Mapping[str, Space] | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         checks.instance(self.group, "group", LieGroup, "a Lie group such as co.SO3()", error=GroupError)
         checks.whole(self.size, "Argument `size`, the number of shape coordinates,")
-        given: object = Trivial(self.size) if self.shapes is None else self.shapes
-        M = Several(given) if isinstance(given, Mapping) else given
-        M = checks.instance(M, "shapes", Space, "a space of shapes such as co.Sphere(co.Trivial(3))")
+        M = Trivial(self.size) if self.shapes is None else self.shapes
+        M = Several(M) if isinstance(M, Mapping) else M
+        checks.instance(M, "shapes", Space, "a space of shapes such as co.Sphere(co.Trivial(3))")
         object.__setattr__(self, "shapes", M)
         M.require_fit(self.group)
         if M.ambient(self.group) != self.size:
@@ -55,7 +54,8 @@ class Bundle:
 
     @property
     def _M(self) -> Space:
-        return self.shapes or Trivial(self.size)
+        """M as a space, which `shapes` is once the bundle is made."""
+        return self.shapes if isinstance(self.shapes, Space) else Trivial(self.size)
 
     def project(self, x: Array, b: Array) -> Array:
         """The part of b along M at x, both (m,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -69,7 +69,12 @@ class DiscreteConnection(Bundle):
 
     @classmethod
     def from_form(
-        cls, group: LieGroup, size: int, form: Callable[..., Element], *, shapes: Space | None = None
+        cls,
+        group: LieGroup,
+        size: int,
+        form: Callable[..., Element],
+        *,
+        shapes: Space | Mapping[str, Space] | None = None,
     ) -> DiscreteConnection:
         """The discrete connection of a global form 𝒜(g, x, g⁺, x⁺) ∈ G: Ω(x, x⁺) = 𝒜(e, x, e, x⁺)⁻¹.
 
