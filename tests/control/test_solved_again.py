@@ -6,14 +6,17 @@ import copy
 import math
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.control import Bounds, End, Input, Measured, Problem, built, optimum, stage, transcription
+from coadjoint.control import Bounds, End, Input, Measured, Problem, built, geodesics, optimum, stage, transcription
 from coadjoint.control import given as given_numbers
+from coadjoint.control.geodesics import Geodesics
 from coadjoint.control.program import _Mapped
+from coadjoint.errors import LagrangianError
 from coadjoint.kernels.trace import evaluate
 from coadjoint.mechanics import start as start_of_runs
 
@@ -128,6 +131,25 @@ def test_velocities_are_not_inverted_where_no_function_reads_them_nor_a_run_made
     assert found.violation < 1e-8 and found.inputs["torque"].shape == (8, 3)
     with pytest.raises(pytest.fail.Exception, match="asks for the run"):
         print(found)
+
+
+@pytest.mark.parametrize("group", [co.SO3(), co.SE2(), co.DirectProduct(co.Translation(1), co.SO3())])
+def test_guesses_go_along_a_geodesic_also_where_the_exponential_has_no_scalar_expressions(group, monkeypatch):
+    xi, s = np.full(group.dim, -0.5), np.array([0.0, 0.4, 1.0])
+    a = evaluate.evaluate(group.exp, np.full(group.dim, 0.3))
+    expected = evaluate.evaluate(lambda a: [group.matrix(group.compose(a, group.exp(k * xi))) for k in s], a)
+    by_expressions, plain = Geodesics(group, 3), Geodesics(group, 3)
+    ways = [by_expressions.along(a, xi, s)]
+
+    def none(_):
+        raise LagrangianError("no scalar expressions")
+
+    monkeypatch.setattr(geodesics, "_along", none)
+    for way in (*ways, plain.along(a, xi, s)):
+        for k in range(3):
+            one = jax.tree.map(lambda leaf, k=k: leaf[k], way)
+            np.testing.assert_allclose(evaluate.evaluate(group.matrix, one), expected[k], atol=1e-14)
+    np.testing.assert_allclose(by_expressions.turn(a, one), xi, atol=1e-12)
 
 
 def test_a_program_differentiates_by_the_numbers_alone_that_its_functions_read():

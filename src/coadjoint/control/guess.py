@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache, partial, reduce
+from functools import partial, reduce
 from typing import Any
 
 import jax
@@ -11,18 +11,16 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.control.functions import of_columns
+from coadjoint.control.geodesics import Geodesics
 from coadjoint.control.given import goal_place
 from coadjoint.control.inputs_between import guesses
-from coadjoint.control.linearised import Simulated, Tables
+from coadjoint.control.linearised import Simulated
 from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Split, Transcription
-from coadjoint.errors import ArgumentError, GroupError, StepError
-from coadjoint.groups import LieGroup
+from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.kernels.trace.tracer import Tracer
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -33,9 +31,6 @@ from coadjoint.simulation.simulate import simulate
 
 BEND = 0.5
 """The size of random bends of a guess, of its own extent."""
-
-ASIDE = -1e-3
-"""The distance of a guess from half a turn, in 𝔤."""
 
 FAILS = (
     "The motion with the inputs' guesses, where the solver would begin, fails ({}): give another `guess`, or a smaller "
@@ -49,7 +44,7 @@ class Guesses:
     def __init__(self, transcription: Transcription):
         self._transcription = transcription
         self._simulated: Simulated | None = None
-        self._turn: Tables | None = None
+        self._geodesics = Geodesics(transcription.problem.system.group, transcription.problem.count + 1)
         self._straight, self._stages = _Traced(), _Traced()
 
     def motion(self, problem: ProblemData, guess: Run | str | None) -> tuple[State, dict[str, np.ndarray]]:
@@ -108,18 +103,13 @@ class Guesses:
             raise ArgumentError('A curved space of q has no straight lines: take guess="simulate", or a run.')
         turn = self._turned(problem) if turn is None else turn
         q = goal_place(problem)[1]
-        given = start.replace(memory=None), q, turn, problem.system.parameters
+        g = self._geodesics.along(start.g, turn, _eased(problem)[0])
+        given = start.replace(memory=None), g, q, turn, problem.system.parameters
         return self._straight(partial(_straight, problem), *given)
 
     def _turned(self, problem: ProblemData) -> np.ndarray:
         """log g₀⁻¹g_N, (dim G,)."""
-        group, start, g = problem.system.group, problem.start, goal_place(problem)[0]
-        if self._turn is None:
-            self._turn = Tables(_between(group), 1)
-        turn = self._turn(numbers_of(start.g), numbers_of(g))[0][0].copy()
-        if np.all(np.isfinite(turn)):
-            return turn
-        return np.asarray(_logarithm(group, evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, g)))
+        return self._geodesics.turn(problem.start.g, goal_place(problem)[0])
 
     def _z(self, problem: ProblemData, states: State) -> np.ndarray:
         """z of every step, (N, nz): the start of Newton's iteration in each stage."""
@@ -258,36 +248,24 @@ def _simulated(problem: ProblemData) -> State:
     return run.records
 
 
-def _straight(problem: ProblemData, start: State, goal: Array, turn: Array, parameters: PyTree) -> State:
-    """The states along g₀ exp(s turn) and q₀ + s (goal − q₀), with the momenta of their velocities."""
+def _eased(problem: ProblemData) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """s from 0 to 1 at the nodes, its rate, 1/s, and the part of the duration."""
+    tau = np.linspace(0.0, 1.0, problem.count + 1)
+    return tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length, tau
+
+
+def _straight(problem: ProblemData, start: State, g: Element, goal: Array, turn: Array, parameters: PyTree) -> State:
+    """The states at g₀ exp(s turn), as given, and q₀ + s (goal − q₀), with the momenta of their velocities."""
     system = replace_parameters(problem.system, parameters)
     group, Q, V = system.places
-    tau = np.linspace(0.0, 1.0, problem.count + 1)
-    s, speed = tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length
+    s, speed, tau = _eased(problem)
     q, a0 = Q.act(group, start.g, start.n), V.act(group, start.g, start.a)
 
-    def node(s: Scalar, speed: Scalar, t: Scalar) -> State:
-        g, xi = group.compose(start.g, group.exp(s * turn)), speed * turn
+    def node(g: Element, s: Scalar, speed: Scalar, t: Scalar) -> State:
+        xi = speed * turn
         back, here = group.inverse(g), q + s * (goal - q)
         n, nu, a = Q.act(group, back, here), Q.push(group, back, here, speed * (goal - q)), V.act(group, back, a0)
         mu, pi = legendre(system, xi, n, nu, a, t, start.inputs, start.internal)
         return start.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu)
 
-    return jax.vmap(node)(s, speed, start.t + problem.length * tau)
-
-
-@lru_cache(maxsize=32)
-def _between(group: LieGroup) -> Any:
-    """log a⁻¹b as a function of CasADi of the numbers of a and b."""
-    one = evaluate(group.identity)
-    log = lambda a, b: group.log(group.compose(group.inverse(a), b))  # noqa: E731
-    return of_columns(Tracer(), "The logarithm", log, {"a": one, "b": one})
-
-
-def _logarithm(group: LieGroup, F: Element) -> Array:
-    """ξ with exp(ξ) = F, (dim G,); of half a turn that has no logarithm, that of an element near to it."""
-    try:
-        return group.log(F)
-    except GroupError:
-        aside = evaluate(lambda F, xi: group.compose(F, group.exp(xi)), F, np.full(group.dim, ASIDE))
-        return group.log(aside)
+    return jax.vmap(node)(g, s, speed, start.t + problem.length * tau)

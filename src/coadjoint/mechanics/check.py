@@ -13,7 +13,7 @@ from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.newton.coupled import Coupled
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, hessian_of, tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import large, structure
 from coadjoint.mechanics.derivative_check import require_own_derivative
@@ -218,7 +218,7 @@ def _require_regular(
     how = structure(system.places)
     if large(group) and isinstance(how, Coupled):
         return _require_regular_links(how, at, velocities)
-    hessian = np.asarray(evaluate(jax.hessian(at), velocities))
+    hessian = hessian_of(at, velocities)
     empty, eigenvalues, direction = _weakest(hessian)
     if empty or abs(eigenvalues).min() <= SINGULAR:
         require_singular_apart(system, start)

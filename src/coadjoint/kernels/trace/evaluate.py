@@ -21,6 +21,9 @@ from coadjoint.kernels.untraceable import Untraceable
 
 _NUMBERS = Interpreter(NUMERIC, CONTROL)
 
+FEW = 12
+"""The most numbers by which a second derivative is found column by column."""
+
 
 def traced(*values: object) -> bool:
     """Whether any leaf is a JAX tracer, so that the caller runs inside a user's own jit, grad or vmap."""
@@ -36,6 +39,15 @@ def evaluate(function: Callable[..., PyTree], *args: object) -> PyTree:
     if traced(*args):
         return function(*args)
     return tabulate(function, *args)(*args)
+
+
+def hessian_of(function: Callable[..., PyTree], z: np.ndarray) -> np.ndarray:
+    """The second derivatives of a number by z (n,), (n, n); of few z by columns, as one takes a third of the time to
+    trace."""
+    if not 0 < len(z) <= FEW:
+        return np.asarray(evaluate(jax.hessian(function), z))
+    column = tabulate(lambda z, along: jax.jvp(jax.grad(function), (z,), (along,))[1], z, z)
+    return np.stack([column(z, along) for along in np.eye(len(z))])
 
 
 def tabulate(function: Callable[..., PyTree], *args: object, long: bool = False) -> Callable[..., PyTree]:
