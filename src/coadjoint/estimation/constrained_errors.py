@@ -12,8 +12,8 @@ from coadjoint.estimation.augmented_state import DriftingParameters
 from coadjoint.estimation.invariant_errors import InvariantErrors
 from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.run.function import RowFunction
-from coadjoint.mechanics.constrained_start import onto
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.projection import onto
 from coadjoint.mechanics.reactions import Independent, closing, kicked
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants

@@ -61,6 +61,8 @@ class Code(enum.IntEnum):
     BEYOND_CHART = 3
     STOPPED = 4
     """The step is good, but an event happens in it: it is not taken."""
+    OFF_CONSTRAINTS = 5
+    """The start of a trajectory inside JAX's transformations does not satisfy the constraints."""
     ABSENT = -1
     """Of a lane without a member: no step is taken."""
 

@@ -48,7 +48,7 @@ def reactions_at(system: System, state: State) -> dict[str, Array]:
     """
     if not system.constraints:
         raise ArgumentError("This system has no constraints that could have reactions.")
-    strength = multipliers(system, state, getattr(state.memory, "independent", None))
+    strength = multipliers(system, state, getattr(state.memory, "rows", None))
     return {one.name: strength[part] for one, part in parts(system)}
 
 
@@ -65,6 +65,13 @@ def _spread(matrix: Array, strength: Array, independent: Independent) -> Array:
     """
     if independent is None:
         return strength
+    if not isinstance(independent, tuple):
+        held = independent > 0.5
+        both = held[:, None] & held
+        C = jnp.linalg.solve(jnp.where(both, matrix, jnp.eye(len(strength))).T, matrix.T).T
+        C = jnp.where(~held[:, None] & held, C, 0.0)
+        of_left = jnp.linalg.solve(jnp.eye(len(strength)) + C @ C.T, C @ strength)
+        return jnp.where(held, strength - C.T @ of_left, of_left)
     kept = np.array(independent)
     left = np.setdiff1d(np.arange(len(strength)), kept)
     C = jnp.linalg.solve(matrix[kept][:, kept].T, matrix[left][:, kept].T).T

@@ -22,8 +22,11 @@ from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.traced_once import traced_once
 
-Independent = tuple[int, ...] | None
+Rows = tuple[int, ...] | None
 """Where rows follow from others, the places of those that are kept; None where none does."""
+
+Independent = Rows | Array
+"""The same, or, of a trace, 1 at each row that is kept and 0 at others, (m,)."""
 
 TRIPS = 6
 """Newton's iterations for the multipliers of a node where the velocities are not affine in the momenta."""
@@ -182,12 +185,17 @@ def chosen(held: Array, strength: Array, independent: Independent) -> Array:
     """The equations (m,) of independent rows, and λ = 0 of the others."""
     if independent is None:
         return held
-    return jnp.where(np.isin(np.arange(len(held)), independent), held, strength)
+    kept = np.isin(np.arange(len(held)), independent) if isinstance(independent, tuple) else independent > 0.5
+    return jnp.where(kept, held, strength)
 
 
 def solved(matrix: Array, right: Array, independent: Independent) -> Array:
     """x (m,) with matrix x = right; where rows are redundant that of the independent ones, and zeros."""
     if independent is None:
         return jnp.linalg.solve(matrix, right)
+    if not isinstance(independent, tuple):
+        kept = independent > 0.5
+        both = kept[:, None] & kept
+        return jnp.linalg.solve(jnp.where(both, matrix, jnp.eye(len(right))), jnp.where(kept, right, 0.0))
     rows = np.array(independent)
     return jnp.zeros_like(right).at[rows].set(jnp.linalg.solve(matrix[rows][:, rows], right[rows]))

@@ -7,8 +7,8 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
-from coadjoint.mechanics.constrained_start import moved
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.projection import moved
 from coadjoint.mechanics.reactions import Independent, node_rates, parts, rows_of
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.state import State

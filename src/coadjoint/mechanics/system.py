@@ -15,7 +15,6 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element, require_group
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
-from coadjoint.mechanics.constrained_start import projected
 from coadjoint.mechanics.constraints import Bound, Constraint
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.coupling import require_room
@@ -25,6 +24,7 @@ from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.integrability import integrable_rows
 from coadjoint.mechanics.invariance import Invariance, in_words, is_right, places_of
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.projection import projected
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import starting_state
@@ -299,8 +299,10 @@ class System(ReducedFunctions, Portable, WithOverview):
         """The state on all constraints that is nearest to one near them, in the kinetic metric.
 
         Newton's iteration moves (g, q) by the least motion (η, w) in ⟨(η, w), M(η, w)⟩ with φ + Dφ·(η, w) = 0, and the
-        momenta get the impulse Aᵀλ after which A·(ξ, ν) = b. Arguments: state: of this system, at one time. Raises
-        ArgumentError for a system without constraints, and where no such state is found.
+        momenta get the impulse Aᵀλ after which A·(ξ, ν) = b. JAX differentiates and maps it inside `with
+        co.float64():`, where it makes 40 iterations and cannot tell whether such a state was found; `co.trajectory`
+        from there does. Arguments: state: of this system, at one time. Raises ArgumentError for a system without
+        constraints, and where no such state is found.
         """
         if not self.constraints:
             raise ArgumentError("This system has no constraints to project a state onto.")

@@ -1,8 +1,9 @@
-"""A check that the links of a system act on each other as `coupling` of `co.Power` declares."""
+"""Links that act on each other as `coupling` of `co.Power` declares: their joints, and a check that they do."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import jax
@@ -25,6 +26,31 @@ APART = 1e-9
 
 REACHES = (1.0, 1e-3)
 """The reaches of the random points; the second is used if derivatives at the first are not finite."""
+
+WRITTEN = 1000
+"""Links times the square of a link's unknowns, up to which native code takes a chain of joints: 12 links on SO(3)."""
+
+LOOPED = 500
+"""The same above which loops over links are preferred, whose code does not grow with the links: 7 links on SO(3)."""
+
+
+@dataclass(frozen=True)
+class Joined(Coupled):
+    """Links with the multipliers of their joints, of which the round-off eps |n|/h grows with the square of N."""
+
+    near, rests, multipliers = 1e-5, True, True
+
+    @property
+    def native(self) -> bool:
+        return self.layout.width == 1 and self.count * sum(self.sizes) ** 2 <= WRITTEN
+
+    @property
+    def looped(self) -> bool:
+        return self.count * sum(self.sizes) ** 2 > LOOPED
+
+    @property
+    def words(self) -> str:
+        return super().words.partition(";")[0]
 
 
 def require_coupling(system: System, equations: Callable[..., Array], state: State, how: Coupled) -> None:

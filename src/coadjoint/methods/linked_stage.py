@@ -247,7 +247,7 @@ def linked(skeleton: System, step: object, state: State) -> RattleOfLinks | None
     how = step.structure(skeleton)
     if not isinstance(how, Coupled) or group.coupling != "chain":
         return None
-    plain = all(part is None for part in (skeleton.hamiltonian, memory.base, memory.independent))
+    plain = all(part is None for part in (skeleton.hamiltonian, memory.base, memory.rows))
     holonomic = all(one.holonomic and one.size % group.count == 0 for one in skeleton.constraints)
     if not plain or not holonomic or not skeleton.additional.flat:
         return None

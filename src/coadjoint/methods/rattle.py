@@ -19,17 +19,15 @@ from coadjoint.kernels.newton.coupled import Coupled, Factors
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.constrained_start import (
-    checked_start,
-    require_members_on_constraints,
-)
+from coadjoint.mechanics.constrained_start import Known, checked_members, checked_start
 from coadjoint.mechanics.constraints import Bound, places
 from coadjoint.mechanics.coupling import structure
 from coadjoint.mechanics.discrete import Node, Point
-from coadjoint.mechanics.reactions import chosen, closing, count, kicked, powers, site, source
+from coadjoint.mechanics.projection import tangent_start
+from coadjoint.mechanics.reactions import Independent, chosen, closing, count, kicked, powers, site, source
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.coupled_links import require_coupling
+from coadjoint.methods.coupled_links import Joined, require_coupling
 from coadjoint.methods.step import Step
 
 
@@ -40,39 +38,19 @@ class Reactions:
 
     step: λ of the step that starts at a record, (m,). end: λ′ of the step before, (m,), the guess of λ; at the start
     zero. base: the memory of the method. independent: where rows are redundant, the places of those that are kept;
-    λ of the others is zero.
+    λ of the others is zero. kept: inside jit, grad or vmap instead, 1 at those rows and 0 at others, (m,).
     """
 
     step: Array
     end: Array
     base: Any
     independent: tuple[int, ...] | None = field(default=None, metadata={"static": True})
-
-
-WRITTEN = 1000
-"""Links times the square of a link's unknowns, up to which native code takes a chain of joints: 12 links on SO(3)."""
-
-LOOPED = 500
-"""The same above which loops over links are preferred, whose code does not grow with the links: 7 links on SO(3)."""
-
-
-@dataclass(frozen=True)
-class _Joined(Coupled):
-    """Links with the multipliers of their joints, of which the round-off eps |n|/h grows with the square of N."""
-
-    near, rests, multipliers = 1e-5, True, True
+    kept: Array | None = None
 
     @property
-    def native(self) -> bool:
-        return self.layout.width == 1 and self.count * sum(self.sizes) ** 2 <= WRITTEN
-
-    @property
-    def looped(self) -> bool:
-        return self.count * sum(self.sizes) ** 2 > LOOPED
-
-    @property
-    def words(self) -> str:
-        return super().words.partition(";")[0]
+    def rows(self) -> Independent:
+        """The rows that are kept."""
+        return self.independent if self.kept is None else self.kept
 
 
 @dataclass(frozen=True)
@@ -108,7 +86,7 @@ class Rattle(Step):
         if not isinstance(self.base.structure(system), Coupled):
             return Dense(multipliers=True)
         found = structure(system.places, tuple(one.size for one in system.constraints))
-        return _Joined(found.count, found.sizes, found.pairs) if isinstance(found, Coupled) else Dense(True)
+        return Joined(found.count, found.sizes, found.pairs) if isinstance(found, Coupled) else Dense(True)
 
     def damping_rate(self, system: System) -> float:
         return self.base.damping_rate(system)
@@ -145,9 +123,12 @@ class Rattle(Step):
     def remember_by_xla(self, system: System, state: State) -> State:
         return state
 
-    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> None:
-        self.base.require_members(system, parameters, axes, states)
-        require_members_on_constraints(system, parameters, axes, states.replace(memory=None))
+    def remember_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State:
+        states = self.base.remember_members(system, parameters, axes, states)
+        independent = checked_members(system, parameters, axes, states.replace(memory=None))
+        if not isinstance(states.memory, Reactions):
+            return states
+        return states.replace(memory=replace(states.memory, independent=independent))
 
     def turn(self, system: System, h: Scalar, xi: Array) -> Element | None:
         return self.base.turn(system, h, xi)
@@ -175,7 +156,7 @@ class Rattle(Step):
 
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         inner = self.inner(system, record, h)
-        held = chosen(self._held(system, inner, h), record.memory.step, record.memory.independent)
+        held = chosen(self._held(system, inner, h), record.memory.step, record.memory.rows)
         return jnp.concatenate([self.base.equations(system, inner, h), held])
 
     def _held(self, system: System, inner: State, h: Scalar) -> Array:
@@ -199,7 +180,7 @@ class Rattle(Step):
     def _ended(self, system: System, record: State, h: Scalar) -> tuple[State, Array]:
         """The state at node k + 1, and the impulse ½hλ′ there."""
         free = self.base.advance(system, self.inner(system, record, h), h)
-        impulse = closing(system, free, record.memory.independent)
+        impulse = closing(system, free, record.memory.rows)
         after = kicked(system, free, impulse)
         end = 2 * impulse / h
         return after.replace(memory=replace(record.memory, step=end, end=end, base=free.memory)), impulse
@@ -259,6 +240,19 @@ def _site_of(state: State, point: Point) -> Any:
 def kept(state: State) -> Reactions | None:
     """The memory that a record gives to a run that continues from it: the guess of the multipliers."""
     return state.memory if isinstance(state.memory, Reactions) else None
+
+
+def begun_in_trace(system: System, state: State, known: Known) -> tuple[State, Array | None]:
+    """A state begun inside jit, grad or vmap with its independent rows; whether it is on the constraints, if unknown.
+
+    known: `known_start` of the system.
+    """
+    if not system.constraints:
+        return state, None
+    if known[0]:
+        return state.replace(memory=replace(state.memory, independent=known[1])), None
+    state, kept, on = tangent_start(system, state)
+    return state.replace(memory=replace(state.memory, kept=kept)), on
 
 
 def redundancy(state: State) -> list[str]:

@@ -83,7 +83,7 @@ def begin_members(system: System, start: State, method: Method, h: float, count:
         raise ArgumentError("An ensemble needs co.each on a parameter or on the start.")
     states = evaluate(jax.vmap(begin, in_axes=(axes, start_axis)), parameters, start)
     for step in dict.fromkeys(step for step, _ in around(system, method.stages)):
-        step.require_members(system, parameters, axes, states)
+        states = step.remember_members(system, parameters, axes, states)
     return Members(parameters, axes, states, count)
 
 
@@ -124,4 +124,15 @@ def require_room(run: Result) -> None:
         raise ArgumentError(
             f"The records would take {size / 1e9:.3g} GB of memory: stream them to a new folder with `store=`, "
             f"or raise save_every from {plan.save_every} to {int(plan.save_every * size / MEMORY_LIMIT) + 1} or more."
+        )
+
+
+def require_room_for(state: State, blocks: tuple[int, int]) -> None:
+    """Raise ArgumentError if the records of a trajectory, blocks = (records, save_every), would not fit in memory."""
+    records, save_every = blocks
+    size = sum(8.0 * np.size(leaf) for leaf in jax.tree.leaves(state)) * records
+    if size > MEMORY_LIMIT:
+        raise ArgumentError(
+            f"The {records:,} records of this trajectory would take {size / 1e9:.3g} GB of memory: raise save_every "
+            f"from {save_every} to {int(save_every * size / MEMORY_LIMIT) + 1} or more."
         )

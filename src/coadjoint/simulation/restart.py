@@ -39,7 +39,7 @@ def written(record: State, system: System) -> Table:
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
     """
     memory = kept(record)
-    memory = None if memory is None else replace(memory, base=None, independent=None)
+    memory = None if memory is None else replace(memory, base=None, independent=None, kept=None)
     last = record.replace(memory=memory, ledger=None)
     return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, system.parameters), strict=True)}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from coadjoint.checks import truth, whole
 from coadjoint.errors import ArgumentError, Interrupted, StepError, warn
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.float64 import require_scope
 from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend as kernels
@@ -25,6 +26,7 @@ from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.run.interruptible import Cut
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.kernels.trace.jaxprs import traced_by_kinds
+from coadjoint.mechanics.constrained_start import Known, known_start
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import OPAQUE, version
 from coadjoint.mechanics.inputs import Given
@@ -38,6 +40,7 @@ from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.rattle import begun_in_trace
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import members
 from coadjoint.simulation.accuracy.resolution import unresolved_records
@@ -113,7 +116,9 @@ def trajectory(
 
     Returns a `Trajectory`. Called with plain numbers its arrays are NumPy's, and StepError is raised for a step that
     fails. Inside jit, grad or vmap, which need `with co.float64():`, `code` reports failure instead; the derivative of
-    a failed run does not exist, and reverse mode by native code returns NaN for it. Numbers are unknown there, so that
+    a failed run does not exist, and reverse mode by native code returns NaN for it. Where the start and parameters move
+    it off the constraints, derivatives are those of `system.project(start)`; `code` is 5 for one that is off them.
+    Numbers are unknown there, so that
     the symmetry of Λ for `co.Variational(symmetric=True)` is not checked: call it with plain ones first.
 
     Raises ArgumentError, GroupError and LagrangianError as `co.simulate` does, and StepError as described above.
@@ -138,8 +143,9 @@ def trajectory(
     program = StepProgram(replace_parameters(system, None), method, version=digest)
     blocks = (steps // save_every, save_every)
     if traced(system.parameters, start, h):
-        _require_float64()
-        return _kept(program, _from_start)(program, blocks, backend)(system.parameters, start, jnp.asarray(h, float))
+        require_scope("co.trajectory")
+        made = _kept(program, _from_start)(program, blocks, backend, known_start(system, start))
+        return made(system.parameters, start, jnp.asarray(h, float))
     begun = with_ledger(system, method.begin(system, start, h), False)
     constants = Constants(system.parameters, None)
     found = computed(program, constants, begun, h, blocks, backend, last=True)
@@ -162,14 +168,20 @@ def _kept(program: StepProgram, maker: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def _from_start(
-    program: StepProgram, blocks: Blocks, backend: Backend
+    program: StepProgram, blocks: Blocks, backend: Backend, known: Known
 ) -> Callable[[Parameters | None, State, Scalar], Trajectory]:
-    """The trajectory of (parameters, start, h) as a function that JAX traces once for each kind of arguments."""
+    """The trajectory of (parameters, start, h) as a function that JAX traces once for each kind of arguments.
+
+    known: `known_start`.
+    """
 
     def found(parameters: Parameters | None, start: State, h: Scalar) -> Trajectory:
         system = replace_parameters(program.skeleton, parameters)
-        begun = with_ledger(system, program.method.begin(system, start, h), False)
-        return computed(program, Constants(parameters, None), begun, h, blocks, backend, last=True)
+        begun, on = begun_in_trace(system, program.method.begin(system, start, h), known)
+        path = computed(
+            program, Constants(parameters, None), with_ledger(system, begun, False), h, blocks, backend, last=True
+        )
+        return path if on is None else replace(path, code=jnp.where(on, path.code, Code.OFF_CONSTRAINTS))
 
     return traced_by_kinds(found)
 
@@ -190,14 +202,6 @@ def _from_begun(
     return traced_by_kinds(found)
 
 
-def _require_float64() -> None:
-    """Raise ArgumentError unless JAX keeps float64."""
-    if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
-        raise ArgumentError(
-            "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
-        )
-
-
 def computed(
     program: StepProgram,
     constants: Constants,
@@ -214,9 +218,9 @@ def computed(
     solution, they are those of the step before.
     """
     inside = traced(constants, begun, h)
-    _require_room(begun, blocks)
+    members.require_room_for(begun, blocks)
     if inside:
-        _require_float64()
+        require_scope("co.trajectory")
         replayed = _kept(program, _from_begun)(program, blocks, backend, last)
         return replayed(constants, begun, jnp.asarray(h, float))
     begun = in_records(begun) if backend == "native" else begun
@@ -241,17 +245,6 @@ def _failed(code: Code, program: StepProgram) -> str:
     if code is Code.BEYOND_CHART:
         return f"it left the chart of the difference map; {beyond}."
     return f"its numbers are not finite; {unsolved}, or check the energy and forces there."
-
-
-def _require_room(state: State, blocks: Blocks) -> None:
-    """Raise ArgumentError if the records of a trajectory would not fit in memory."""
-    records, save_every = blocks
-    size = sum(8.0 * np.size(leaf) for leaf in jax.tree.leaves(state)) * records
-    if size > members.MEMORY_LIMIT:
-        raise ArgumentError(
-            f"The {records:,} records of this trajectory would take {size / 1e9:.3g} GB of memory: raise save_every "
-            f"from {save_every} to {int(save_every * size / members.MEMORY_LIMIT) + 1} or more."
-        )
 
 
 def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:

@@ -1,0 +1,153 @@
+"""Projections and starts inside jit, grad and vmap, and the independent rows that a trace finds."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels.program import Code
+from coadjoint.mechanics.constrained_start import checked_members, known_start
+from coadjoint.mechanics.independent_rows import independent_rows, kept_rows
+from coadjoint.mechanics.members import stacked
+from pinned import INERTIA, PIN, RATES, body, hold, pinned, start
+
+
+def doubled():
+    return body(constraints={"pin": co.Holonomic(hold), "again": co.Holonomic(hold)})
+
+
+def after(system, state):
+    """ξ₀ after ten steps."""
+    return co.trajectory(system, state, dt=0.01, steps=10, accuracy=False).final.xi[0]
+
+
+def test_a_trace_finds_the_independent_rows_that_numbers_have():
+    random = np.random.default_rng(3)
+    cases = [random.normal(size=(6, k)) @ random.normal(size=(k, 8)) for k in (1, 3, 6)]
+    cases.append(np.eye(3, 8)[[0, 0, 1, 2, 1, 2]])
+    with co.float64():
+        found = jax.jit(jax.vmap(kept_rows))(np.stack([A @ A.T for A in cases]))
+    for A, kept in zip(cases, found, strict=True):
+        rows = independent_rows(A @ A.T)
+        assert len(rows) == np.linalg.matrix_rank(A) == np.linalg.matrix_rank(A[list(rows)])
+        assert tuple(np.flatnonzero(kept)) == rows
+
+
+def test_members_keep_the_independent_rows_of_the_first():
+    system = doubled().replace(mass=co.each([1.0, 2.0]))
+    starts = start(system, xi=co.each([RATES, RATES]))
+    parameters, axes = stacked(system.parameters)
+    assert checked_members(system, parameters, axes, starts) == (0, 1, 2)
+
+
+def test_members_of_different_rank_raise_with_the_member():
+    crossing = co.System(
+        co.SO2(),
+        lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu,
+        additional=co.Trivial(2),
+        constraints={"rail": co.Nonholonomic(lambda n: [[0, 1, 0], [0, 1, n[0]]])},
+    )
+    begun = crossing.state(q=co.each([[1.0, 0.0], [0.0, 0.0]]))
+    with pytest.raises(co.errors.ArgumentError, match=r"same independent rows .* of member 1"):
+        co.simulate(crossing, begun, dt=0.1, steps=1)
+
+
+def test_a_start_of_known_numbers_off_a_constraint_raises_inside_a_derivative():
+    system = pinned()
+    begun = start(system, qdot=[0.0, 0.0, 0.0])
+    off = "velocities of the start must satisfy the constraint `pin`"
+    with co.float64(), pytest.raises(co.errors.ArgumentError, match=off):
+        jax.grad(lambda mass: after(system.replace(mass=mass), begun))(2.0)
+
+
+def test_parameters_that_constraints_read_make_the_start_unknown():
+    found = {}
+    for name in ("mass", "pin"):
+
+        def given(value, name=name):
+            found[name] = known_start(doubled().replace(**{name: value}), start(doubled()))
+            return value
+
+        with co.float64():
+            jax.eval_shape(given, np.asarray(getattr(doubled().parameters, name)))
+    assert found == {"mass": (True, (0, 1, 2)), "pin": (False, None)}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("backend", ["native", "xla"])
+def test_derivatives_with_redundant_rows_are_those_with_independent_ones(backend):
+    def turned(k, system):
+        run = co.trajectory(
+            system.replace(inertia=k * INERTIA), start(system), dt=0.01, steps=10, backend=backend, accuracy=False
+        )
+        return run.final.xi[0]
+
+    with co.float64():
+        one, other = (jax.grad(turned)(1.0, system) for system in (pinned(), doubled()))
+    assert other == pytest.approx(one, rel=1e-10)
+    assert one == pytest.approx(-0.187847249, abs=1e-8)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", [pinned, doubled])
+def test_derivatives_by_geometry_are_those_of_projected_runs(made):
+    """Against differences, from a start that follows the pin, and from one that stays and is moved onto it."""
+
+    def turned(pin, follows):
+        here = made().replace(pin=pin)
+        state = here.state(q=-pin if follows else -PIN, xi=RATES, a0=[0.0, 0.0, 1.0])
+        return after(here, here.project(state))
+
+    def stays(pin):
+        return after(made().replace(pin=pin), start(made()))
+
+    e = 1e-5
+    for follows in (True, False):
+        exact = [(turned(PIN + e * d, follows) - turned(PIN - e * d, follows)) / (2 * e) for d in np.eye(3)]
+        with co.float64():
+            assert jax.jit(jax.grad(turned), static_argnums=1)(PIN, follows) == pytest.approx(exact, abs=1e-7)
+    with co.float64():
+        assert jax.jit(jax.grad(stays))(PIN) == pytest.approx(exact, abs=1e-7)
+
+
+@pytest.mark.long
+def test_projections_have_the_derivatives_of_their_iterations_far_from_the_constraint():
+    """From 0.4 off a sphere and a plane that cut in a circle, in both modes and under vmap."""
+
+    def made(radius):
+        return co.System(
+            co.SO3(),
+            lambda xi, n, nu, p: 0.5 * xi @ xi + 0.5 * nu @ (np.array([1.0, 2.0, 3.0]) * nu),
+            additional=co.Defining(),
+            parameters={"radius": radius},
+            constraints={
+                "sphere": co.Holonomic(lambda n, p: n @ n - p.radius**2),
+                "plane": co.Holonomic(lambda n, p: n[2] - 0.3),
+            },
+        )
+
+    def place(x):
+        found = made(x[0]).project(made(x[0]).state(q=x[1:4], qdot=x[4:]))
+        return jax.numpy.concatenate([found.n, found.nu])
+
+    x, e = np.array([1.0, 0.9, 0.8, 0.5, 0.3, -0.2, 0.4]), 1e-5
+    exact = np.stack([(place(x + e * d) - place(x - e * d)) / (2 * e) for d in np.eye(7)], axis=1)
+    with co.float64():
+        assert jax.jit(jax.jacfwd(place))(x) == pytest.approx(exact, abs=1e-8)
+        assert jax.jit(jax.jacrev(place))(x) == pytest.approx(exact, abs=1e-8)
+        assert jax.jit(jax.vmap(place))(x[None])[0] == pytest.approx(place(x), abs=1e-12)
+
+
+@pytest.mark.long
+def test_a_traced_start_off_the_constraints_has_a_code():
+    system = pinned()
+
+    def run(q):
+        begun = system.state(q=q, xi=RATES, qdot=np.cross(RATES, -PIN), a0=[0.0, 0.0, 1.0])
+        return co.trajectory(system, begun, dt=0.01, steps=2, accuracy=False).code
+
+    with co.float64():
+        codes = jax.jit(jax.vmap(run))(np.stack([-PIN, -PIN + 0.01]))
+    assert codes.tolist() == [Code.CONVERGED, Code.OFF_CONSTRAINTS]
