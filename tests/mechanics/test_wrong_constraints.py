@@ -266,3 +266,20 @@ def test_one_state_is_projected_for_every_member():
     found = fleet.project(start(system))
     np.testing.assert_allclose(found.n, [-PIN, -1.1 * PIN], atol=1e-14)
     np.testing.assert_allclose(found.nu, np.cross(found.xi, found.n), atol=1e-13)
+
+
+def test_velocities_that_jump_with_an_input_are_reported():
+    def right(*, inputs):
+        return inputs.slip
+
+    blade = co.Nonholonomic(lambda: [[0.0, 0.0, 1.0]], right, size=1)
+    sleigh = co.System(co.SE2(), lambda xi: 0.5 * xi @ xi, constraints={"blade": blade})
+    begun = sleigh.state(xi=[1.0, 0.0, 0.5], inputs={"slip": 0.5})
+    jumping = {
+        "a co.Held that jumps": co.Held([0.0, 0.5], [0.5, 1.0]),
+        "a function of the motion": lambda motion: motion.xi[0],
+        "": co.Linear([0.0, 0.5], [0.5, 1.0]),
+    }
+    for kind, slip in jumping.items():
+        found = [s for s in sleigh.driven({"slip": slip}).check(begun) if "velocities on it jump" in s]
+        assert len(found) == bool(kind) and kind in "".join(found)

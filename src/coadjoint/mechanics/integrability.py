@@ -9,16 +9,17 @@ import numpy as np
 from coadjoint.arrays import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.jumping_inputs import jumping_velocities
 from coadjoint.mechanics.reactions import site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.state import State
 
 
-def integrable_rows(system: ReducedFunctions, state: State) -> list[str]:
-    """A sentence about rows on velocities that are integrable, if there are any."""
+def warnings_of_rows(system: ReducedFunctions, state: State) -> list[str]:
+    """Sentences about rows on velocities that are integrable, or jump with an input."""
     if not system.constraints:
         return []
-    found = []
+    found = jumping_velocities(system, state)
     held = [one for one in system.constraints if not one.holonomic]
     if held and not any(one.moving for one in held) and _integrable(system, state):
         names = " and ".join(f"`{one.name}`" for one in held)

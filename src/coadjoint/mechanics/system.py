@@ -21,7 +21,7 @@ from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.declared_constraints import bound, constraints_from
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
-from coadjoint.mechanics.integrability import integrable_rows
+from coadjoint.mechanics.integrability import warnings_of_rows
 from coadjoint.mechanics.invariance import Invariance, in_words, is_right, places_of
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.projection import projected
@@ -293,16 +293,14 @@ class System(ReducedFunctions, Portable, WithOverview):
 
         regular: whether the method needs an invertible Legendre transform.
         """
-        return check(self, start, regular) + integrable_rows(self, start)
+        return check(self, start, regular) + warnings_of_rows(self, start)
 
     def project(self, state: State) -> State:
         """The state on all constraints that is nearest to one near them, in the kinetic metric.
 
         Newton's iteration moves (g, q) by the least motion (η, w) in ⟨(η, w), M(η, w)⟩ with φ + Dφ·(η, w) = 0, and the
-        momenta get the impulse Aᵀλ after which A·(ξ, ν) = b. JAX differentiates and maps it inside `with
-        co.float64():`, where it makes 40 iterations and cannot tell whether such a state was found; `co.trajectory`
-        from there does. Arguments: state: of this system, at one time. Raises ArgumentError for a system without
-        constraints, and where no such state is found.
+        momenta get the impulse Aᵀλ after which A·(ξ, ν) = b. Arguments: state: of this system, at one time. Raises
+        ArgumentError without constraints, and if no such state is found; in traces `co.trajectory` gives a code.
         """
         if not self.constraints:
             raise ArgumentError("This system has no constraints to project a state onto.")

@@ -123,11 +123,11 @@ class Rattle(Step):
     def remember_by_xla(self, system: System, state: State) -> State:
         return state
 
-    def remember_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State:
-        states = self.base.remember_members(system, parameters, axes, states)
+    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State | None:
+        self.base.require_members(system, parameters, axes, states)
         independent = checked_members(system, parameters, axes, states.replace(memory=None))
         if not isinstance(states.memory, Reactions):
-            return states
+            return None
         return states.replace(memory=replace(states.memory, independent=independent))
 
     def turn(self, system: System, h: Scalar, xi: Array) -> Element | None:

@@ -110,12 +110,13 @@ class Step(ABC):
             return state
         return state.replace(memory=how.nothing())
 
-    def remember_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State:
-        """The states of all members with what `remember` finds by numbers; raises ArgumentError as it does.
+    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State | None:
+        """Raise ArgumentError if a member of an ensemble does not fit, as `remember` does where there is one.
 
         parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
+        Returns the states with what numbers tell of them, None where they stay.
         """
-        return states
+        return None
 
     def turn(self, system: System, h: Scalar, xi: Array) -> Element | None:
         """X for which ν of the rule's own node is given in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""

@@ -11,17 +11,14 @@ from jax import hessian, jacfwd
 from jax import numpy as jnp
 
 from coadjoint import checks
-from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import MOST, array, positive, uneven, whole
 from coadjoint.checks import steps as whole_steps
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
-from coadjoint.kernels.trace.jaxprs import depends
-from coadjoint.mechanics.constraints import Bound
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.inputs import Command
+from coadjoint.mechanics.jumping_inputs import require_smooth_place
 from coadjoint.mechanics.members import Each, member_of
-from coadjoint.mechanics.reactions import site
 from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
@@ -121,38 +118,10 @@ def with_inputs(system: System, start: State, inputs: PyTree, by_velocities: boo
     held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
     for one in reading:
         if one.holonomic:
-            _require_smooth(one, replace_parameters(system, member_of(system.parameters, 0)), first, held)
+            require_smooth_place(one, replace_parameters(system, member_of(system.parameters, 0)), first, held)
     if many:
         held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
     return system, start.replace(inputs=held)
-
-
-def _require_smooth(constraint: Bound, system: System, state: State, held: PyTree) -> None:
-    """Raise ArgumentError where a holonomic constraint reads an input that jumps, and its place with it."""
-    assert system.inputs is not None
-    inputs, now, bare = system.inputs, system.inputs.at(state.t, held), system.driven(None)
-
-    def place(given: PyTree) -> Array:
-        return constraint.value(bare, site(state.replace(inputs=given)))
-
-    read = jax.tree.unflatten(jax.tree.structure(now), depends(place, now))
-    for name, source in zip(inputs.names or ("",), inputs.sources, strict=True):
-        used = any(jax.tree.leaves(read if inputs.names is None else getattr(read, name)))
-        if used and (kind := _jumping(source)):
-            whose = "an input" if inputs.names is None else f"the input `{name}`"
-            raise ArgumentError(
-                f"The constraint `{constraint.name}` reads {whose}, {kind}, so that its place would jump: give a "
-                "signal without jumps, such as co.Linear(times, values)."
-            )
-
-
-def _jumping(source: object) -> str:
-    """How an input jumps, in words; empty for signals without jumps."""
-    if isinstance(source, Held):
-        return "a co.Held that jumps" if np.ptp(np.asarray(source.values), axis=0).any() else ""
-    if isinstance(source, Signal):
-        return ""
-    return "a command held over steps" if isinstance(source, Command) else "a function of the motion, held over steps"
 
 
 def held_at(system: System, state: State) -> PyTree:

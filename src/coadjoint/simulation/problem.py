@@ -139,7 +139,7 @@ class SimulationProblem:
         members = begin_members(system, start, method, h, count, self.monitors)
         first, state = first_member(system, members.states)
         if before is None:
-            before = self._verdict(first, state, reading, "members", checked)
+            before = self._verdict(first, state, reading, "members", checked + redundancy(state))
         warnings, watching = before["warnings"], before["watching"]
         program, constants = self._program(first, state, watching, reading), _constants(first, watching)
         program, constants, axes = with_own_directions(program, constants, members, warnings)

@@ -134,7 +134,7 @@ class Stepper(Stepping):
         with tracing_once():
             one, begun, seen = self._trace(system, start, method, h, count, observe, as_event(until))
             for step in dict.fromkeys(step for step, _ in around(one, method.stages)) if len(starts.t) > 1 else ():
-                step.remember_members(system, values, axes, starts)
+                step.require_members(system, values, axes, starts)
             face, engine = self._compiled(one, begun, commands, parameters, changing, Fields.of(seen), backend)
             states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
