@@ -57,7 +57,7 @@ class Emitter:
         self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
         self.counter = INT64 if width == 1 else ir.VectorType(INT64, width)
         self._exact: set[Expr] | None = None
-        self._scopes: list[dict[Expr, Any]] = [{}]
+        self._scopes: list[dict[Expr, Value]] = [{}]
 
     def keep_exact(self, nodes: Iterable[Expr]) -> None:
         """Say which expressions are results; all others may have their sums reordered."""
@@ -72,11 +72,11 @@ class Emitter:
         finally:
             self._scopes.pop()
 
-    def bind(self, node: Expr, value: Any) -> None:
+    def bind(self, node: Expr, value: Value) -> None:
         """The value of a symbol in this scope."""
         self._scopes[-1][node] = value
 
-    def variable(self, kind: Any, value: Any = None) -> Any:
+    def variable(self, kind: Value, value: Value = None) -> Value:
         """A local variable; LLVM keeps it in a register."""
         with self.builder.goto_entry_block():
             place = self.builder.alloca(kind)
@@ -95,20 +95,20 @@ class Emitter:
         scalar = ir.Constant(BIT, int(value))
         return scalar if self.width == 1 else ir.Constant(self.truth, [scalar] * self.width)
 
-    def counts(self, value: int) -> Any:
+    def counts(self, value: int) -> Value:
         """An integer in every lane."""
         if self.width == 1:
             return INT64(value)
         return ir.Constant(self.counter, [INT64(value)] * self.width)
 
-    def any(self, mask: Any) -> Any:
+    def any(self, mask: Value) -> Value:
         """Whether the mask holds in any lane."""
         if self.width == 1:
             return mask
         bits = self.builder.bitcast(mask, ir.IntType(self.width))
         return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
 
-    def values(self, roots: Iterable[Expr]) -> list[Any]:
+    def values(self, roots: Iterable[Expr]) -> list[Value]:
         """The values of the roots, after emitting all missing values that they need."""
         roots = list(roots)
         for node in self._missing(roots):
@@ -127,14 +127,14 @@ class Emitter:
                 stack.extend(a for a in used if self._known(a) is None)
         return [found[number] for number in sorted(found)]
 
-    def _known(self, node: Expr) -> Any:
+    def _known(self, node: Expr) -> Value:
         for scope in reversed(self._scopes):
             value = scope.get(node)
             if value is not None:
                 return value
         return None
 
-    def _instruction(self, node: Expr) -> Any:
+    def _instruction(self, node: Expr) -> Value:
         op, builder = node.op, self.builder
         if op == "const":
             return self.bit(node.value) if isinstance(node.value, bool) else self.constant(node.value)  # pyright: ignore
@@ -181,7 +181,7 @@ class Emitter:
             return self._libm(_LIBM[op], *args)
         raise Untraceable(op)
 
-    def _loop(self, loop: Loop, start: list[Any]) -> list[Any]:
+    def _loop(self, loop: Loop, start: list[Value]) -> list[Value]:
         """The values at the end of a loop; a lane that is done keeps its own until the last one is."""
         b, exact = self.builder, self._exact
         before, head, body, end = b.block, *(b.append_basic_block(name) for name in ("while", "trip", "done"))
@@ -207,7 +207,7 @@ class Emitter:
         b.position_at_end(end)
         return carried
 
-    def _fused(self, node: Expr) -> Any:
+    def _fused(self, node: Expr) -> Value:
         """A sum or difference, as one operation with the first of its arguments that is a product.
 
         LLVM would choose by the other users of the product, so that a monitor could change the last digit of a state.
@@ -225,7 +225,7 @@ class Emitter:
         """The number at a place in a constant array of the module, in each lane its own."""
         b, array = self.builder, self._array(table)
 
-        def load(index: Any) -> Any:
+        def load(index: Value) -> Value:
             return b.load(b.gep(array, [index]), align=8)
 
         places = b.fptosi(place, self.counter)
@@ -237,10 +237,10 @@ class Emitter:
             found = b.insert_element(found, load(b.extract_element(places, number)), number)
         return found
 
-    def _array(self, table: Table) -> Any:
+    def _array(self, table: Table) -> Value:
         """A pointer to the numbers of a table, which are in the module once, written as bytes."""
         name = f"table.{table.digest}"
-        array: Any = self.module.globals.get(name)
+        array: Value = self.module.globals.get(name)
         if array is None:
             bytes_ = table.numbers.tobytes()
             kind = ir.ArrayType(ir.IntType(8), len(bytes_))
@@ -254,7 +254,7 @@ class Emitter:
         negative = builder.select(builder.fcmp_ordered("<", x, zero), self.constant(-1.0), x)
         return builder.select(builder.fcmp_ordered(">", x, zero), self.constant(1.0), negative)
 
-    def intrinsic(self, name: str, *args: Any) -> ir.Value:
+    def intrinsic(self, name: str, *args: Value) -> ir.Value:
         """An LLVM intrinsic on numbers."""
         suffix = "f64" if self.width == 1 else f"v{self.width}f64"
         return self.builder.call(self._function(f"llvm.{name}.{suffix}", self.number, len(args)), args)
@@ -270,7 +270,7 @@ class Emitter:
             result = self.builder.insert_element(result, value, place)
         return result
 
-    def _function(self, name: str, number: Any, count: int) -> ir.Function:
+    def _function(self, name: str, number: Value, count: int) -> ir.Function:
         function = self.module.globals.get(name)
         if function is None:
             function = ir.Function(self.module, ir.FunctionType(number, [number] * count), name=name)

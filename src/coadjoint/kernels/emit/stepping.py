@@ -8,12 +8,10 @@ iterations_max) by lanes. A lane that has failed, and in Newton's loop a lane th
 
 from __future__ import annotations
 
-from typing import Any
-
 from llvmlite import ir
 
 from coadjoint.kernels.emit import FEW_PASSES
-from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, outer
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value, outer
 from coadjoint.kernels.emit.newton_loop import StageLoop, finite
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.substeps import Done, substeps
@@ -54,14 +52,14 @@ class StepFunction:
 
     # Memory: arrays of lanes.
 
-    def load(self, pointer: object, index: Any, kind: Any = None) -> Any:
+    def load(self, pointer: object, index: Value, kind: Value = None) -> Value:
         """Element `index` of an array of numbers (or of `kind`) with lanes."""
         return self.builder.load(self._place(pointer, index, kind), align=8)
 
-    def store(self, value: Any, pointer: Any, index: Any) -> None:
+    def store(self, value: Value, pointer: Value, index: Value) -> None:
         self.builder.store(value, self._place(pointer, index, value.type), align=8)
 
-    def _place(self, pointer: Any, index: object, kind: ir.Type) -> ir.Value:
+    def _place(self, pointer: Value, index: object, kind: ir.Type) -> ir.Value:
         kind = kind if kind is not None else self.emit.number
         index = INT64(index) if isinstance(index, int) else index
         typed = self.builder.bitcast(pointer, kind.as_pointer())
@@ -178,11 +176,11 @@ class StepFunction:
         b.branch(on)
         b.position_at_end(on)
 
-    def _stages(self, idle: Any) -> Done:
+    def _stages(self, idle: Value) -> Done:
         """The stages one after the other; lanes that are idle do not wait."""
         b, plan = self.builder, self.plan
         iterations, code = self.emit.counts(0), self.emit.counts(0)
-        well: Any = None
+        well: Value = None
         for stage in plan.stages:
             outcome = StageLoop(self.emit, stage, idle).run()
             iterations = b.add(iterations, outcome.iterations)
@@ -199,13 +197,13 @@ class StepFunction:
             certificates=self.emit.values(plan.certificates.values()),
         )
 
-    def _finish(self, done: Done, observed: list[ir.Value], well: Any, code: ir.Value) -> None:
+    def _finish(self, done: Done, observed: list[ir.Value], well: Value, code: ir.Value) -> None:
         """Record, observe and take the new state, in the lanes without failure."""
         b = self.builder
         alive = b.load(self.alive)
         self._observe(done, observed, well)
 
-        def keep(value: Any, place: ir.Value) -> None:
+        def keep(value: Value, place: ir.Value) -> None:
             b.store(value if well is None else b.select(well, value, b.load(place)), place)
 
         for value, place in zip(done.after, self.state, strict=True):
@@ -221,7 +219,7 @@ class StepFunction:
 
     # Records and monitors.
 
-    def _observe(self, done: Done, observed: list[Any], well: Any) -> None:
+    def _observe(self, done: Done, observed: list[Value], well: Value) -> None:
         b = self.builder
         for i, value in enumerate([*observed, *done.certificates]):
             self._extremum(value, i, well)
@@ -244,7 +242,7 @@ class StepFunction:
         left.add_incoming(self.every, last)
         b.store(b.sub(left, INT64(1)), self.due)
 
-    def _extremum(self, value: Any, i: int, well: object) -> None:
+    def _extremum(self, value: Value, i: int, well: object) -> None:
         """extrema[2i] and [2i + 1]: the least and the greatest value so far."""
         b = self.builder
         for place, order in ((2 * i, "<"), (2 * i + 1, ">")):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.plan import Inner, StepPlan
 
 
@@ -20,18 +19,18 @@ class Done:
     `record`, `course` and `monitors` emit their values where they are needed.
     """
 
-    well: Any
-    code: Any
-    iterations: Any
-    after: list[Any]
-    record: Callable[[], list[Any]]
-    course: Callable[[], list[Any]]
-    monitors: Callable[[], list[Any]]
+    well: Value
+    code: Value
+    iterations: Value
+    after: list[Value]
+    record: Callable[[], list[Value]]
+    course: Callable[[], list[Value]]
+    monitors: Callable[[], list[Value]]
     certificates: list[ir.Value]
 
 
 def substeps(
-    emit: Emitter, plan: StepPlan, inner: Inner, kept: list[Any], stages: Callable[[Any], Done], idle: Any
+    emit: Emitter, plan: StepPlan, inner: Inner, kept: list[Value], stages: Callable[[Value], Done], idle: Value
 ) -> Done:
     """The stages over every substep; record and monitors are those of the first one, put into the variables `kept`."""
     b = emit.builder
@@ -82,16 +81,16 @@ class _Course:
             with emit.builder.goto_entry_block():
                 self._array = emit.builder.alloca(emit.number, self._count)
 
-    def _place(self, index: Any) -> Any:
+    def _place(self, index: Value) -> Value:
         return self._emit.builder.gep(self._array, [index])
 
-    def store(self, number: Any, values: list[Any]) -> None:
+    def store(self, number: Value, values: list[Value]) -> None:
         """Store those of a substep."""
         b = self._emit.builder
         for i, value in enumerate(values):
             b.store(value, self._place(b.add(b.mul(number, INT64(len(values))), INT64(i))))
 
-    def load(self) -> list[Any]:
+    def load(self) -> list[Value]:
         """Those of all substeps."""
         return [self._emit.builder.load(self._place(INT64(i))) for i in range(self._count)]
 
