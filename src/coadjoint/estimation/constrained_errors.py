@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import jax.numpy as jnp
@@ -16,8 +17,9 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.projection import onto
 from coadjoint.mechanics.reactions import Independent, closing, kicked
 from coadjoint.mechanics.state import State
-from coadjoint.methods.program import Constants
+from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.rattle import kept
+from coadjoint.simulation.unread_inputs import unread
 
 NEWTON = 5
 """Newton's iterations that put a corrected state back onto its constraints."""
@@ -33,6 +35,8 @@ class ConstrainedErrors(InvariantErrors):
 
     _begun: State
     _drifts: DriftingParameters
+    _program: StepProgram
+    _constants: Constants
 
     @property
     def constrained(self) -> bool:
@@ -84,6 +88,9 @@ class ConstrainedErrors(InvariantErrors):
         if not self.constrained:
             return None
         return RowFunction(lambda e, x: self.differ(x, self.retract(x, e)), np.zeros(self.width), self._first)
+
+    def unread(self, names: Sequence[str]) -> list[str]:
+        return unread(self._program, self._constants, self._begun, names)
 
     @cached_property
     def shaking(self) -> RowFunction:  # pyright: ignore[reportIncompatibleVariableOverride]

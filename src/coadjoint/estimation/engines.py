@@ -113,6 +113,18 @@ class FilterEngine:
             self.coded = CodedFilter(model, seen)
             self._filters = Filters(model, seen)
 
+    @property
+    def unread(self) -> list[str]:
+        """The inputs that neither a step nor a measurement reads."""
+        functions = [self._process.tangent.native, *(one.function.native for one in self._measurements)]
+        reads = [one.reads[: len(self._process.example)] for one in functions if one is not None]
+        if len(reads) < len(functions):
+            return []
+        used, ends = np.any(reads, axis=0), np.cumsum([0, *self._process.input_sizes.values()])
+        places = zip(self._process.input_sizes, ends, ends[1:], strict=False)
+        names = [name for name, a, b in places if not used[self._process.commanded[a:b]].any()]
+        return self._process.unread(names) if names else []
+
     coded: CodedFilter | None
     """The filter as machine code, None where it has none."""
 

@@ -30,13 +30,7 @@ from coadjoint.estimation.measurements import Measurement, report_recovery
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.resolution import FilterSample
 from coadjoint.estimation.saved_filter import FilterInterface, to_bytes
-from coadjoint.estimation.timetable import (
-    SAME,
-    Timetable,
-    require_radians,
-    require_readings,
-    require_times,
-)
+from coadjoint.estimation.timetable import SAME, Timetable, require_radians, require_readings, require_times
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.kernels.run.portable_code import exported_code, linked
 from coadjoint.mechanics.state import State
@@ -103,6 +97,8 @@ class Filter(WithOverview, Remade):
         self._past = Past(memory)
         self._awaited = set(process.awaited)
         self._engine = FilterEngine(process, list(self._measured.prepared.values()))
+        for name in self._engine.unread:
+            warn(f"No step and no measurement of this filter reads the input `{name}`: check its name.", stacklevel=2)
         judging = truth(accuracy, "accuracy") and process.parts is not None
         self._sample = FilterSample(process, process.parts) if judging and process.parts else None
 

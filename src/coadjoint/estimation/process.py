@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -168,6 +168,10 @@ class Process(Remade, ABC):
                 rows[:, self.commanded[start : start + size]] = input_of_members(inputs[name], name, (len(rows), size))
             start += size
         return rows
+
+    def unread(self, names: Sequence[str]) -> list[str]:
+        """Those of `names` whose inputs no step reads."""
+        return []
 
     @abstractmethod
     def stepped(self, rows: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:

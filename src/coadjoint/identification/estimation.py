@@ -19,7 +19,7 @@ from coadjoint.identification.diagnostics import likely_causes
 from coadjoint.identification.fitting import fitted
 from coadjoint.identification.log import Log, merged
 from coadjoint.identification.log_checks import wild
-from coadjoint.identification.problem import setting
+from coadjoint.identification.problem import Setting, setting
 from coadjoint.identification.process_noise_model import wandering
 from coadjoint.identification.result import Identification, judged
 from coadjoint.identification.sampling import Between
@@ -31,8 +31,10 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.program import Constants
 from coadjoint.simulation.arguments import require_kinds
 from coadjoint.simulation.progress import Progress
+from coadjoint.simulation.unread_inputs import unread
 
 
 @deferred_interrupts()
@@ -136,8 +138,24 @@ def identify(
         asked = replace(asked, simulated=lambda: bar.advance(1, time.perf_counter() - began))
         found = judged(fitted(asked, segment, given), level)
     open_current = lacks_current(system, log, (*parameters, *process_noise))
-    causes = likely_causes(log, found.whiteness, step, open_current)
+    causes = [*_unread(asked), *likely_causes(log, found.whiteness, step, open_current)]
     return replace(found, warnings=(*causes, *found.warnings))
+
+
+def _unread(asked: Setting) -> list[str]:
+    """Sentences on the commands of the log that neither the system nor `measured` reads."""
+    units = {name.removeprefix("inputs_") for name, _ in asked.unknowns.system.units}
+    names = [name for name in asked.log.inputs if name not in units]
+    if not names:
+        return []
+    system = asked.unknowns.system
+    start = asked.method.begin(system, asked.start, asked.longest)
+
+    def seen(state: State) -> PyTree:
+        return asked.channels.of(system, state)
+
+    found = unread(asked.program.program, Constants(system.parameters, None), start, names, seen)
+    return [f"No function of the system reads `{name}` of the log: check its name." for name in found]
 
 
 def _without_wild(log: Log, loss: Loss | None) -> Log:

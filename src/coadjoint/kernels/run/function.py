@@ -13,6 +13,7 @@ from llvmlite import ir
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter
 from coadjoint.kernels.expressions.differentiation import forward
+from coadjoint.kernels.expressions.expression import reachable
 from coadjoint.kernels.run.backend import fall_back
 from coadjoint.kernels.run.machine import machine
 from coadjoint.kernels.trace.tracer import Tracer, flat
@@ -24,12 +25,14 @@ NAME = "function"
 class NativeFunction:
     """function(x, y) with its derivatives by x: x (m,) and y (k,) are flat, and so is the value (n,).
 
+    reads: whether the value depends on each number of y, (k,).
+
     Raises Untraceable, naming the primitive, if the function is outside the tracer's language.
     """
 
     def __init__(self, function: Callable[[PyTree, PyTree], PyTree], x: np.ndarray, y: np.ndarray) -> None:
         self._traced = function, x, y
-        assembly, self.shape = _assembly(function, x, y)
+        assembly, self.shape, self.reads = _assembly(function, x, y)
         self._machine = machine(assembly)
         self.code = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
 
@@ -47,8 +50,8 @@ class NativeFunction:
 
 def _assembly(
     function: Callable[[PyTree, PyTree], PyTree], x: np.ndarray, y: np.ndarray
-) -> tuple[str, tuple[int, int]]:
-    """The module of a function with its derivatives by x, and the shape of these."""
+) -> tuple[str, tuple[int, int], np.ndarray]:
+    """The module of a function with its derivatives by x, the shape of these, and which numbers of y it reads."""
     tracer = Tracer()
     symbols = tracer.symbols("x", x), tracer.symbols("y", y)
     value = flat(tracer.trace(function, *symbols))
@@ -57,7 +60,8 @@ def _assembly(
     slopes = {i * m + j: node for i, row in enumerate(rows) for j, node in row.items()}
     given = [(nodes, len(nodes)) for nodes in map(flat, symbols)]
     found = [(dict(enumerate(value)), len(value)), (slopes, len(value) * m)]
-    return assembled(given, found), (len(value), m)
+    used = set(reachable(value))
+    return assembled(given, found), (len(value), m), np.array([node in used for node in given[1][0]], bool)
 
 
 def assembled(given: Sequence[tuple[list[PyTree], int]], found: Sequence[tuple[Mapping[int, Any], int]]) -> str:
