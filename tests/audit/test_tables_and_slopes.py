@@ -18,7 +18,7 @@ from coadjoint.audit.page import ENERGY, NUMBERS, ORDERS, PAGE, write
 from coadjoint.audit.shipped import with_hamiltonian, with_left_rectangle
 from coadjoint.audit.stepper import REFERENCE_TOLERANCE, exact, uncertainty
 from coadjoint.audit.systems import AuditSystem
-from coadjoint.audit.tables import OVER_MAPS, _span, _worst, by_system, markdown, rows, summary
+from coadjoint.audit.tables import OVER_MAPS, _span, _worst, markdown, rows, summary
 from coadjoint.errors import FileError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -186,14 +186,7 @@ def test_a_system_is_given_the_hamiltonian_and_the_left_rectangle_of_its_lagrang
     assert evaluate(made.group_lagrangian, F, n, n + h * nu, h) == pytest.approx(expected, rel=1e-13)
 
 
-def test_orders_on_every_system_are_spans_over_the_maps():
-    cells = [
-        cell(convergence=measured(2.0)), cell(tau="Exponential", convergence=measured(2.1)),
-        cell(system="body"), cell("Suzuki4", convergence=measured(4.0)),
-    ]  # fmt: skip
-    heads, table = by_system(Audit(tuple(cells), 1.0))
-    assert heads == ("method", "top", "body")
-    assert table == [("Midpoint", "2.00–2.10", "–"), ("Suzuki4", "4.00", "–")]
+def test_a_table_is_written_in_markdown():
     assert markdown(("a", "b"), [("1", "2")]) == "| a | b |\n|---|---|\n| 1 | 2 |"
 
 

@@ -19,7 +19,7 @@ from coadjoint.audit.audit import (
 from coadjoint.audit.figures import energy_figure, order_figure
 from coadjoint.audit.findings import Audit
 from coadjoint.audit.systems import PROBLEMS, QUICK
-from coadjoint.audit.tables import OVER_MAPS, by_system, markdown, rows, summary
+from coadjoint.audit.tables import OVER_MAPS, markdown, rows, summary
 from coadjoint.errors import rephrased
 from coadjoint.plotting.style import save
 from coadjoint.report.summary import to_json, versions
@@ -68,7 +68,7 @@ def text(audit: Audit, command: str, figures: list[str]) -> str:
         refused=refused, quick=", ".join(QUICK),
         command=command, numbers=NUMBERS, verdict=verdict, systems=described,
         table=markdown(OVER_MAPS, rows(audit, by_map=False)),
-        orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
+        order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
         reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, wandering=WANDERING,
         on_constraints=ON_CONSTRAINTS, figures=shown,
     )  # fmt: skip
@@ -128,12 +128,6 @@ round-off hides them.
 On the free rigid body every quadrature rule is its own adjoint, so an odd order must come out one higher. With forces,
 order and reversibility are measured; on the steered top, with an actuator and a sampled controller, the order is that
 of the method, 2 at most.
-
-## Order by system
-
-The span over the difference maps.
-
-{orders}
 
 ## Figures
 

@@ -60,21 +60,6 @@ def _row(method: str, cells: Sequence[Cell]) -> tuple[str, ...]:
     )
 
 
-def by_system(audit: Audit) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Heads and rows of the orders measured on every system, the span over the maps."""
-    systems = list(dict.fromkeys(cell.system for cell in audit.cells))
-    methods = list(dict.fromkeys(cell.method for cell in audit.cells))
-    table = []
-    for method in methods:
-        cells = [cell for cell in audit.cells if cell.method == method]
-        spans = [
-            _span([c.convergence.order for c in cells if c.system == system and c.convergence is not None])
-            for system in systems
-        ]
-        table.append((method, *spans))
-    return ("method", *systems), table
-
-
 def _span(values: Sequence[float]) -> str:
     values = [value for value in values if np.isfinite(value)]
     if not values:
