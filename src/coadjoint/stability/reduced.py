@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -120,8 +120,8 @@ class Reduced(Portable):
         return natural_scales(self.system, self.near, slopes.y_z, slopes.rate_z, self.sizes)
 
     @cached_property
-    def _tabulated(self) -> Any:
-        def both(state: State) -> Any:
+    def _tabulated(self) -> PyTree:
+        def both(state: State) -> PyTree:
             def at(z: Array) -> tuple[Array, Array]:
                 return self.phase(self.moved(state, z))
 
@@ -185,8 +185,8 @@ class Reduced(Portable):
         return found
 
     @cached_property
-    def _ambient(self) -> Any:
-        def both(state: State) -> Any:
+    def _ambient(self) -> PyTree:
+        def both(state: State) -> PyTree:
             def at(xi: Array, n: Array, nu: Array, a: Array) -> tuple[Array, Array]:
                 return self.phase(state.replace(xi=xi, n=n, nu=nu, a=a))
 
@@ -196,7 +196,7 @@ class Reduced(Portable):
         return tabulate(both, self.near)
 
     def _require_steady_forces(self) -> None:
-        def drift(state: State) -> Any:
+        def drift(state: State) -> PyTree:
             return jax.jvp(lambda t: self.phase(state.replace(t=t))[1], (state.t,), (jnp.ones_like(state.t),))[1]
 
         rate = evaluate(drift, self.near.replace(t=np.asarray(self.near.t, dtype=float)))

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.linalg
 from scipy.optimize import minimize
 
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.stability.integrals import casimirs, conserved
@@ -208,15 +209,15 @@ def _derivatives(reduced: Reduced, integrals: tuple[Callable, ...]) -> tuple[tup
     """
     functions = {**casimirs(reduced), **conserved(reduced, integrals)}
 
-    def values(state: State) -> Any:
+    def values(state: State) -> PyTree:
         moved = reduced.with_momenta(state)
         return jnp.stack([reduced.energy(moved), *(f(moved) for f in functions.values())])
 
-    def both(state: State) -> Any:
+    def both(state: State) -> PyTree:
         zero = jnp.zeros(sum(reduced.sizes))
         return tuple(d(lambda z: values(reduced.moved(state, z)))(zero) for d in (jax.jacfwd, jax.hessian))
 
-    def ambient(state: State) -> Any:
+    def ambient(state: State) -> PyTree:
         at = (state.xi, state.n, state.nu, state.a)
         parts = jax.jacfwd(lambda at: values(state.replace(xi=at[0], n=at[1], nu=at[2], a=at[3])))(at)
         return jnp.concatenate(parts, axis=1)

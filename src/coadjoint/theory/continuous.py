@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -51,7 +50,7 @@ class ContinuousLagrangian(LagrangianInSpace):
         pair = [Q.view(group, x) for x in (place.q, velocity.q)] if has_points(Q) else []
         return self._value([place.g, velocity.g, *pair], a0, at)
 
-    def _at_identity(self, xi: Array, *rest: PyTree, **keywords: Any) -> Array:
+    def _at_identity(self, xi: Array, *rest: PyTree, **keywords: PyTree) -> Array:
         """ℓ(ξ, n, ν, a) = L(e, ξ̂, n, ν, a) (P17)."""
         group = self.places.group
         return self.function(group.identity(), group.tangent(xi), *rest, **keywords)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -136,7 +136,7 @@ def _stage(system: System, step: Step, record: State, h: Scalar) -> tuple[_Done,
 
 def _composed(system: System, stages: list[tuple[Step, Scalar]], like: State) -> Callable[[State], _Done]:
     """A step of several stages: the first from its record, the others solved anew; each kind is traced once."""
-    kinds: dict[Any, Callable[..., PyTree]] = {}
+    kinds: dict[object, Callable[..., PyTree]] = {}
 
     def solved(step: Step, state: State, h: Scalar):
         def residual(z: Array) -> Array:

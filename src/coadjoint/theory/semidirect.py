@@ -52,7 +52,7 @@ class SemidirectLagrangian:
         """l as a function with the keywords of the system."""
         return WithKeywords(partial(_of_group, self.system.driven(None)), tuple(filter(self.system.takes, KEYWORDS)))
 
-    def __call__(self, f: Element, y: Array, u: Array, h: Scalar, **keywords: Any) -> Array:
+    def __call__(self, f: Element, y: Array, u: Array, h: Scalar, **keywords: PyTree) -> Array:
         """l(f, y, u⁺, h)."""
         return self.function(f, y, u, h, **keywords)
 

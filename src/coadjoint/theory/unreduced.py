@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
@@ -97,7 +97,7 @@ class LagrangianInSpace:
             internal=system.internal,
         ).driven(system.inputs)
 
-    def _at_identity(self, *arguments: PyTree, **keywords: Any) -> Array:
+    def _at_identity(self, *arguments: PyTree, **keywords: PyTree) -> Array:
         """The reduced function."""
         must_give(self, "_at_identity")
 
@@ -147,7 +147,7 @@ class UnreducedLagrangian(LagrangianInSpace):
         pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
         return self._value([*pair[0], *pair[1]], a0, at, h)
 
-    def _at_identity(self, F: Element, *rest: PyTree, **keywords: Any) -> Array:
+    def _at_identity(self, F: Element, *rest: PyTree, **keywords: PyTree) -> Array:
         """Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37)."""
         e = self.places.group.identity()
         if not has_points(self.places.additional):
@@ -156,7 +156,7 @@ class UnreducedLagrangian(LagrangianInSpace):
         return self.function(e, n, F, s, *others, **keywords)
 
 
-def keywords_of(function: Any) -> tuple[str, ...]:
+def keywords_of(function: PyTree) -> tuple[str, ...]:
     """Which of t, inputs and internal a function takes by keyword; raises LagrangianError unless it is a function."""
     checks.function(function, "The unreduced discrete Lagrangian", "a Python function", error=LagrangianError)
     known = inspect.signature(function).parameters
