@@ -223,12 +223,12 @@ def _apply(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: 
     f.b.call(algebra.copy, [rows, HP, f.times(size, n)])
     f.b.call(algebra.cholesky_solve, [S, rows, size, n, INT64(1)])
     f.b.call(algebra.transpose, [K, rows, size, n, n])
-    f.b.call(algebra.product, [P, K, HP, n, size, n, n, size, n, minus])
+    f.b.call(algebra.full, [P, K, HP, n, size, n, n, size, n, minus])
     clear(f, HP, f.times(size, n))
     f.b.call(algebra.product, [HP, m.numbers("H"), P, size, n, n, n, n, n, one])
     f.b.call(algebra.product, [HP, R, rows, size, size, n, n, size, n, f.b.fdiv(minus, weight)])
     f.b.call(algebra.transpose, [KR, HP, size, n, n])
-    f.b.call(algebra.product, [P, KR, rows, n, size, n, n, size, n, minus])
+    f.b.call(algebra.full, [P, KR, rows, n, size, n, n, size, n, minus])
     e = m.numbers("e")
     clear(f, e, n)
     f.b.call(algebra.product, [e, K, m.numbers("nu"), n, size, INT64(1), INT64(1), size, INT64(1), one])
@@ -244,7 +244,7 @@ def _apply(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, size: Value, R: 
     m.call("carry", FUNCTION, [e, moved, m.numbers("KR"), T, INT64(1)])
     among = f.b.select(f.b.icmp_signed("!=", m.integer("projector"), INT64(0)), n, f.b.sub(n, m.integer("drifting")))
     sandwich(f, m, algebra, T, algebra.product, among)
-    symmetric(f, P, n)
+    symmetric(f, P, n, n)
 
 
 def _project(f: Loops, m: FilterAddresses, algebra: DenseAlgebra) -> None:
@@ -253,4 +253,4 @@ def _project(f: Loops, m: FilterAddresses, algebra: DenseAlgebra) -> None:
     clear(f, Pi, f.times(n, n))
     m.call("projector", FUNCTION, [m.numbers("zeros"), m.numbers("row"), m.numbers("value"), Pi, INT64(1)])
     sandwich(f, m, algebra, Pi, algebra.product, n)
-    symmetric(f, m.numbers("P"), n)
+    symmetric(f, m.numbers("P"), n, n)

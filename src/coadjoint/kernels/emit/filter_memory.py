@@ -75,8 +75,9 @@ def clear(f: Loops, array: Value, count: Value) -> None:
         f.put(array, i, DOUBLE(0.0))
 
 
-def symmetric(f: Loops, P: Value, n: Value) -> None:
-    with f.over(n) as i, f.over(i) as j:
+def symmetric(f: Loops, P: Value, n: Value, count: Value) -> None:
+    """The first rows and columns of P (n, n) as their mean with the transpose."""
+    with f.over(count) as i, f.over(i) as j:
         one, other = f.place(P, f.add(f.times(i, n), j)), f.place(P, f.add(f.times(j, n), i))
         mean = f.b.fmul(DOUBLE(0.5), f.b.fadd(f.b.load(one), f.b.load(other)))
         f.b.store(mean, one)

@@ -191,7 +191,8 @@ def _carry(f: Loops, m: FilterAddresses, algebra: DenseAlgebra, h: Value) -> Non
     f.b.call(algebra.transpose, [turned, U, moving, wide, wide])
     f.b.call(algebra.full, [P, W, turned, moving, wide, moving, n, wide, moving, DOUBLE(1.0)])
     drift()
-    symmetric(f, P, n)
+    # The blocks of drifting numbers are symmetric by construction.
+    symmetric(f, P, n, moving)
 
 
 def _shake(f: Loops, m: FilterAddresses) -> None:
