@@ -89,7 +89,9 @@ def nonlinear_program(transcription: Transcription, given: bool = False, even: i
     zeros = np.zeros(nz + nx)
     blocks = [Block(Rows("the equations of motion", zeros, zeros), steps)]
     after = u[at_end(transcription.inputs), :]
-    f = functions.final(last, after[:, -1], p, h) + _of_terminal(transcription, last, after[:, -1], p, h)
+    f = _of_terminal(transcription, last, after[:, -1], p, h)
+    if problem.final_cost is not None:
+        f += functions.final(last, after[:, -1], p, h)
     if problem.cost is not None:
         cost = _Mapped(functions.cost, steps, number)
         begun = cost(x, u, *each)
