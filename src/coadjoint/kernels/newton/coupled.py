@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -41,7 +42,6 @@ UNDECLARED = 1e-8
 
 UNROLLED = 8
 """The number of blocks solved in one pass of the loop."""
-
 
 WRITTEN = 270
 """Links times the square of a link's unknowns, up to which native code takes a chain of more than MAX_UNKNOWNS: 30
@@ -221,10 +221,8 @@ class Coupled:
             value = row[1] - jnp.sum(row[0] * before, axis=1)
             return value, value
 
-        start = jnp.zeros_like(known[0])
-        _, forward = lax.scan(ahead, start, (lower, known), unroll=UNROLLED)
-        _, solved = lax.scan(ahead, start, (upper, forward), reverse=True, unroll=UNROLLED)
-        return self.out_of_blocks(solved)
+        walk = partial(lax.scan, ahead, jnp.zeros_like(known[0]), unroll=UNROLLED)
+        return self.out_of_blocks(walk((upper, walk((lower, known))[1]), reverse=True)[1])
 
     def jacobian_solve(self, function: Callable[[Array], Array], z: Array, right: Array) -> Array:
         """x with (∂function/∂z) x = right at z, all (m,); NaN where links without a pair act on each other.

@@ -228,9 +228,7 @@ def _with_workspace(function: Callable[..., None], size: int) -> Callable[..., N
 
 def _record_layout(planned: StepPlan) -> Layout:
     shaped = layout(planned.record_tree)
-    if shaped.size == len(planned.record):
-        return shaped
-    return layout(np.zeros(len(planned.record)))
+    return shaped if shaped.size == len(planned.record) else layout(np.zeros(len(planned.record)))
 
 
 def run(
@@ -239,8 +237,7 @@ def run(
 ) -> Chunk:  # fmt: skip
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 
-    substeps: as in `Variant`; then records are rows of numbers. pattern: that of `specialised`, by default of these
-    parameters.
+    substeps: as in `Variant`; then records are rows. pattern: that of `specialised`, by default of these parameters.
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
