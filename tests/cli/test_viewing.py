@@ -8,8 +8,10 @@ import webbrowser
 
 import pytest
 
+import coadjoint as co
 from coadjoint.cli import viewing
 from coadjoint.cli.main import main
+from coadjoint.cli.results_folder import recordings, streams, summary
 from coadjoint.manifest import Manifest
 from made_runs import dataset
 
@@ -35,6 +37,24 @@ def test_the_page_is_written_beside_the_run_and_opened(run, monkeypatch, capsys)
     assert main(["view", str(run)]) == 0
     assert seen == [(run / "view.html").as_uri()]
     assert capsys.readouterr().out == f"Written: {run}/view.html.\n"
+
+
+@pytest.mark.long
+def test_the_folder_of_a_streamed_run_is_read_and_stays_as_it_was_written(tmp_path, monkeypatch, capsys):
+    body, folder = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi), tmp_path / "spin"
+    co.simulate(body, body.state(xi=[1.0, 2.0, 3.0]), dt=0.1, steps=4, accuracy=False, monitors=False, store=folder)
+    assert list(recordings(folder)) == ["spin"] and summary(folder)
+    monkeypatch.setattr("coadjoint.plotting.scene_of_runs.scene", lambda *given, **named: None)
+    monkeypatch.setattr("coadjoint.plotting.player.page", lambda shown: "")
+    assert main(["view", str(folder), "--no-open"]) == 0
+    assert capsys.readouterr().out == f"Written: {tmp_path}/view.html.\n"
+
+
+def test_a_folder_streams_by_the_kind_of_its_manifest(tmp_path):
+    assert not streams(tmp_path)
+    for kind in ("records", "results"):
+        Manifest(tmp_path, {"kind": kind, "complete": True}).write()
+        assert streams(tmp_path) == (kind == "records")
 
 
 def test_without_a_browser_a_sentence_says_what_to_open(run, monkeypatch, capsys):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from coadjoint.errors import FileError, rephrased
+from coadjoint.manifest import Manifest
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
 from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.texts import LARGEST_SUMMARY, Table, file_text, read_table, text_of
@@ -22,11 +23,19 @@ def recordings(source: Path) -> dict[str, SavedRun]:
 
     _require(source)
     _require_no_sweep(source)
-    files = sorted(source.glob("*.nc")) if source.is_dir() else [source]
+    files = sorted(source.glob("*.nc")) if source.is_dir() and not streams(source) else [source]
     if not files:
         _require_a_good_step(source)
         raise FileError(f"The folder {source} {_state(source)}: there are no trajectories (*.nc).")
     return {file.stem: load(file) for file in files}
+
+
+def streams(source: Path) -> bool:
+    """Whether a folder is one to which a run streams, by co.simulate(store=…)."""
+    try:
+        return Manifest.read(source).facts["kind"] == "records"
+    except (OSError, FileError):
+        return False
 
 
 def figures_asked(source: Path) -> list[str] | None:
@@ -42,7 +51,7 @@ def figures_asked(source: Path) -> list[str] | None:
 def summary(source: Path) -> Table:
     """The numbers of a folder's summary.json, or of a file of a run; raises FileError."""
     _require(source)
-    if not source.is_dir():
+    if not source.is_dir() or streams(source):
         from coadjoint.report.summary import to_json
 
         (run,) = recordings(source).values()

@@ -21,7 +21,7 @@ class View:
     BEGINS: ClassVar[str] = "Reading the runs."
 
     sources: Annotated[tyro.conf.Positional[tuple[Path, ...]], called("DIR|FILE …")]
-    """Folders that `run` wrote, or files of runs; several come into one scene."""
+    """Folders that `run` or co.simulate(store=…) wrote, or files of runs; several come into one scene."""
     out: Annotated[Path | None, called("FILE")] = None
     """The page to write, by default `view.html` next to the first run."""
     mesh: Annotated[Path | None, called("FILE")] = None
@@ -42,7 +42,7 @@ class View:
     """Print the file's name as JSON, and nothing else; nothing is opened."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.results_folder import recordings
+        from coadjoint.cli.results_folder import recordings, streams
         from coadjoint.disk import write_text
         from coadjoint.errors import ArgumentError
         from coadjoint.plotting.entries import entries
@@ -57,7 +57,7 @@ class View:
         runs = [run for held in found.values() for run in held.values()]
         shown = scene(entries(runs, labels if len(runs) > 1 else None), z_down=self.z_down, hull=self._hull())
         first = self.sources[0]
-        target = self.out or (first if first.is_dir() else first.parent) / "view.html"
+        target = self.out or (first if first.is_dir() and not streams(first) else first.parent) / "view.html"
         make(target.parent)
         write_text(target, page(shown))
         if self.json:

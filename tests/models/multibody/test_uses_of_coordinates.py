@@ -65,6 +65,21 @@ def test_joint_data_of_a_saved_run_is_that_of_the_run(swing, run, tmp_path):
         gears(1, 2).joint_data(loaded)
 
 
+@pytest.mark.long
+def test_joint_data_of_streamed_runs_are_those_of_runs_in_memory(swing, tmp_path):
+    starts = {
+        "one": swing.state(coordinates={"hinge": 0.3}),
+        "fleet": swing.state(coordinates={"hinge": co.each([0.2, 0.4])}),
+    }
+    for name, begun in starts.items():
+        plain = co.simulate(swing.system, begun, dt=0.01, steps=20, save_every=10, accuracy=False)
+        stored = co.simulate(
+            swing.system, begun, dt=0.01, steps=20, save_every=10, accuracy=False, store=tmp_path / name
+        )
+        for found in (stored, co.load(tmp_path / name, swing.system)):
+            assert swing.joint_data(found).equals(swing.joint_data(plain))
+
+
 def test_a_scene_needs_the_mechanism_of_the_run(swing, run):
     assert "1 body over" in bodies.scene([entry(run)], bodies.linkage(swing)).description
     with pytest.raises(co.errors.ArgumentError, match=r"has 1 body, but is that of another, of 2 bodies"):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.mechanics.members import count_members, member_of
 from coadjoint.mechanics.state import State
 from coadjoint.models.multibody.bonds import Bond
@@ -55,8 +55,8 @@ def joint_data(bonds: Mapping[str, Bond], run: State | Recorded, system: System)
     """NAME and NAME_speed of every joint with coordinates, over the times of records, and over members."""
     import xarray
 
-    if not isinstance(run, State) and not hasattr(run, "records"):
-        return _of_file(bonds, run, system)
+    if not isinstance(run, State) and not _holds_records(run):
+        return _of_dataset(bonds, run, system)
     states, of = (run, run.origin.system or system) if isinstance(run, State) else (run.records, run.system)
     if states.places != system.places or set(of.parameters or ()) != set(system.parameters or ()):
         raise ArgumentError("Argument `run` must be a run of this mechanism, but is one of another system.")
@@ -69,16 +69,42 @@ def joint_data(bonds: Mapping[str, Bond], run: State | Recorded, system: System)
     return xarray.concat([_dataset(bonds, row, member_of(of.parameters, k)) for k, row in enumerate(rows)], "member")
 
 
-def _of_file(bonds: Mapping[str, Bond], run: Recorded, system: System) -> xarray.Dataset:
-    """`joint_data` of a single run that was read from a file, whose last record holds its parameters."""
+def _holds_records(run: Recorded) -> bool:
+    """Whether the records are in memory, not in a file or folder alone."""
+    try:
+        return hasattr(run, "records")
+    except ArgumentError:
+        return False
+
+
+def _of_dataset(bonds: Mapping[str, Bond], run: Recorded, system: System) -> xarray.Dataset:
+    """`joint_data` of a run that streams to a folder, or was read from a file or folder."""
+    import xarray
+
     found = run.dataset
     reactions = {f"reaction_{kind}{one.name}" for one in system.constraints for kind in ("", "step_")}
     own = {str(name) for name in found.data_vars if str(name).startswith("reaction_")}
     if own != reactions or "R" not in found or np.shape(found["R"])[-3:] != (system.group.dim // 3, 3, 3):
         raise ArgumentError("Argument `run` must be a run of this mechanism, but is one of another system.")
-    of, t = run.final.origin.system or system, found["time"].values
-    nodes = {name: found[key].values for name, key in {"g": "R", "n": "n", "mu": "mu", "pi": "pi"}.items()}
-    return _dataset(bonds, {"t": t, **nodes}, of.parameters)
+    p = _parameters(run, system)
+
+    def of(one: xarray.Dataset, p: PyTree) -> xarray.Dataset:
+        nodes = {name: one[key].values for name, key in {"g": "R", "n": "n", "mu": "mu", "pi": "pi"}.items()}
+        return _dataset(bonds, {"t": one["time"].values, **nodes}, p)
+
+    if "member" not in found.dims:
+        return of(found, p)
+    members = (of(found.isel(member=k), member_of(p, k)) for k in range(found.sizes["member"]))
+    return xarray.concat(list(members), "member")
+
+
+def _parameters(run: Recorded, system: System) -> PyTree:
+    """The parameters of a run, by its last record; of a streamed run that was loaded those of the system given then."""
+    try:
+        own = getattr(run, "system", None) or run.final.origin.system
+    except FileError:
+        own = getattr(run, "_system", None)
+    return (own or system).parameters
 
 
 def _dataset(bonds: Mapping[str, Bond], nodes: Mapping[str, np.ndarray], p: PyTree) -> xarray.Dataset:
