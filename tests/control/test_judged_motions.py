@@ -46,7 +46,7 @@ def estimated(dt):
         estimator({"rate": SPIN}, inputs={"torque": np.zeros(3)} if k else None)
 
 
-@pytest.mark.parametrize("run", [controlled, pytest.param(lambda stated: stated.solve(), marks=pytest.mark.long)])
+@pytest.mark.parametrize("run", [controlled, pytest.param(lambda stated: stated.solve().run, marks=pytest.mark.long)])
 def test_plans_and_optima_of_long_steps_warn_once(run):
     said = told(lambda: run(problem(0.5)))
     assert len(said) == 1 and said[0].startswith("dt = 0.5 ")
