@@ -182,8 +182,9 @@ def place_slopes(system: ReducedFunctions, at: Site) -> list[PlaceSlopes]:
         return found, found
 
     slopes, found = jax.jacfwd(values, along, has_aux=True)(at.n, at.a, at.t)
+    resting = len(along) == 2
     return [
-        PlaceSlopes(value, *by) if len(along) == 3 else PlaceSlopes(value, *by, jnp.zeros_like(value))
+        PlaceSlopes(value, by[0], by[1], jnp.zeros_like(value) if resting else by[2])
         for value, by in zip(found, slopes, strict=True)
     ]
 
