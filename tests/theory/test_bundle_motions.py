@@ -313,6 +313,15 @@ WRONG = {
         lambda: replace(HOPF, sections=[co.mechanics.Section(HOPF.sections[0].point, lambda x: x[2] - 2)]),
         "Some section must be defined at every shape, but none is at",
     ),
+    "no section": (lambda: replace(HOPF, sections=()), "must be at least one co.mechanics.Section"),
+    "an element in place of a section's number": (
+        lambda: HOPF.point(np.eye(2), np.array([0.6, 0.0, 0.8]), 0),
+        "`i` must be a whole number from 0 to 1",
+    ),
+    "a velocity that leaves P": (
+        lambda: bundle_motion(HOPF, lambda p, v: v @ v, np.eye(4)[0], np.ones(4), dt=0.1, steps=1),
+        "`velocity` must be tangent to the space at `p`, but leaves it by 1",
+    ),
     "what is no section": (
         lambda: replace(HOPF, sections=[HOPF.sections[0].point]),
         "must be a tuple of co.mechanics.Section",
@@ -348,7 +357,7 @@ WRONG = {
         "must be a unit vector",
     ),
     "a Lagrangian that turns": (
-        lambda: bundle_motion(HOPF, lambda p, v: v @ v + p[0], P0, P0, dt=0.1, steps=1),
+        lambda: bundle_motion(HOPF, lambda p, v: v @ v + p[0], P0, 0 * P0, dt=0.1, steps=1),
         "must be invariant",
     ),
     "what is no bundle": (
@@ -361,6 +370,17 @@ WRONG = {
     ),
     "no steps": (lambda: bundle_motion(HOPF, monopole(1, 1), P0, P0, dt=0.1, steps=0), "from 1"),
 }
+
+
+def test_points_and_changes_of_section_are_float64_outside_of_traces():
+    x = np.array([0.6, 0.0, 0.8])
+    g = HOPF.transition(0, 1, x)
+    p = HOPF.point(1, np.eye(2), x)
+    found, there = HOPF.trivialised(0, p)
+    for value in (g, p, found, there):
+        assert np.asarray(value).dtype == np.float64
+    np.testing.assert_allclose(found, g, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(there, x, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("case", sorted(WRONG))

@@ -64,6 +64,7 @@ class PrincipalBundle:
         object.__setattr__(self, "sections", tuple(self.sections))
         for section in self.sections:
             checks.instance(section, "sections", Section, "a tuple of co.mechanics.Section")
+        checks.expect(self.sections, self.sections, "sections", "at least one co.mechanics.Section")
         self.total.require_fit(self.group)
         self.shapes.require_fit(self.group)
         random = np.random.default_rng(1931)
@@ -99,16 +100,23 @@ class PrincipalBundle:
 
     def transition(self, i: int, j: int, x: Array) -> Element:
         """χ(x) with s_j(x) = χ(x)·s_i(x), an element, at a shape x (m,)."""
-        return self.between(self.sections[i].point(x), self.sections[j].point(x))
+        first, other = self.section(i, "i").point, self.section(j, "j").point
+        return evaluate(lambda x: self.between(first(x), other(x)), x)
 
     def point(self, i: int, g: Element, x: Array) -> Array:
         """p = g·s_i(x), (n,), of a shape x (m,)."""
-        return self.total.act(self.group, g, self.sections[i].point(x))
+        section = self.section(i, "i").point
+        return evaluate(lambda g, x: self.total.act(self.group, g, section(x)), g, x)
 
     def trivialised(self, i: int, p: Array) -> tuple[Element, Array]:
         """(g, x) with p = g·s_i(x), of a point p (n,) over U_i."""
-        x = self.project(p)
-        return self.between(self.sections[i].point(x), p), x
+        section = self.section(i, "i").point
+
+        def local(p: Array) -> tuple[Element, Array]:
+            x = self.project(p)
+            return self.between(section(x), p), x
+
+        return evaluate(local, p)
 
     def carried(self, i: int, j: int, state: State) -> State:
         """A state (g, x, μ, π) through s_i as one through s_j, the same covector of P.
@@ -207,9 +215,9 @@ class PrincipalBundle:
         found = evaluate(along, first, x[1:], held.argmax(axis=1))
         return finite(np.concatenate([first[None], found]), "The horizontal lift")
 
-    def section(self, number: object) -> Section:
+    def section(self, number: object, name: str = "section") -> Section:
         """A section by its number; raises ArgumentError where there is none."""
-        return self.sections[checks.whole(number, "section", 0, len(self.sections) - 1)]
+        return self.sections[checks.whole(number, name, 0, len(self.sections) - 1)]
 
 
 def _require(what: str, found: PyTree, expected: PyTree) -> None:

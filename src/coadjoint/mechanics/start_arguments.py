@@ -17,6 +17,7 @@ from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.spaces import Space
 from coadjoint.spaces.space import checked_vector
 
 ON_GROUP = 1e-9
@@ -186,21 +187,22 @@ def _pair(system: ReducedFunctions, q: Coordinates | None, qdot: Coordinates | N
     if qdot is None:
         return point, np.zeros(size)
     velocity = Q.velocity(group, qdot, "qdot")
-    _require_tangent(system, point, velocity)
+    require_tangent(Q, group, point, velocity)
     return point, velocity
 
 
-def _require_tangent(system: ReducedFunctions, point: Array, velocity: Array) -> None:
+def require_tangent(
+    Q: Space, group: LieGroup, point: Array, velocity: Array, name: str = "qdot", place: str = "q"
+) -> None:
     """Raise ArgumentError where q̇ leaves T_qQ: E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
-    group, Q = system.group, system.additional
     if Q.flat or traced(point, velocity):
         return
     within = evaluate(lambda x, v: Q.tangent(group, x, Q.coordinates(group, x, v)), point, velocity)
     leaves = float(np.max(np.abs(velocity - within)))
     if leaves > TANGENT * max(1.0, float(np.max(np.abs(velocity)))):
         raise ArgumentError(
-            f"Argument `qdot` must be tangent to the space at `q`, but leaves it by {leaves:.3g}: take away its part "
-            "along the normal."
+            f"Argument `{name}` must be tangent to the space at `{place}`, but leaves it by {leaves:.3g}: take away "
+            "its part along the normal."
         )
 
 

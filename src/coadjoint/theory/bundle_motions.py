@@ -21,6 +21,7 @@ from coadjoint.kernels.run import native
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.connection import ROUND_OFF
 from coadjoint.mechanics.principal_bundle import PrincipalBundle
+from coadjoint.mechanics.start_arguments import require_tangent
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import GroupVariational
@@ -72,6 +73,7 @@ def bundle_motion(
     checks.function(lagrangian, "lagrangian", "a function (p, velocity) that returns a number")
     start = np.asarray(bundle.total.point(bundle.group, p, "p"))
     moving = checks.array(velocity, "velocity", start.shape)
+    require_tangent(bundle.total, bundle.group, start, moving, "velocity", "p")
     _require_invariant(bundle, lagrangian, start, moving)
     i = int(np.argmax(evaluate(lambda p: bundle.depths(bundle.project(p)), start)))
     local = [_Local(bundle, lagrangian, k, h) for k in range(len(bundle.sections))]
