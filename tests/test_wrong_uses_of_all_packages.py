@@ -26,6 +26,7 @@ SO3 = co.SO3()
 BODY = co.System(SO3, lambda xi, p: 0.5 * p.inertia * xi @ xi, parameters={"inertia": 2.0})
 BARE = co.System(SO3, lambda xi: 0.5 * xi @ xi)
 POINT = co.System(SO3, lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Defining())
+TURNING = co.System(SO3, lambda xi, n, nu: 0.5 * xi @ xi + jnp.sum(nu * nu), additional=spaces.GroupItself())
 ROUND = co.System(SO3, lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Sphere())
 NESTED = co.System(
     SO3, lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0, "hull": {"a": 1.0, "b": 2.0}}
@@ -47,6 +48,10 @@ GROUPS: dict[str, Case] = {
     "a change in place": (lambda: setattr(Named(a=1), "a", 2), "make a copy with replace"),
     "another name": (lambda: Named(a=1).replace(b=2), "no `b` to replace; there is: a"),
     "a name that is a number": (lambda: Named(a=1).replace(c=1), "no `c` to replace"),
+    "a velocity of a group by its algebra": (
+        lambda: TURNING.state(q=np.eye(3), qdot=[1, 2, 3]),
+        r"`qdot` must have the structure of an element of .*, arrays of shape \(3, 3\), but holds 3 numbers",
+    ),
     "points in words": (lambda: POINT.state(q="east"), "`q` must hold 3 numbers, but is 'east'"),
 }  # fmt: skip
 MECHANICS: dict[str, Case] = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+from functools import cache
 from typing import Any
 
 import jax
@@ -61,6 +63,9 @@ SPIN = co.System(co.SO3(), lambda xi, a: xi[2] - a[0], advected=co.Defining())
 HALF = on_plane(lambda xi, n, nu: 0.5 * nu[0] ** 2 + n[0] * nu[1] - n[1] ** 2)
 LIGHT = on_plane(lambda xi, n, nu: n[0] * nu[0] - n @ n)
 HELD = on_plane(lambda xi, n, nu, *, inputs: inputs.b * n[1] * nu[0] - n @ n)
+GAUGED = on_plane(lambda xi, n, nu, p: p.k * n[1] * nu[0] - 0.5 * p.w * n @ n, parameters={"k": 2.0, "w": 3.0})
+NO_NUMBER = PLANE.with_forces(lambda motion: co.Force(force=jnp.nan * motion.nu))
+CANCELLED = PLANE.with_forces(lambda motion: co.Force(force=jnp.stack([motion.nu[1], -motion.nu[0]])))
 ON_SPHERE = co.System(co.SO3(), lambda xi, n, nu: n @ xi, additional=co.Sphere())
 REGULAR = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
 BY_MOMENTA = co.System(co.SO3(), hamiltonian=lambda mu: 0.5 * mu @ mu)
@@ -70,23 +75,59 @@ def run_of(system: co.System, method: Any, **start: Any) -> Any:
     return co.simulate(system, system.state(**start), dt=0.1, steps=1, method=method)
 
 
+@cache
+def gauged() -> co.Stepper:
+    return co.Stepper(GAUGED, GAUGED.state(q=[1, 0.5]), dt=0.1, method=P(), changing=("k",))
+
+
 WRONG = {
     "the default method": (lambda: run_of(PLANE, None, q=[1, 0]), "degenerate, linear in the velocities: integrate"),
     "another method": (lambda: run_of(PLANE, co.Trapezoidal(), q=[1, 0]), "method=co.methods.ProjectedMidpoint"),
     "velocities of its own": (
         lambda: run_of(PLANE, P(), q=[1, 0], qdot=[1, 0]), r"leave out `xi` and `qdot`, or give .* = \[0.0, -1.0\]",
     ),
-    "momenta": (lambda: run_of(PLANE, P(), q=[1, 0], pi=[0, 0]), "linear in the velocities, give the place alone"),
+    "momenta": (lambda: run_of(PLANE, P(), q=[1, 0], pi=[0, 0]), r"those of its place, .* leave out `mu` and `pi`"),
     "momenta of other places": (
         lambda: co.simulate(PLANE, PLANE.state(q=[1, 0]).replace(pi=np.ones(2), from_velocities=False), dt=0.1, steps=1,
                             method=P()),
         r"must be those of its place, .* differ from them by 1.0e\+00",
     ),
+    "momenta of other places in a trajectory": (
+        lambda: co.trajectory(PLANE, PLANE.state(q=[1, 0]).replace(pi=np.ones(2), from_velocities=False), dt=0.1,
+                              steps=1, method=P()),
+        "must be those of its place",
+    ),
+    "momenta of other places in a stepper": (
+        lambda: gauged().reset(gauged().state.replace(pi=np.ones(2))),
+        "The momenta of the state must be those of its place",
+    ),
     "drag that is quadratic": (lambda: run_of(PULLED, P(), q=[1, 0]), "must be affine in them"),
     "a singular form": (lambda: run_of(LIGHT, P(), q=[1, 0]), "must be regular, but motion along .* does not enter"),
     "an orbit": (lambda: run_of(SPIN, P(), a0=[0, 0, 1]), "on a coadjoint orbit, give ℋ.μ. and use co.Hamiltonian"),
     "momenta of inputs": (lambda: run_of(HELD, P(), q=[1, 0], inputs={"b": 2.0}), "must not depend on `inputs`"),
-    "a mass in one direction": (lambda: run_of(HALF, P(), q=[0, 1]), "that are linear in the velocities: use co.Mid"),
+    "a mass in one direction": (lambda: run_of(HALF, P(), q=[0, 1]), "mass matrix .* is singular"),
+    "velocities of another member": (
+        lambda: run_of(PLANE, P(), q=co.each([[1, 0], [1, 0]]), qdot=co.each([[0, -1], [1, 0]])),
+        r"leave out `xi` and `qdot`, or give .* = \[0.0, -1.0\]",
+    ),
+    "velocities of another member of a stepper": (
+        lambda: co.Stepper(
+            PLANE, PLANE.state(q=co.each([[1, 0], [1, 0]]), qdot=co.each([[0, -1], [1, 0]])), dt=0.1, method=P()
+        ),
+        "leave out `xi` and `qdot`",
+    ),
+    "a singular form of another member": (
+        lambda: run_of(GAUGED.replace(k=co.each([1.0, 0.0])), P(), q=[1, 0]), "must be regular, but motion along",
+    ),
+    "a change that keeps momenta": (
+        lambda: gauged().change(k=3.0, keep="momentum"), r"must be those of its place, .* differ from them by [1-9]",
+    ),
+    "a change in a saved stepper": (
+        lambda: pickle.loads(pickle.dumps(gauged())).change(k=3.0, keep="momentum"),
+        "`k` determines the momenta ϑ of a place, which a saved stepper does not know",
+    ),
+    "a force that is not a number": (lambda: run_of(NO_NUMBER, P(), q=[1, 0]), "`forces` must be finite at the start"),
+    "a force that cancels the form": (lambda: run_of(CANCELLED, P(), q=[1, 0]), "must not cancel its two-form"),
     "a kinetic energy": (lambda: run_of(REGULAR, P(), xi=[1, 2, 3]), "that are linear in the velocities: use co.Mid"),
     "a Hamiltonian": (lambda: run_of(BY_MOMENTA, P(), mu=[1, 2, 3]), "needs a system with a `lagrangian`"),
     "a sphere": (lambda: run_of(ON_SPHERE, P(), q=[0, 0, 1]), "flat space of additional dynamics"),

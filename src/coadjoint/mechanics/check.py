@@ -39,7 +39,7 @@ def check(system: ReducedFunctions, start: State, regular: bool = True) -> list[
     """
     if system.discrete_lagrangian is not None or system.group_lagrangian is not None:
         _check_discrete(system, start)
-    _check_forces(system, start)
+    _check_forces(system, start, regular)
     if not system.continuous:
         return []
     what, function = given(system)
@@ -95,8 +95,11 @@ def _check_discrete(system: ReducedFunctions, start: State) -> None:
         _require_derivative_of_discrete(system, turned, what, (np.zeros(group.dim), *rest[:-1]), read)
 
 
-def _check_forces(system: ReducedFunctions, start: State) -> None:
-    """Raise unless every force is float64 and, where it is finite, has a finite derivative in the velocities."""
+def _check_forces(system: ReducedFunctions, start: State, regular: bool) -> None:
+    """Raise unless every force is float64 and, where it is finite, has a finite derivative in the velocities.
+
+    regular: whether velocities are those of the start; otherwise forces determine them, and must be finite.
+    """
     if system.forces is None:
         return
     velocities = start.xi, start.nu
@@ -121,6 +124,8 @@ def _check_forces(system: ReducedFunctions, start: State) -> None:
             lambda velocities, t: jax.jvp(lambda given: at(given, t), (velocities,), (along,)), velocities, start.t
         )
     for name, value, slope in zip(what, values, slopes, strict=True):
+        if not regular and not _finite(value):
+            raise LagrangianError(f"{name} must be finite at the start, but is not: look for a division by zero.")
         if _finite(value) and not _finite(slope):
             raise LagrangianError(
                 f"The derivative of {name[0].lower()}{name[1:]} in the velocities must be finite at the start, but is "

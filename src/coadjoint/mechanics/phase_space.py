@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, Scalar
+from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.coupling import jacobian_solve
 from coadjoint.mechanics.reduced_functions import ReducedFunctions, added
 from coadjoint.mechanics.state import State
@@ -92,6 +93,24 @@ def velocities(system: ReducedFunctions, state: State) -> FirstOrder:
     return FirstOrder(z[: system.group.dim], z[system.group.dim :], error / jnp.where(size > 0, size, 1.0))
 
 
+class Survey(NamedTuple):
+    """ω of a place, with forces and without them, and the velocities of the place.
+
+    form, bare: (dim G + dim Q, dim G + dim Q). velocities: see there.
+    """
+
+    form: Array
+    bare: Array
+    velocities: FirstOrder
+
+
+def surveyed(system: ReducedFunctions, state: State) -> Survey:
+    """The two-forms and the velocities at the place of a state."""
+    form = two_form(system, state)
+    bare = form if system.forces is None else two_form(replaced(system, forces=None), state)
+    return Survey(form, bare, velocities(system, state))
+
+
 def accelerations(system: ReducedFunctions, state: State, n_dot: Array, a_dot: Array) -> Array:
     """(ξ̇, ν̇), (dim G + dim Q,), of `velocities` along ṅ (ambient,) and ȧ (dim V*,)."""
 
@@ -130,32 +149,80 @@ def require_first_order(system: ReducedFunctions, start: State) -> list[str]:
             "The momenta ϑ of a Lagrangian that is linear in the velocities must not depend on `inputs` or `internal`, "
             "which jump from step to step: let H or forces read them."
         )
-    _require_two_form(np.asarray(evaluate(lambda state: two_form(system, state), start)))
-    found = evaluate(lambda state: velocities(system, state), start)
-    if not start.from_velocities and not found.residual <= GIVEN:
-        raise ArgumentError(
-            "The momenta of a start must be those of its place, ϑ(n, a), because the Lagrangian is linear in the "
-            f"velocities, but differ from them by {found.residual:.1e}: give the place alone."
-        )
-    z, given = np.concatenate([found.xi, found.nu]), np.concatenate([start.xi, start.nu])
-    if start.from_velocities and np.any(given) and np.max(np.abs(given - z)) > GIVEN * np.max(np.abs(z)):
-        raise ArgumentError(
-            "The velocities of a start follow from its place, because the Lagrangian is linear in them: leave out `xi` "
-            f"and `qdot`, or give (ξ, ν) = {np.round(z, 6).tolist()}."
-        )
+    _require_own(jax.tree.map(lambda leaf: leaf[None], evaluate(lambda state: surveyed(system, state), start)), start)
     return []
 
 
-def _require_two_form(form: np.ndarray) -> None:
-    """Raise LagrangianError where ω is singular, in units in which each of its rows has the size 1."""
-    scale = np.sqrt(np.max(np.abs(form), axis=1, initial=0.0))
+def require_members(system: ReducedFunctions, parameters: PyTree, axes: PyTree, starts: State) -> None:
+    """`require_first_order` of all members, of which the first has been checked.
+
+    parameters: a tree with an axis of members where `axes`, a tree like it, is 0. starts: one, or (members, …) each.
+    """
+
+    def survey(parameters: PyTree, state: State) -> Survey:
+        return surveyed(replace_parameters(system, parameters), state)
+
+    many = 0 if np.ndim(starts.t) else None
+    _require_own(evaluate(jax.vmap(survey, in_axes=(axes, many)), parameters, starts), starts)
+
+
+def require_momenta(found: FirstOrder, whose: str = "a start") -> None:
+    """Raise ArgumentError where momenta are not those of their place; found: (members, …) each."""
+    off = np.max(found.residual)
+    if not off <= GIVEN:
+        raise ArgumentError(
+            f"The momenta of {whose} must be those of its place, ϑ(n, a), because the Lagrangian is linear in the "
+            f"velocities, but differ from them by {off:.1e}: give the place alone."
+        )
+
+
+def _require_own(found: Survey, starts: State) -> None:
+    """Raise where ω is singular, or velocities or momenta are not those of the place; found: (members, …) each."""
+    _require_two_form(np.asarray(found.form), np.asarray(found.bare))
+    if not starts.from_velocities:
+        require_momenta(found.velocities)
+        return
+    z = np.concatenate([found.velocities.xi, found.velocities.nu], axis=-1)
+    given = np.concatenate([starts.xi, starts.nu], axis=-1)
+    off, size = (np.max(np.abs(part), axis=-1) for part in (given - z, z))
+    wrong = np.any(given, axis=-1) & (off > GIVEN * size)
+    if np.any(wrong):
+        raise ArgumentError(
+            "The velocities of a start follow from its place, because the Lagrangian is linear in them: leave out `xi` "
+            f"and `qdot`, or give (ξ, ν) = {np.round(z[np.argmax(wrong)], 6).tolist()}."
+        )
+
+
+def _singular(forms: np.ndarray) -> np.ndarray | None:
+    """The direction that a singular one of several matrices ω maps to zero, None if all are regular.
+
+    In units in which each row has the size 1.
+    """
+    scale = np.sqrt(np.max(np.abs(forms), axis=-1, initial=0.0))
     scale = np.where(scale > 0, scale, 1.0)
-    _, sizes, ways = np.linalg.svd(form / scale[:, None] / scale)
-    if sizes[-1] <= SINGULAR:
-        direction = ways[-1] / scale
-        direction = direction / direction[np.argmax(np.abs(direction))]
+    _, sizes, ways = np.linalg.svd(forms / scale[..., None] / scale[:, None, :])
+    worst = np.argmin(sizes[:, -1])
+    if sizes[worst, -1] > SINGULAR:
+        return None
+    direction = ways[worst, -1] / scale[worst]
+    return np.round(direction / direction[np.argmax(np.abs(direction))], 3)
+
+
+def _require_two_form(forms: np.ndarray, bare: np.ndarray) -> None:
+    """Raise LagrangianError where ω is singular, with the forces or without them, (members, size, size) each."""
+    if not np.all(np.isfinite(forms)):
+        raise LagrangianError(
+            "The two-form ω = dϑ of a Lagrangian that is linear in the velocities must be finite at the start, but is "
+            "not: look for a root at zero or a division by zero in ϑ, or in the forces."
+        )
+    if (direction := _singular(bare)) is not None:
         raise LagrangianError(
             "The two-form ω = dϑ of a Lagrangian that is linear in the velocities must be regular, but motion along "
-            f"(ξ, ν) = {np.round(direction, 3).tolist()} does not enter the equations: leave that variable out, give "
-            "it a conjugate one, or, for ⟨μ₀, ξ⟩ − H on a coadjoint orbit, give ℋ(μ) and use co.HamiltonianMidpoint()."
+            f"(ξ, ν) = {direction.tolist()} does not enter the equations: leave that variable out, give it a "
+            "conjugate one, or, for ⟨μ₀, ξ⟩ − H on a coadjoint orbit, give ℋ(μ) and use co.HamiltonianMidpoint()."
+        )
+    if (direction := _singular(forms)) is not None:
+        raise LagrangianError(
+            "Forces on a Lagrangian that is linear in the velocities must not cancel its two-form ω = dϑ, but do so "
+            f"for motion along (ξ, ν) = {direction.tolist()}: the velocities do not follow from the place."
         )

@@ -25,6 +25,7 @@ from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
 from coadjoint.mechanics.members import count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.phase_space import linear
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start_arguments import Checked, checked, checked_element, checked_members
 from coadjoint.mechanics.state import State
@@ -164,9 +165,16 @@ def _require_momenta(system: ReducedFunctions, state: State, many: bool, by_mome
     if system.hamiltonian is not None and not by_momenta and not many:
         _require_one_momentum(system, state)
     if by_momenta and not all(np.all(np.isfinite(rate)) for rate in (state.xi, state.nu)):
+        first = jax.tree.map(lambda leaf: leaf[0], state) if many else state
+        if linear(system, first):
+            raise ArgumentError(
+                "The momenta of a Lagrangian that is linear in the velocities are those of its place, ϑ(n, a): leave "
+                "out `mu` and `pi`."
+            )
+        found = np.round(np.concatenate([state.mu, state.pi], axis=-1), 6).tolist()
         raise ArgumentError(
-            f"Momenta must have velocities, but at μ = {np.round(state.mu, 6).tolist()} none were found: look for a "
-            "division by zero in the energy there; if ℓ is linear in the velocities, give the place alone."
+            f"Momenta must have velocities, but at (μ, π) = {found} none were found: look for a division by zero in "
+            "the energy there."
         )
 
 

@@ -106,7 +106,7 @@ class EnergyMomentum(Method, HalfStepSquared):
             if not (space.flat and space.affine):
                 raise ArgumentError(
                     "EnergyMomentum needs flat spaces with affine actions, because it draws straight lines in them, "
-                    f"but got {space!r}: use co.Defining() with a constant length, or co.Midpoint()."
+                    f"but got {space!r}: use co.Midpoint(), or, for a sphere, co.Defining() with a constant length."
                 )
             require_secant(self.difference_map, system.group, space)
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics import phase_space
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Node, Point
@@ -90,6 +90,11 @@ class ProjectedMidpoint(Method, HalfStepSquared):
         return False
 
     @property
+    def remedies(self) -> tuple[str, str]:
+        unsolved, beyond = super().remedies
+        return f"{unsolved}, or look for a place where ω = dϑ is singular", beyond
+
+    @property
     def base(self) -> Midpoint:
         """Φ."""
         return Midpoint(self.difference_map)
@@ -106,16 +111,25 @@ class ProjectedMidpoint(Method, HalfStepSquared):
 
     def remember(self, system: System, state: State) -> State:
         if not phase_space.linear(system, state):
+            system.check(state)  # that the mass matrix is regular, so that the remedy is one
             raise ArgumentError(
                 f"{type(self).__name__} is for Lagrangians that are linear in the velocities: use co.Midpoint()."
             )
 
-        def begun(state: State, parameters: PyTree) -> tuple[Array, Array, Shift]:
-            xi, nu, _ = phase_space.velocities(replace_parameters(system, parameters), state)
-            return xi, nu, Shift(jnp.zeros_like(xi), jnp.zeros_like(nu))
+        def begun(state: State, parameters: PyTree) -> tuple[phase_space.FirstOrder, Shift]:
+            found = phase_space.velocities(replace_parameters(system, parameters), state)
+            return found, Shift(jnp.zeros_like(found.xi), jnp.zeros_like(found.nu))
 
-        xi, nu, still = evaluate(begun, state.replace(memory=None), system.parameters)
-        return state.replace(xi=xi, nu=nu, memory=still)
+        found, still = evaluate(begun, state.replace(memory=None), system.parameters)
+        if not traced(found):
+            phase_space.require_momenta(found)
+        return state.replace(xi=found.xi, nu=found.nu, memory=still)
+
+    def require_members(
+        self, system: System, parameters: PyTree, axes: PyTree, states: State, starts: State
+    ) -> State | None:
+        phase_space.require_members(system, parameters, axes, starts)
+        return None
 
     def guess(self, system: System, state: State, h: Scalar) -> Array:
         return jnp.concatenate([state.xi, state.memory.xi, state.nu, state.memory.nu])

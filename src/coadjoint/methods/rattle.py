@@ -123,8 +123,10 @@ class Rattle(Step):
     def remember_by_xla(self, system: System, state: State) -> State:
         return state
 
-    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State | None:
-        self.base.require_members(system, parameters, axes, states)
+    def require_members(
+        self, system: System, parameters: PyTree, axes: PyTree, states: State, starts: State
+    ) -> State | None:
+        self.base.require_members(system, parameters, axes, states, starts)
         independent = checked_members(system, parameters, axes, states.replace(memory=None))
         if not isinstance(states.memory, Reactions):
             return None

@@ -110,10 +110,13 @@ class Step(ABC):
             return state
         return state.replace(memory=how.nothing())
 
-    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State | None:
+    def require_members(
+        self, system: System, parameters: PyTree, axes: PyTree, states: State, starts: State
+    ) -> State | None:
         """Raise ArgumentError if a member of an ensemble does not fit, as `remember` does where there is one.
 
         parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
+        starts: one, or (members, …), as they were given.
         Returns the states with what numbers tell of them, None where they stay.
         """
         return None

@@ -79,13 +79,15 @@ class Variational(Method, FullStep):
             _require_symmetric(evaluate(partial(self._sides, system), state)[None])
         return super().remember(system, state)
 
-    def require_members(self, system: System, parameters: PyTree, axes: PyTree, states: State) -> State | None:
+    def require_members(
+        self, system: System, parameters: PyTree, axes: PyTree, states: State, starts: State
+    ) -> State | None:
         def sides(parameters: PyTree, state: State) -> Array:
             return self._sides(replace_parameters(system, parameters), state)
 
         if self.symmetric:
             _require_symmetric(evaluate(jax.vmap(sides, in_axes=(axes, 0)), parameters, states))
-        return super().require_members(system, parameters, axes, states)
+        return super().require_members(system, parameters, axes, states, starts)
 
     def _sides(self, system: System, state: State) -> Array:
         """Λ and its adjoint at three random (ξ, ν), (3, 2)."""

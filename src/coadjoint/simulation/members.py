@@ -83,7 +83,7 @@ def begin_members(system: System, start: State, method: Method, h: float, count:
         raise ArgumentError("An ensemble needs co.each on a parameter or on the start.")
     states = evaluate(jax.vmap(begin, in_axes=(axes, start_axis)), parameters, start)
     for step in dict.fromkeys(step for step, _ in around(system, method.stages)):
-        found = step.require_members(system, parameters, axes, states)
+        found = step.require_members(system, parameters, axes, states, start)
         states = states if found is None else found
     return Members(parameters, axes, states, count)
 

@@ -116,7 +116,15 @@ class GroupItself(Embedded):
 
     def velocity(self, group: LieGroup, value: object, name: str) -> Array:
         """Numbers in the structure of an element, or end to end."""
-        leaves = [np.ravel(leaf) for leaf in jax.tree.leaves(value)]
-        return checked_vector(
-            np.concatenate(leaves) if leaves and not traced(value) else value, self.ambient(group), name
-        )
+        leaves, size = [np.ravel(leaf) for leaf in jax.tree.leaves(value)], self.ambient(group)
+        if not leaves or traced(value):
+            return checked_vector(value, size, name)
+        numbers = np.concatenate(leaves)
+        if numbers.dtype.kind in "fiub" and len(numbers) != size:
+            own = self._own(group)
+            shapes = ", ".join(str(leaf.shape) for leaf in jax.tree.leaves(jax.eval_shape(own.identity)))
+            raise ArgumentError(
+                f"Argument `{name}` must have the structure of an element of {own!r}, arrays of shape {shapes}, but "
+                f"holds {len(numbers)} numbers."
+            )
+        return checked_vector(numbers, size, name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -16,7 +17,8 @@ from coadjoint.kernels import packing
 from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.run.ensemble import members_of
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics import inverse_legendre
+from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics import inverse_legendre, phase_space
 from coadjoint.mechanics.constrained_start import require_on, surveyed
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre, with_own_momenta
@@ -108,20 +110,45 @@ class Beginning:
         self._require_like(states)
         return packing.rows(states, count)
 
-    def require_on_constraints(self, states: np.ndarray, parameters: np.ndarray, whose: str) -> None:
-        """Raise ArgumentError for a state (k, size) that is off a constraint with parameters (k or 1, size)."""
-        if not self.skeleton.constraints:
+    @property
+    def linear(self) -> bool:
+        """Whether momenta are those of the place, because ℓ is linear in the velocities."""
+        return self.skeleton.lagrangian is not None and not self.method.regular
+
+    def require_place(self, states: np.ndarray, parameters: np.ndarray, whose: str) -> None:
+        """Raise ArgumentError for a state (k, size) that is off a constraint with parameters (k or 1, size), or whose
+        momenta are not those of its place where they have to be.
+        """
+        if not self.skeleton.constraints and not self.linear:
             return
         rows = np.broadcast_to(parameters, (len(states), parameters.shape[1]))
         given = self.constants.unpack(rows), self.state.unpack(states)
 
         def survey(constants: Constants, state: State) -> PyTree:
-            return surveyed(replace_parameters(self.skeleton, constants.system), state)
+            system = replace_parameters(self.skeleton, constants.system)
+            return phase_space.velocities(system, state) if self.linear else surveyed(system, state)
 
         form = layout(given)
         if form not in self._tabulated:
             self._tabulated[form] = tabulate(jax.vmap(survey), *given)
-        require_on(self.skeleton, self._tabulated[form](*given), whose)
+        found = self._tabulated[form](*given)
+        if self.linear:
+            phase_space.require_momenta(found, whose)
+        else:
+            require_on(self.skeleton, found, whose)
+
+    def of_momenta(self) -> tuple[int, ...]:
+        """The places of the parameters that the momenta of a place depend on, where ℓ is linear in the velocities."""
+        if not self.linear:
+            return ()
+
+        def momenta(constants: Constants, state: State) -> tuple[PyTree, PyTree]:
+            system = replace_parameters(self.skeleton, constants.system)
+            return legendre(system, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
+
+        given = (form.unpack(np.zeros(form.size)) for form in (self.constants, self.state))
+        sizes = [math.prod(shape) for shape in self.constants.shapes]
+        return tuple(np.flatnonzero(np.repeat(depends(momenta, *given)[: len(sizes)], sizes)).tolist())
 
     def carrying(self, state: State) -> State:
         """A state of a run or stepper with the values that XLA steps carry over, or without them for machine code."""

@@ -63,8 +63,8 @@ def _opened(archive: zipfile.ZipFile, header: Table, kind: type[S]) -> S:
     face = dict(header["face"])
     for name in _FIELDS:
         face[name] = Fields.of({key: tuple(shape) for key, shape in face[name]})
-    for name in ("commanded", "remedies"):
-        face[name] = tuple(face[name])
+    for name in ("commanded", "remedies", "of_momenta"):
+        face[name] = tuple(face.get(name, ()))
     face["compiled_in"] = tuple((place, value) for place, value in face["compiled_in"])
     arrays = {}
     for name in (*Buffers._fields, "origin"):

@@ -109,6 +109,8 @@ class StepperInterface:
     remedies: tuple[str, str]
     compiled_in: tuple[tuple[int, float], ...] = ()
     """Places and values of parameters that are 0 or 1 in the machine code itself."""
+    of_momenta: tuple[int, ...] = ()
+    """Places of parameters that the momenta of a place depend on, where ℓ is linear in the velocities."""
 
     def compiled_out(self, parameters: np.ndarray) -> list[int]:
         """The places where parameters (members, size) differ from the compiled-in values."""

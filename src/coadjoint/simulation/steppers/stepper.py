@@ -134,7 +134,7 @@ class Stepper(Stepping):
         with tracing_once():
             one, begun, seen = self._trace(system, start, method, h, count, observe, as_event(until))
             for step in dict.fromkeys(step for step, _ in around(one, method.stages)) if len(starts.t) > 1 else ():
-                step.require_members(system, values, axes, starts)
+                step.require_members(system, values, axes, starts, starts)
             face, engine = self._compiled(one, begun, commands, parameters, changing, Fields.of(seen), backend)
             states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
@@ -212,6 +212,7 @@ class Stepper(Stepping):
             time=Fields.of(names).place("t").start,
             remedies=method.remedies,
             compiled_in=compiled_in,
+            of_momenta=begun.of_momenta(),
         )
 
     def _native(self, face: StepperInterface, constants: Constants, begun: State) -> Engine:
@@ -338,7 +339,7 @@ class Stepper(Stepping):
             found = self._beginning.rows(state, self._parameter_rows())[which]
         else:
             found = super()._rows(rows, state, which)
-        self._beginning.require_on_constraints(found, self._all_parameters()[which], "the state")
+        self._beginning.require_place(found, self._all_parameters()[which], "the state")
         return found
 
     def prepared(self, states: State, parameters: PyTree = None) -> Prepared:
@@ -389,8 +390,8 @@ class Stepper(Stepping):
     def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         return carried(self._beginning, states, before, after)
 
-    def _require_fit(self, states: np.ndarray, parameters: np.ndarray) -> None:
-        self._beginning.require_on_constraints(states, parameters, "the state under these parameters")
+    def _require_fit(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        self._beginning.require_place(states, after, "the state under these parameters")
 
     def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
         warn(

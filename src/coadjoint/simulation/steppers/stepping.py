@@ -208,7 +208,7 @@ class Stepping(StepperBase):
             if keep == "velocity":
                 twice = [np.concatenate([part, part]) for part in (before[which], rows)]
                 here, origin = np.split(self._carried(np.concatenate([here, origin]), *twice), 2)
-            self._require_fit(np.concatenate([here, origin]), np.concatenate([rows, rows]))
+            self._require_fit(np.concatenate([here, origin]), *(np.concatenate([k, k]) for k in (before[which], rows)))
             if columns := self.face.compiled_out(after):
                 self._recompile(columns, after)
             self._origin = self._origin.copy()
@@ -236,8 +236,14 @@ class Stepping(StepperBase):
         """The states (k, size) whose velocities stay when the parameters change."""
         raise ArgumentError('A saved stepper does not know how momenta belong to velocities: pass keep="momentum".')
 
-    def _require_fit(self, states: np.ndarray, parameters: np.ndarray) -> None:
-        """Raise ArgumentError where states (k, size) do not satisfy the constraints under parameters (k, size)."""
+    def _require_fit(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        """Raise ArgumentError where states (k, size) do not fit the parameters after a change, (k, size) each."""
+        changed = [place for place in self.face.of_momenta if np.any(before[:, place] != after[:, place])]
+        if changed:
+            raise ArgumentError(
+                f"Parameter {self._called(changed)} determines the momenta ϑ of a place, which a saved stepper does "
+                "not know: change it in co.Stepper."
+            )
 
     def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
         """Recompile with these places of the parameters free."""
