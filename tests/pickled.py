@@ -20,6 +20,7 @@ import coadjoint_vehicles as vehicles
 from coadjoint.audit.shipped import SHIPPED
 from coadjoint.manifest import Manifest
 from coadjoint.models import catalogue
+from coadjoint.models.hopf import fibration
 from coadjoint.spaces.named import Named
 from coadjoint_vehicles import controllers, environments, parts, sensors, serving, water
 from coadjoint_vehicles.missions.example import example
@@ -112,7 +113,7 @@ def cheap() -> dict[str, Callable[[], Any]]:
         "claims": lambda: co.Midpoint().claims,
         "constraints": lambda: [co.Holonomic(spin), co.Nonholonomic(form)],
         "bundles": lambda: [co.mechanics.Connection(co.SO3(), 2, form), co.mechanics.DiscreteConnection(co.SO3(), 2,
-            increment)],
+            increment), fibration(), fibration().sections],
         "noether": lambda: co.mechanics.KelvinNoether(np.eye(3)),
         "vehicles": lambda: [(one, one.parts, one.sensors, one.controller) for one in map(vehicles.load, LOADED)],
         "craft": lambda: [craft_of(remus), vehicles.Craft(remus, controller=hover)],
@@ -184,8 +185,8 @@ WATER: dict[str, Callable[[], Any]] = {
 }
 PLAIN = {
     "estimation": ("Consistency", "InertialState", "Innovation", "Filtered"),
-    "theory": ("Configuration", "Instant", "Link", "Momenta", "MomentumEquation", "MomentumMaps", "PhaseVariation",
-               "PoissonLink", "Residual", "SemidirectLink", "Transforms", "Variation"),
+    "theory": ("BundleCurve", "Configuration", "Instant", "Link", "Momenta", "MomentumEquation", "MomentumMaps",
+               "PhaseVariation", "PoissonLink", "Residual", "SemidirectLink", "Transforms", "Variation"),
     "stability": ("Mode", "StepModes", "EnergyCasimir", "Linearisation"),
     "identification": ("Estimate",),
     "vehicles": ("Command", "Feedback", "Flow"),

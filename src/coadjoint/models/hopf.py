@@ -56,19 +56,28 @@ def connection_form(p: Array) -> Array:
 
 def fibration() -> PrincipalBundle:
     """S³ → S² by two sections: s₀ with a > 0 away from x₃ = −1, and s₁ with b > 0 away from x₃ = 1."""
-
-    def north(x: Array) -> Array:
-        a = jnp.sqrt(0.5 * (1 + x[2]))
-        return jnp.stack([a, 0 * a, 0.5 * x[0] / a, 0.5 * x[1] / a])
-
-    def south(x: Array) -> Array:
-        b = jnp.sqrt(0.5 * (1 - x[2]))
-        return jnp.stack([0.5 * x[0] / b, -0.5 * x[1] / b, b, 0 * b])
-
     return PrincipalBundle(
         SO2(), Sphere(Spinors()), Sphere(Trivial(3)), direction, phase,
-        (Section(north, lambda x: 1 + x[2]), Section(south, lambda x: 1 - x[2])),
+        (Section(_north, _above), Section(_south, _below)),
     )  # fmt: skip
+
+
+def _north(x: Array) -> Array:
+    a = jnp.sqrt(0.5 * (1 + x[2]))
+    return jnp.stack([a, 0 * a, 0.5 * x[0] / a, 0.5 * x[1] / a])
+
+
+def _south(x: Array) -> Array:
+    b = jnp.sqrt(0.5 * (1 - x[2]))
+    return jnp.stack([0.5 * x[0] / b, -0.5 * x[1] / b, b, 0 * b])
+
+
+def _above(x: Array) -> Array:
+    return 1 + x[2]
+
+
+def _below(x: Array) -> Array:
+    return 1 - x[2]
 
 
 def _imaginary(p: Array) -> Array:
