@@ -19,7 +19,9 @@ class TooLarge(Untraceable):
 
     def __init__(self, operations: int) -> None:
         self.primitive = "the complete step"
-        Exception.__init__(self, f"The step comes to more than {operations:,} scalar operations.")
+        Exception.__init__(
+            self, f"The step comes to more than {operations:,} scalar operations, and may take minutes to compile."
+        )
 
 
 class Structured(Untraceable):
