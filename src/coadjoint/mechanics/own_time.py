@@ -37,7 +37,8 @@ def in_own_time(system: System, start: State, pace: Callable[..., PyTree]) -> tu
         system: a system given by its `hamiltonian`, with or without explicit time.
         start: one of its states.
         pace: σ, a positive function of the arguments of ℋ by position, mu [, n, pi] [, a] [, p], that returns one
-            number: small where the motion is fast, such as a distance or a product of distances.
+            number: small where the motion is fast, such as a distance or a product of distances. It must be positive
+            along the orbit: t stops at σ = 0, and near it σ(ℋ − E) = 0 no longer holds ℋ = E.
 
     Raises ArgumentError for a system without ℋ, with forces, inputs, an internal state, constraints or a space named
     `time`, for a start of several members, and where σ is not positive at the start; LagrangianError for a σ with other

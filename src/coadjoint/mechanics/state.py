@@ -10,10 +10,11 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import LagrangianError
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.members import Each
 from coadjoint.overview import NumberRow, Overview, WithOverview, value_text
 from coadjoint.spaces import Space
 
@@ -102,6 +103,11 @@ class State(WithOverview):
 
     def replace(self, **changes: object) -> State:
         """A copy with some fields replaced; another internal state is held over the step of a record."""
+        for name, value in changes.items():
+            if isinstance(value, Each):
+                raise ArgumentError(
+                    f"Argument `{name}` must be of one member: give co.each to system.state(…) instead."
+                )
         if "internal" in changes and self.internal_mean is not None:
             changes = {"internal_mean": changes["internal"], "internal_end": changes["internal"], **changes}
         return replace(self, **changes)
