@@ -36,7 +36,7 @@ DAMPING = 1e-7
 
 
 def projected(system: ReducedFunctions, state: State) -> State:
-    """The nearest state on the constraints in the kinetic metric, from a state near it; see `System.project`."""
+    """A state on the constraints, from one near it by least motions in the kinetic metric; see `System.project`."""
 
     members = count_members(system.parameters)
     if traced(state, system.parameters):

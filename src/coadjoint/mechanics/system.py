@@ -296,7 +296,7 @@ class System(ReducedFunctions, Portable, WithOverview):
         return check(self, start, regular) + warnings_of_rows(self, start)
 
     def project(self, state: State) -> State:
-        """The state on all constraints that is nearest to one near them, in the kinetic metric.
+        """A state on all constraints close to one near them: the nearest in the kinetic metric up to O(distance²).
 
         Newton's iteration moves (g, q) by the least motion (η, w) in ⟨(η, w), M(η, w)⟩ with φ + Dφ·(η, w) = 0, and the
         momenta get the impulse Aᵀλ after which A·(ξ, ν) = b. Arguments: state: of this system, at one time. Raises
