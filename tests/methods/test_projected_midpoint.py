@@ -122,6 +122,10 @@ WRONG = {
     "a change that keeps momenta": (
         lambda: gauged().change(k=3.0, keep="momentum"), r"must be those of its place, .* differ from them by [1-9]",
     ),
+    "other parameters in a trajectory of a stepper": (
+        lambda: gauged().trajectory(gauged().state, parameters=GAUGED.replace(k=3.0).parameters),
+        "The momenta of the state under these parameters must be those of its place",
+    ),
     "a change in a saved stepper": (
         lambda: pickle.loads(pickle.dumps(gauged())).change(k=3.0, keep="momentum"),
         "`k` determines the momenta ϑ of a place, which a saved stepper does not know",

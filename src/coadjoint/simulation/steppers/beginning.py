@@ -16,7 +16,7 @@ from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels import packing
 from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.run.ensemble import members_of
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre, phase_space
 from coadjoint.mechanics.constrained_start import require_on, surveyed
@@ -136,6 +136,14 @@ class Beginning:
             phase_space.require_momenta(found, whose)
         else:
             require_on(self.skeleton, found, whose)
+
+    def fitting(self, constants: Constants, state: State) -> Constants:
+        """The constants; raises ArgumentError where momenta of one state have to be those of its place, but are not."""
+        if self.linear and not traced(constants, state):
+            system = replace_parameters(self.skeleton, constants.system)
+            found = evaluate(lambda state: phase_space.velocities(system, state), state)
+            phase_space.require_momenta(found, "the state under these parameters")
+        return constants
 
     def of_momenta(self) -> tuple[int, ...]:
         """The places of the parameters that the momenta of a place depend on, where ℓ is linear in the velocities."""

@@ -137,8 +137,7 @@ class Stepper(Stepping):
                 step.require_members(system, values, axes, starts, starts)
             face, engine = self._compiled(one, begun, commands, parameters, changing, Fields.of(seen), backend)
             states = self._beginning.begun(starts, parameters, starts.inputs)
-        sizes = (face.commands.size, face.observations.size)
-        buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
+        buffers = Buffers.filled(parameters, h, states, (face.commands.size, face.observations.size), engine.lanes)
         limits = limits_of(system.internal, system.parameters, face.commands)
         super().__init__(face, engine, buffers.with_limits(limits), buffers.state.copy(), threads)
         if judging:
@@ -287,7 +286,8 @@ class Stepper(Stepping):
         """
         n, program = whole(n, "n"), replace(self._program, until=None)
         moved = commanded(program.skeleton.inputs, self._single(state), command)
-        return computed(program, self._constants(parameters), moved, np.float64(self.face.dt), (1, n), backend)
+        constants = self._beginning.fitting(self._constants(parameters), moved)
+        return computed(program, constants, moved, np.float64(self.face.dt), (1, n), backend)
 
     def observe(self, state: State, parameters: PyTree = None) -> Table:
         """The observations of a state, name → array, as a pure function."""
