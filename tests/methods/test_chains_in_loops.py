@@ -238,6 +238,26 @@ def test_driven_chains_in_loops_report_what_xla_reports(method):
     assert all(run.extrema[name][1] < 1e-12 for run in runs for name in ("balance", "constraint_gap"))
 
 
+@pytest.mark.long
+def test_chains_in_loops_count_the_jumps_of_tables_in_the_lagrangian():
+    def lagrangian(xi, n, nu, a, p, *, inputs):
+        weight = inputs.gravity * p.masses @ jnp.sum(n * a.y, axis=1)
+        return 0.05 * jnp.sum(xi**2) + 0.5 * jnp.sum(p.masses @ nu**2) - weight
+
+    plain = bobs(41)
+    system = co.System(
+        plain.group, lagrangian, additional=plain.additional, advected=plain.advected, parameters=plain.parameters,
+        constraints={"joints": co.Holonomic(joints)},
+    )  # fmt: skip
+    inputs = {"gravity": co.Held([0.0, 0.2], [9.81, 3.0])}
+    run = co.simulate(system, leaning(system, inputs={"gravity": 9.81}), dt=H, steps=40, inputs=inputs, accuracy=False)
+    assert run.plan.backend == "native"
+    places = np.reshape(run.records.q, (41, 41, 2))  # nodes, links
+    work, height = run.monitors["work_inputs"], places[20, :, 1] @ np.linspace(1.0, 2.0, 41)
+    assert np.all(work[:20] == 0) and work[20:] == pytest.approx((3.0 - 9.81) * height, rel=1e-9)
+    assert abs(height) > 1 and run.summary()["energy_budget_error_max"] < 1e-3
+
+
 def test_members_in_loops_are_gathered_with_what_they_have():
     def chunk(rows, code):
         limits = {"e": (np.array(-1.0), np.array(2.0))}

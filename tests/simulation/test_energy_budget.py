@@ -181,3 +181,61 @@ def test_a_ledger_of_a_million_steps_has_the_rounding_of_one():
     total, rest = np.asarray(run.final.ledger)
     assert total[-1] == pytest.approx(0.01 * 0.1 * steps, rel=4e-16)
     assert np.all(np.abs(rest) <= 2.0**-52 * np.abs(total))
+
+
+def tables(kind: str):
+    """A point on a spring pushed through ℓ, or a charged top through ℋ, by tables that jump; and its start."""
+    if kind == "ℓ":
+
+        def lagrangian(xi, n, nu, *, inputs):
+            return 0.5 * nu @ nu - 0.5 * n @ n - 0.4 * inputs.push * n[0] + inputs.spin * (n[0] * nu[1] - n[1] * nu[0])
+
+        system = co.System(co.Translation(0), lagrangian, additional=co.Trivial(2))
+        return system, {"q": [1.0, 0.0], "pi": [0.0, 1.0]}
+
+    def hamiltonian(mu, n, pi, *, inputs):
+        return 0.5 * (mu @ mu + pi @ pi + n @ n) + inputs.spin * mu[0] - inputs.push * n[0]
+
+    system = co.System(co.SO3(), hamiltonian=hamiltonian, additional=co.Trivial(2))
+    return system, {"mu": [0.3, 1.0, 0.2], "q": [1.0, 0.0], "pi": [0.0, 1.0]}
+
+
+TABLES = {"push": co.Held([0.0, 0.5], [1.0, 2.0]), "spin": co.Held([0.0, 0.3, 0.8], [0.3, -0.5, 0.2])}
+
+
+@pytest.mark.parametrize("kind", ["ℓ", pytest.param("ℋ", marks=pytest.mark.long)])
+def test_the_energy_budget_counts_the_jumps_of_tables(kind):
+    """ℓ and ℋ are quadratic, so that the midpoint rule keeps ℋ between the jumps."""
+    system, where = tables(kind)
+    start = system.state(**where, inputs={"push": 1.0, "spin": 0.3})
+    run = co.simulate(system, start, dt=0.02, steps=50, inputs=TABLES, accuracy=False)
+    assert run.summary()["energy_budget_error_max"] < 1e-14
+    assert abs(run.ends["work_inputs"][1]) > 0.1 and not run.warnings
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["ℓ", "ℋ"])
+def test_the_energy_budget_counts_the_jumps_of_tables_everywhere(kind, tmp_path):
+    """Members, stored runs, compositions, jumps within steps, and tables next to held inputs and smooth signals."""
+    system, where = tables(kind)
+    start = system.state(**where, inputs={"push": 1.0, "spin": 0.3})
+    places = {"q": co.each([[1.0, 0.0], [2.0, 1.0], [0.3, -0.2]])}
+    members = system.state(**(where | places), inputs={"push": 1.0, "spin": 0.3})
+    how = {"dt": 0.02, "steps": 50, "progress": False}
+    within = {name: co.Held(table.times * 1.013, table.values) for name, table in TABLES.items()}
+    mixed = TABLES | {"push": lambda motion: jnp.sin(motion.t)}
+    runs = [
+        co.simulate(system, members, inputs=TABLES, **how),
+        co.simulate(system, start, inputs=TABLES, store=tmp_path / "run", **how),
+        co.resume(tmp_path / "run", system, inputs=TABLES),
+        co.simulate(system, start, inputs=TABLES, method=co.Suzuki4(co.Midpoint()), **how),
+        co.simulate(system, start, inputs=within, **how),
+        co.simulate(system, start, inputs=mixed, **how),
+        co.simulate(system, start, inputs=TABLES, backend="xla", **how),
+    ]
+    for run in runs:
+        first, (low, high) = run.ends["energy_budget"][0], run.extrema["energy_budget"]
+        assert np.max(np.abs([high - first, low - first])) < 2e-14
+        assert np.min(np.abs(run.ends["work_inputs"][1])) > 1e-3
+    smooth = {"push": co.Linear([0.0, 1.0], [1.0, 2.0]), "spin": 0.3}
+    assert "work_inputs" not in co.simulate(system, start, inputs=smooth, **how).monitors

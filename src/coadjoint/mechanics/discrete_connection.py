@@ -32,7 +32,8 @@ class DiscreteConnection(Bundle):
 
     group: G. size: m, at least 1. increment: the function Ω(x, x⁺) ∈ G of two shapes (m,), in terms of jax.numpy: what
     the horizontal lift of a step from x to x⁺ turns. shapes: M, by default ℝᵐ, as in co.mechanics.Connection. 𝒜 = e on
-    horizontal steps. Raises GroupError and ArgumentError unless Ω is an element of G at random shapes.
+    horizontal steps; Ω(x, x) = e is not required. Raises GroupError and ArgumentError unless Ω is an element of G at
+    random shapes.
     """
 
     increment: Callable[[Array, Array], Element]

@@ -47,6 +47,11 @@ class Inputs:
         return not all(isinstance(source, Signal) for source in self.sources)
 
     @property
+    def jump(self) -> bool:
+        """Whether some are tables of held values that differ."""
+        return any(_jumps(source) for source in self.sources)
+
+    @property
     def follow(self) -> bool:
         """Whether some are functions of the motion."""
         return not all(isinstance(source, (Signal, Command)) for source in self.sources)
@@ -65,13 +70,21 @@ class Inputs:
         held = {name: source for name, source in pairs if not isinstance(source, Signal)}
         return Named(**{n: getattr(before, n) if isinstance(s, Command) else named(s(motion)) for n, s in held.items()})
 
-    def at(self, t: Scalar, held: PyTree) -> PyTree:
-        """The inputs that ℓ and forces read at time t, one number in s, of a step over which `held` is held."""
+    def at(self, t: Scalar, held: PyTree, tables: Scalar | None = None) -> PyTree:
+        """The inputs that ℓ and forces read at time t, s, of a step over which `held` is held.
+
+        tables: the time, s, at which tables that jump are read instead; by default t.
+        """
+        times = [t if tables is None or not _jumps(source) else tables for source in self.sources]
         if self.names is None:
-            return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
-        pairs = zip(self.names, self.sources, strict=True)
+            return self.sources[0](times[0]) if isinstance(self.sources[0], Signal) else held
+        rows = zip(self.names, self.sources, times, strict=True)
         given = {} if held is None else held.asdict()
-        return Named(**{name: _now(source, t, given.get(name)) for name, source in pairs})
+        return Named(**{name: _now(source, time, given.get(name)) for name, source, time in rows})
+
+
+def _jumps(source: object) -> bool:
+    return isinstance(source, Held) and source.jumps
 
 
 def _now(source: object, t: Scalar, held: PyTree) -> PyTree:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import jax
-import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
@@ -63,7 +62,7 @@ def _jumps(
 def _jumping(source: object) -> str:
     """How an input jumps, in words; empty for signals without jumps."""
     if isinstance(source, Held):
-        return "a co.Held that jumps" if np.ptp(np.asarray(source.values), axis=0).any() else ""
+        return "a co.Held that jumps" if source.jumps else ""
     if isinstance(source, Signal):
         return ""
     return "a command held over steps" if isinstance(source, Command) else "a function of the motion, held over steps"

@@ -1,8 +1,8 @@
 """The energy and momentum that forces and explicit time have put into a system since the start.
 
 A ledger is an array (2, lines + dim G). Its first row: the energy that each force has put in, Σ hw(⟨T, ξ⟩ + ⟨f, ν⟩),
-and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where held inputs or internal states enter
-it; and the spatial momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is the rounding error of the first (Kahan's
+and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where held inputs, tables or internal states
+enter it; and the spatial momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is the rounding error of the first (Kahan's
 summation).
 """
 
@@ -11,8 +11,9 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array
+from coadjoint.arrays import Array, Scalar
 from coadjoint.mechanics.continuous import energy
+from coadjoint.mechanics.copies import replaced
 from coadjoint.mechanics.forces import INPUTS, INTERNAL, TIME
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -33,9 +34,9 @@ def changing_momentum(system: System) -> tuple[str, ...]:
 
 
 def _jumping(system: System) -> tuple[str, ...]:
-    """The held quantities that jump from step to step and enter ℓ or ℋ."""
+    """The quantities that jump and enter ℓ or ℋ."""
     sources = {
-        INPUTS: system.inputs is not None and system.inputs.holds,
+        INPUTS: system.inputs is not None and (system.inputs.holds or system.inputs.jump),
         INTERNAL: system.internal is not None,
     }
     return tuple(key for key, jumps in sources.items() if jumps and system.takes(key) and system.continuous)
@@ -55,9 +56,32 @@ def with_jump(system: System, held: str, before: State, after: State) -> State:
     """
     if before.ledger is None or held not in _jumping(system):
         return after
-    place = energy_lines(system).index(held)
-    change = jnp.zeros(np.shape(before.ledger)[1]).at[place].set(over_step(system, after) - over_step(system, before))
-    return after.replace(ledger=_added(before.ledger, change))
+    change = over_step(system, after) - over_step(system, before)
+    return _with_line(system, held, after.replace(ledger=before.ledger), change)
+
+
+def with_tables(system: System, before: State, after: State) -> State:
+    """`after`, the end of a stage from `before`, with the changes of ℋ in its ledger by tables that jump.
+
+    The stage moves by the tables in its middle, so that its line grows by
+    ℋ(before; middle) − ℋ(before; its time) + ℋ(after; its time) − ℋ(after; middle).
+    """
+    inputs = system.inputs
+    if after.ledger is None or inputs is None or not inputs.jump or INPUTS not in _jumping(system):
+        return after
+    bare, middle = replaced(system, inputs=None), 0.5 * (before.t + after.t)
+
+    def read(state: State, tables: Scalar) -> Array:
+        return over_step(bare, state.replace(inputs=inputs.at(state.t, state.inputs, tables)))
+
+    change = read(before, middle) - read(before, before.t) + read(after, after.t) - read(after, middle)
+    return _with_line(system, INPUTS, after, change)
+
+
+def _with_line(system: System, name: str, state: State, change: Array) -> State:
+    """The state with one line of its ledger changed by one number."""
+    place = energy_lines(system).index(name)
+    return state.replace(ledger=_added(state.ledger, jnp.zeros(np.shape(state.ledger)[1]).at[place].set(change)))
 
 
 def over_step(system: System, state: State) -> Array:

@@ -24,7 +24,7 @@ from coadjoint.mechanics.reactions import count, kicked, rate, site
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import Places, State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.work_balance import entered, with_jump
+from coadjoint.mechanics.work_balance import entered, with_jump, with_tables
 from coadjoint.methods.rattle import Rattle, Reactions
 from coadjoint.methods.renewal import held
 
@@ -184,7 +184,8 @@ class RattleOfLinks:
             record, after, h = pair
             ended = _before_renewal(record, after)
             done = self.step.work_to(system, record, h, ended), self.step.impulse(system, record, h, ended)
-            found = renewed(ended.replace(ledger=entered(ledger, *done)), after).ledger
+            accounted = with_tables(system, record, ended.replace(ledger=entered(ledger, *done)))
+            found = renewed(accounted, after).ledger
             return found, found
 
         first = renewed(start, jax.tree.map(lambda rows: rows[0], nodes).replace(ledger=start.ledger)).ledger

@@ -21,7 +21,7 @@ from coadjoint.mechanics.internal_state import at_node, stepped
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.work_balance import entered
+from coadjoint.mechanics.work_balance import entered, with_tables
 from coadjoint.methods.linked_stage import RattleOfLinks, linked
 from coadjoint.methods.method import Method
 from coadjoint.methods.rattle import around
@@ -250,7 +250,7 @@ class StepStage:
         if state.ledger is None:
             return after
         done = self.step.work(system, record, h), self.step.impulse(system, record, h, after)
-        return after.replace(ledger=entered(state.ledger, *done))
+        return with_tables(system, record, after.replace(ledger=entered(state.ledger, *done)))
 
     def certificate(
         self, parameters: Constants, before: State, h: Scalar, z: Array, after: State
