@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.arrays import PyTree, Scalar
 from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.mechanics.signals import Held, Signal
+from coadjoint.mechanics.signals import Held, Signal, jumps
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 
@@ -49,7 +49,7 @@ class Inputs:
     @property
     def jump(self) -> bool:
         """Whether some are tables of held values that differ."""
-        return any(_jumps(source) for source in self.sources)
+        return any(jumps(source) for source in self.sources)
 
     @property
     def follow(self) -> bool:
@@ -75,16 +75,12 @@ class Inputs:
 
         tables: the time, s, at which tables that jump are read instead; by default t.
         """
-        times = [t if tables is None or not _jumps(source) else tables for source in self.sources]
+        times = [t if tables is None or not jumps(source) else tables for source in self.sources]
         if self.names is None:
             return self.sources[0](times[0]) if isinstance(self.sources[0], Signal) else held
         rows = zip(self.names, self.sources, times, strict=True)
         given = {} if held is None else held.asdict()
         return Named(**{name: _now(source, time, given.get(name)) for name, source, time in rows})
-
-
-def _jumps(source: object) -> bool:
-    return isinstance(source, Held) and source.jumps
 
 
 def _now(source: object, t: Scalar, held: PyTree) -> PyTree:

@@ -14,7 +14,7 @@ from coadjoint.mechanics.copies import replaced
 from coadjoint.mechanics.inputs import Command
 from coadjoint.mechanics.reactions import site
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
-from coadjoint.mechanics.signals import Held, Signal
+from coadjoint.mechanics.signals import Signal, jumps
 from coadjoint.mechanics.state import State
 
 SMOOTH = "give a signal without jumps, such as co.Linear(times, values)"
@@ -61,8 +61,6 @@ def _jumps(
 
 def _jumping(source: object) -> str:
     """How an input jumps, in words; empty for signals without jumps."""
-    if isinstance(source, Held):
-        return "a co.Held that jumps" if source.jumps else ""
     if isinstance(source, Signal):
-        return ""
+        return "a co.Held that jumps" if jumps(source) else ""
     return "a command held over steps" if isinstance(source, Command) else "a function of the motion, held over steps"

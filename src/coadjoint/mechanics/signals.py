@@ -125,13 +125,13 @@ class Held(_Table):
         early = EARLY * number.min(gaps) if len(gaps) else 0.0
         return self.times[1:] - early, [self.values]
 
-    @cached_property
-    def jumps(self) -> bool:
-        """Whether its values, which are known, differ."""
-        return bool(np.ptp(self.values, axis=0).any())
-
     def __call__(self, t: Array | float) -> Array:
         return self._row(self._time(t))[0]
+
+
+def jumps(source: object) -> bool:
+    """Whether an input is a `Held` whose values differ."""
+    return isinstance(source, Held) and bool(np.any(source.values != source.values[:1]))
 
 
 class Linear(_Table):
