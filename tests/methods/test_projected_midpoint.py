@@ -66,6 +66,7 @@ HELD = on_plane(lambda xi, n, nu, *, inputs: inputs.b * n[1] * nu[0] - n @ n)
 GAUGED = on_plane(lambda xi, n, nu, p: p.k * n[1] * nu[0] - 0.5 * p.w * n @ n, parameters={"k": 2.0, "w": 3.0})
 NO_NUMBER = PLANE.with_forces(lambda motion: co.Force(force=jnp.nan * motion.nu))
 CANCELLED = PLANE.with_forces(lambda motion: co.Force(force=jnp.stack([motion.nu[1], -motion.nu[0]])))
+VANISHING = on_plane(lambda xi, n, nu: n[0] ** 2 * nu[1] - n[0] - 0.1 * n[1])
 ON_SPHERE = co.System(co.SO3(), lambda xi, n, nu: n @ xi, additional=co.Sphere())
 REGULAR = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
 BY_MOMENTA = co.System(co.SO3(), hamiltonian=lambda mu: 0.5 * mu @ mu)
@@ -103,6 +104,12 @@ WRONG = {
     ),
     "drag that is quadratic": (lambda: run_of(PULLED, P(), q=[1, 0]), "must be affine in them"),
     "a singular form": (lambda: run_of(LIGHT, P(), q=[1, 0]), "must be regular, but motion along .* does not enter"),
+    "a form that vanishes on the way": (
+        lambda: co.simulate(
+            VANISHING, VANISHING.state(q=[0.3, 1]), dt=0.05, steps=200, method=P(), accuracy=False, monitors=False
+        ),
+        "or look for a place where ω = dϑ is singular",
+    ),
     "an orbit": (lambda: run_of(SPIN, P(), a0=[0, 0, 1]), "on a coadjoint orbit, give ℋ.μ. and use co.Hamiltonian"),
     "momenta of inputs": (lambda: run_of(HELD, P(), q=[1, 0], inputs={"b": 2.0}), "must not depend on `inputs`"),
     "a mass in one direction": (lambda: run_of(HALF, P(), q=[0, 1]), "mass matrix .* is singular"),
