@@ -1,10 +1,11 @@
-"""Andrews' squeezer by Coadjoint, MuJoCo and Exudyn: error of the crank after 0.03 s against processor time.
+"""Andrews' squeezer and Bricard's mechanism by Coadjoint, MuJoCo and Exudyn: errors against processor time.
 
-Run as: python benchmarks/mechanisms.py [coadjoint mujoco exudyn]; libraries that are missing are left out. It prints a
-line for each step size: largest error of four angles, rad, and the processor time of stepping, s, the least of three.
+Run as: python -m benchmarks.mechanisms [coadjoint mujoco exudyn]; libraries that are missing are left out. For each
+mechanism and step it prints the largest error, of four angles of the squeezer after 0.03 s, rad, or of a point of
+Bricard's mechanism during 10 s, m; and the processor time of stepping, s, the least of three runs.
 
-MuJoCo has the seven bodies in four trees with three equality constraints `connect` at the pin, as stiff as its step
-allows; Exudyn has bodies in the plane with ten `RevoluteJoint2D` and its generalised-alpha solver of index 2.
+MuJoCo has the squeezer's seven bodies in four trees with three equality constraints `connect` at the pin, as stiff as
+its step allows; Exudyn has bodies in the plane with ten `JointRevolute2D` and its generalised-alpha solver.
 """
 
 from __future__ import annotations
@@ -13,9 +14,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+
+from benchmarks import bricard
+from benchmarks.bricard import Contender
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from mechanisms import ANDREWS, andrews
@@ -31,17 +36,18 @@ def off(found: np.ndarray) -> float:
     return float(np.max(np.abs(np.angle(np.exp(1j * (found - CHANGES[list(FREE.values())]))))))
 
 
-def least(once: Callable[[], np.ndarray]) -> tuple[float, float]:
-    """The error of what `once` returns, and its least processor time of three, s."""
-    seconds = []
+def least(prepare: Callable[[], Callable[[], np.ndarray]]) -> tuple[np.ndarray, float]:
+    """What a run returns, and its least processor time of three, s."""
+    found, seconds = np.zeros(0), []
     for _ in range(3):
+        run = prepare()
         began = time.process_time()
-        found = once()
+        found = run()
         seconds.append(time.process_time() - began)
-    return off(found), min(seconds)
+    return found, min(seconds)
 
 
-def by_coadjoint() -> Iterator[tuple[str, float, float, float]]:
+def by_coadjoint() -> Iterator[Contender]:
     import coadjoint as co
 
     made = andrews()
@@ -52,21 +58,22 @@ def by_coadjoint() -> Iterator[tuple[str, float, float, float]]:
     ):
         for count in steps:
             push = {"crank": TORQUE}
-            steppers = [
-                co.Stepper(made.system, start, dt=DURATION / count, method=method, inputs=push) for _ in range(4)
-            ]
-            steppers.pop().step(push, n=1)
+            stepper = co.Stepper(made.system, start, dt=DURATION / count, method=method, inputs=push)
 
-            def once(steppers=steppers, count=count, push=push):
-                stepper = steppers.pop()
-                stepper.step(push, n=count)
-                R = np.asarray(stepper.state.g)
-                return np.arctan2(R[:, 1, 0], R[:, 0, 0])[[0, 2, 4, 6]]
+            def prepare(stepper=stepper, count=count, push=push):
+                stepper.reset()
 
-            yield f"Coadjoint, {name}", DURATION / count, *least(once)
+                def run():
+                    stepper.step(push, n=count)
+                    R = np.asarray(stepper.state.g)
+                    return np.arctan2(R[:, 1, 0], R[:, 0, 0])[[0, 2, 4, 6]]
+
+                return run
+
+            yield f"Coadjoint, {name}", DURATION / count, prepare
 
 
-def by_mujoco() -> Iterator[tuple[str, float, float, float]]:
+def by_mujoco() -> Iterator[Contender]:
     import mujoco
 
     made = andrews()
@@ -91,31 +98,36 @@ def by_mujoco() -> Iterator[tuple[str, float, float, float]]:
     )
     world += body("K3", "B", np.zeros(3)) + f'<site name="C" pos="{text(joints["spring"].at)}"/>'
     P, pin = joints["P3"].at, joints["pin"].at
-    for integrator, steps in (("RK4", (3000, 10000)), ("implicitfast", (3000, 10000, 30000))):
-        for count in steps:
-            dt = DURATION / count
-            held = "".join(
-                f'<connect body1="K2" body2="{name}" anchor="{text(P - pin)}" solref="{2 * dt} 1"/>'
-                for name in ("K3", "K4", "K6")
-            )
-            model = mujoco.MjModel.from_xml_string(
-                f'<mujoco><option timestep="{dt}" gravity="0 0 0" integrator="{integrator}" tolerance="1e-14"/>'
-                f'<compiler inertiafromgeom="false" boundmass="0" balanceinertia="true"/><worldbody>{world}</worldbody>'
-                f'<equality>{held}</equality><actuator><motor joint="K1"/></actuator>'
-                f'<tendon><spatial stiffness="4530" springlength="0.07785"><site site="C"/><site site="K3"/></spatial>'
-                "</tendon></mujoco>"
-            )
+    runs = [("RK4", 3000), ("RK4", 10000), ("implicitfast", 3000), ("implicitfast", 10000), ("implicitfast", 30000)]
+    for (integrator, count), impedance in product(runs, ("0.9 0.95", "0.9999 0.9999")):
+        dt = DURATION / count
+        held = "".join(
+            f'<connect body1="K2" body2="{name}" anchor="{text(P - pin)}" solref="{2 * dt} 1"'
+            f' solimp="{impedance} 0.001"/>'
+            for name in ("K3", "K4", "K6")
+        )
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><option timestep="{dt}" gravity="0 0 0" integrator="{integrator}" tolerance="1e-14"/>'
+            f'<compiler inertiafromgeom="false" boundmass="0" balanceinertia="true"/><worldbody>{world}</worldbody>'
+            f'<equality>{held}</equality><actuator><motor joint="K1"/></actuator>'
+            f'<tendon><spatial stiffness="4530" springlength="0.07785"><site site="C"/><site site="K3"/></spatial>'
+            "</tendon></mujoco>"
+        )
 
-            def once(model=model, count=count):
-                data = mujoco.MjData(model)
-                data.ctrl[0] = TORQUE
+        def prepare(model=model, count=count):
+            data = mujoco.MjData(model)
+            data.ctrl[0] = TORQUE
+
+            def run():
                 mujoco.mj_step(model, data, nstep=count)
                 return np.array([data.joint(name).qpos[0] for name in FREE])
 
-            yield f"MuJoCo, {integrator}", dt, *least(once)
+            return run
+
+        yield f"MuJoCo, {integrator}, solimp {impedance}", dt, prepare
 
 
-def by_exudyn() -> Iterator[tuple[str, float, float, float]]:
+def by_exudyn() -> Iterator[Contender]:
     import exudyn
     from exudyn import itemInterface as items
 
@@ -153,22 +165,34 @@ def by_exudyn() -> Iterator[tuple[str, float, float, float]]:
         return mbs, nodes
 
     for count in (300, 1000, 3000, 10000):
-        settings.timeIntegration.numberOfSteps = count
-        found, seconds = np.zeros(4), []
-        for _ in range(3):
+
+        def prepare(count=count):
+            settings.timeIntegration.numberOfSteps = count
             mbs, nodes = built()
-            began = time.process_time()
-            mbs.SolveDynamic(settings)
-            seconds.append(time.process_time() - began)
-            found = np.array([mbs.GetNodeOutput(nodes[n], exudyn.OutputVariableType.Coordinates)[2] for n in FREE])
-        yield "Exudyn, generalised alpha", DURATION / count, off(found), min(seconds)
+
+            def run():
+                mbs.SolveDynamic(settings)
+                place = exudyn.OutputVariableType.Coordinates
+                return np.array([mbs.GetNodeOutput(nodes[name], place)[2] for name in FREE])
+
+            return run
+
+        yield "Exudyn, generalised alpha", DURATION / count, prepare
 
 
-BY = {"coadjoint": by_coadjoint, "mujoco": by_mujoco, "exudyn": by_exudyn}
+MECHANISMS = {
+    "Andrews' squeezer, rad": (off, {"coadjoint": by_coadjoint, "mujoco": by_mujoco, "exudyn": by_exudyn}),
+    "Bricard's mechanism, m": (
+        bricard.off,
+        {"coadjoint": bricard.by_coadjoint, "mujoco": bricard.by_mujoco, "exudyn": bricard.by_exudyn},
+    ),
+}
 
 if __name__ == "__main__":
-    print("| by | step (s) | largest error (rad) | processor time (s) |\n|---|---|---|---|")
-    for library in sys.argv[1:] or BY:
-        if find_spec(library):
-            for name, dt, error, seconds in BY[library]():
-                print(f"| {name} | {dt:.0e} | {error:.1e} | {seconds:.2g} |", flush=True)
+    for title, (error, by) in MECHANISMS.items():
+        print(f"| {title}: by | step (s) | largest error | processor time (s) |\n|---|---|---|---|")
+        for library in sys.argv[1:] or by:
+            if find_spec(library):
+                for name, dt, prepare in by[library]():
+                    found, seconds = least(prepare)
+                    print(f"| {name} | {dt:.0e} | {error(found):.1e} | {seconds:.2g} |", flush=True)
