@@ -165,9 +165,9 @@ def test_several_points_keep_a_potential_that_is_not_quadratic():
 
 
 def test_what_does_not_fit_is_refused():
-    sphere, start = random_system("SO3 on a sphere")
-    with pytest.raises(co.errors.ArgumentError, match="needs flat spaces"):
-        co.EnergyMomentum().begin(sphere, start, 0.1)
+    compass = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ xi - a[2], advected=co.Sphere())
+    with pytest.raises(co.errors.ArgumentError, match=r"needs affine actions and a flat V\*"):
+        co.EnergyMomentum().begin(compass, compass.state(a0=[0, 0, 1]), 0.1)
     skewed, start = system_on(SL2, co.spaces.Adjoint(), None, False, "adjoint of SL2")
     with pytest.raises(co.errors.GroupError, match=r"use co\.Exponential"):
         co.EnergyMomentum(co.Cayley()).begin(skewed, start, 0.1)

@@ -19,6 +19,7 @@ from coadjoint.mechanics.discrete import Point, power
 from coadjoint.mechanics.reduced_functions import added
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.energy_momentum_on_curved import ENDS, CurvedLeap, curved_leap, first_guess, mean_velocity, split
 from coadjoint.methods.increments import HalfStepSquared
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.quadrature import gauss
@@ -64,8 +65,12 @@ class EnergyMomentum(Method, HalfStepSquared):
     h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩ − ∂_tℓ): both are exact, but the symplectic form is not kept. points: Gauss points for
     the mean, by default 1. ℋ is kept to round-off if it is a polynomial of degree ≤ 2·points in (μ, π, n, a); one point
     suffices for bodies, tops and vehicles. Otherwise ℋ is kept up to O(h^{2·points}). The unknowns are the velocities
-    at the points, ∂_{(ξ,ν)}ℓ = (μ, π) there: ℋ itself is never formed. Source: Gonzalez 1996; McLachlan, Quispel,
-    Robidoux 1999 for ∇̄; the form on G is this library's own.
+    at the points, ∂_{(ξ,ν)}ℓ = (μ, π) there: ℋ itself is never formed.
+
+    On a curved Q every ℋ is kept to round-off: ν = A(ρ + v), κ = A*(φ + b) + f, where v and b are normal up to O(h) and
+    hold n₁ on Q and π₁ on T*Q. The mean is that of the gradients at both ends, with a correction along x₁ − x₀ by which
+    ⟨(ξ, ρ + v, −φ − b, −β), x₁ − x₀⟩ = ℋ₁ − ℋ₀; points is not used.
+    Source: Gonzalez 1996; McLachlan, Quispel, Robidoux 1999 for ∇̄; the forms on G and on Q are this library's own.
     """
 
     constrainable = False
@@ -100,25 +105,30 @@ class EnergyMomentum(Method, HalfStepSquared):
         return ((self, 1.0),)
 
     def require_fit(self, system: System) -> None:
-        """Raise if the straight line between nodes leaves the space, or the map's secant is not known."""
+        """Raise if V* is curved or an action is not affine, or the map's secant is not known."""
         super().require_fit(system)
         for space in (system.additional, system.advected):
-            if not (space.flat and space.affine):
+            if not space.affine or (space is system.advected and not space.flat):
                 raise ArgumentError(
-                    "EnergyMomentum needs flat spaces with affine actions, because it draws straight lines in them, "
+                    "EnergyMomentum needs affine actions and a flat V*, because it draws straight lines in them, "
                     f"but got {space!r}: use co.Midpoint(), or, for a sphere, co.Defining() with a constant length."
                 )
             require_secant(self.difference_map, system.group, space)
 
     def blocks(self, system: System) -> tuple[int, ...]:
-        return self.points * system.group.dim, self.points * system.additional.dim(system.group)
+        group, Q, _ = system.places
+        sets = self.points if Q.flat else len(ENDS[0])
+        of_points = sets * group.dim, sets * Q.dim(group)
+        return of_points if Q.flat else (*of_points, Q.ambient(group), Q.ambient(group), group.dim + 1)
 
-    def _means(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss's places in (0, 1) and weights."""
+    def _means(self, system: System) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss's places in (0, 1) and weights; on a curved Q the ends."""
         rule = gauss(self.points)
-        return rule.c, rule.b
+        return (rule.c, rule.b) if system.additional.flat else ENDS
 
     def remember(self, system: System, state: State) -> State:
+        if not system.additional.flat:
+            return state.replace(memory=np.zeros(sum(self.blocks(system))))
         return state if self.points == 1 else state.replace(memory=self._spread(state.xi, state.nu))
 
     def _spread(self, xi: Array, nu: Array) -> Array:
@@ -126,11 +136,17 @@ class EnergyMomentum(Method, HalfStepSquared):
         return jnp.concatenate([jnp.tile(xi, self.points), jnp.tile(nu, self.points)])
 
     def guess(self, system: System, state: State, h: Scalar) -> Array:
+        if not system.additional.flat:
+            return first_guess(system, state, h, len(ENDS[0]))
         return jnp.concatenate([state.xi, state.nu]) if self.points == 1 else state.memory
 
     def record(self, system: System, state: State, h: Scalar, z: Array) -> State:
         """ξ and ρ, the means over the points; all of z stays in the memory where there are several."""
-        _, weights = self._means()
+        _, weights = self._means(system)
+        if not system.additional.flat:
+            found = split(system, z, len(weights))
+            nu = mean_velocity(system, state, found, weights)
+            return state.replace(xi=found.turn, nu=nu, memory=z)
         xi, nu = (jnp.asarray(weights) @ part for part in self._velocities(system, z))
         return state.replace(xi=xi, nu=nu, memory=state.memory if self.points == 1 else z)
 
@@ -139,9 +155,11 @@ class EnergyMomentum(Method, HalfStepSquared):
         end = self.blocks(system)[0]
         return z[:end].reshape(self.points, -1), z[end:].reshape(self.points, -1)
 
-    def _leap(self, system: System, record: State, h: Scalar) -> _Leap:
-        group, Q, V = system.places
-        places, weights = self._means()
+    def _leap(self, system: System, record: State, h: Scalar) -> _Leap | CurvedLeap:
+        if not system.additional.flat:
+            found = split(system, record.memory, len(ENDS[0]))
+            return curved_leap(self.difference_map, system, record, h, found, ENDS)
+        (group, Q, V), (places, weights) = system.places, self._means(system)
         xi, map_ = record.xi, self.difference_map
         half = map_.tau(group, 0.5 * h * xi)
         back = group.inverse(half)
@@ -197,7 +215,9 @@ class EnergyMomentum(Method, HalfStepSquared):
 
     def equations(self, system: System, record: State, h: Scalar) -> Array:
         """∂_ξℓ − μ and ∂_νℓ − π at the points of the line from (μ₀, π₀) to (μ₁, π₁)."""
-        leap, (places, _) = self._leap(system, record, h), self._means()
+        leap, (places, _) = self._leap(system, record, h), self._means(system)
+        if isinstance(leap, CurvedLeap):
+            return leap.rows
         of_mu, of_pi = [], []
         for c, at in zip(places, leap.slopes, strict=True):
             of_mu.append(at.mu - record.mu - c * (leap.mu - record.mu))
@@ -216,7 +236,7 @@ class EnergyMomentum(Method, HalfStepSquared):
 
     def work(self, system: System, record: State, h: Scalar) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩) of each force, then −h mean ∂_tℓ: the change of ℋ, to round-off."""
-        leap, (_, weights) = self._leap(system, record, h), self._means()
+        leap, (_, weights) = self._leap(system, record, h), self._means(system)
         forces = system.body_forces(system.motion(*leap.middle, record.inputs, record.over_step))
         along_t = cast(Array, sum(w * at.along_t for w, at in zip(weights, leap.slopes, strict=True)))
         return h * power(forces, record.xi, leap.middle.nu, [along_t] if system.depends_on_time else [])
