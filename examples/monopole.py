@@ -1,10 +1,8 @@
 """Charged particles and a charged pendulum on a sphere around a magnetic monopole: motions on Hopf's fibration.
 
 Run as: python examples/monopole.py [duration of the pendulum in s]
-It prints how far the motions are from closed forms, and writes monopole.png.
-
-No potential of a monopole's field covers the sphere: S³ → S² has no global section. Motions go through two of them,
-north and south, and the momentum along the fibre U(1) is the charge.
+It prints how far the motions are from closed forms, and writes monopole.png. No potential of a monopole's field covers
+the sphere: motions go through two sections of S³ → S², north and south; the momentum along U(1) is the charge.
 """
 
 import sys
@@ -18,7 +16,7 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import hopf
 
-duration = float(sys.argv[1]) if len(sys.argv) > 1 else 12.0
+steps = max(round(100 * float(sys.argv[1])), 1) if len(sys.argv) > 1 else 1200
 bundle = hopf.fibration()
 
 
@@ -50,47 +48,33 @@ for charge in (0.5, 1.0, 2.0, 4.0):
     geometric = (np.angle(np.conj(first) @ last) - charge * period) % (2 * np.pi)
     circles[charge] = run, rho, geometric
     axis = np.cross(x, -v) - 0.5 * charge * x
-    axis /= np.linalg.norm(axis)
-    off = np.max(np.abs(run.x @ axis - x @ axis))
+    off = np.max(np.abs((run.x - x) @ axis)) / np.linalg.norm(axis)
     print(f"charge {charge:g}: off its circle by {off:.0e}, charge kept within {np.ptp(run.momentum):.0e}, "
           f"{np.count_nonzero(np.diff(run.section))} changes of section")  # fmt: skip
 
 pendulum = start([np.sin(1.0), 0.0, np.cos(1.0)], [0.0, 0.6, 0.0], 3.0)
-steps = max(round(duration / 0.01), 1)
 runs = [co.theory.bundle_motion(bundle, particle(3.0), *pendulum, dt=0.01, steps=steps, margin=m) for m in (0.2, 0.8)]
 apart = np.max(np.abs(runs[0].p - runs[1].p))
 print(f"pendulum: sections changed earlier or later move it by {apart:.0e}")
 
 figure = plt.figure(figsize=(8.4, 3.2), layout="constrained")
-ball = np.mgrid[0 : np.pi : 25j, 0 : 2 * np.pi : 49j]
-grid = np.stack([np.sin(ball[0]) * np.cos(ball[1]), np.sin(ball[0]) * np.sin(ball[1]), np.cos(ball[0])])
-COLOURS = np.array(["#0072B2", "#D55E00"])
-
-
-def draw(axes, curves, title):
-    axes.plot_wireframe(*grid, rcount=9, ccount=13, color="0.85", linewidth=0.5)
+polar, turn = np.mgrid[0 : np.pi : 9j, 0 : 2 * np.pi : 13j]
+sphere = np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)
+panels = ("charges 0.5, 1, 2, 4", [run for run, *_ in circles.values()]), ("charged pendulum", runs[:1])
+for i, (title, curves) in enumerate(panels):
+    axes = figure.add_subplot(1, 3, i + 1, projection="3d", title=title)
+    axes.plot_wireframe(*sphere, color="0.85", linewidth=0.5)
     for run in curves:
-        for k, side in enumerate(("north", "south")):
-            x = np.where((run.section == k)[:, None], run.x, np.nan)
-            axes.plot(*x.T, color=COLOURS[k], linewidth=1.2, label=side if run is curves[0] else None)
-    axes.set(title=title, xticks=[], yticks=[], zticks=[])
+        for k, colour in enumerate(("C0", "C1")):
+            axes.plot(*np.where((run.section == k)[:, None], run.x, np.nan).T, colour, linewidth=1.2)
     axes.set_box_aspect((1, 1, 1), zoom=1.45)
     axes.view_init(elev=12, azim=-60)
     axes.set_axis_off()
-
-
-draw(figure.add_subplot(1, 3, 1, projection="3d"), [run for run, *_ in circles.values()], "charges 0.5, 1, 2, 4")
-hung = figure.add_subplot(1, 3, 2, projection="3d")
-draw(hung, runs[:1], "charged pendulum")
-figure.legend(*hung.get_legend_handles_labels(), title="through the section", loc="lower left", ncols=2, frameon=False,
-              fontsize=8, title_fontsize=8)  # fmt: skip
-phase = figure.add_subplot(1, 3, 3)
-area = np.linspace(0, 2 * np.pi, 50)
-phase.plot(area, area / 2, color="0.6", label="half the solid angle")
+axes.legend(axes.lines, ("north", "south"), loc="upper center", bbox_to_anchor=(0.5, 0.1), ncols=2, fontsize=8)
+phase = figure.add_subplot(1, 3, 3, title="phase of one turn (rad)", xlabel="solid angle of the circle")
+phase.plot([0, 2 * np.pi], [0, np.pi], color="0.6")  # half the solid angle
 for charge, (_, rho, geometric) in circles.items():
     solid = 2 * np.pi * (1 - np.cos(rho))
-    phase.plot(solid, geometric, "o", color=COLOURS[0])
+    phase.plot(solid, geometric, "C0o")
     phase.annotate(f"e = {charge:g}", (solid, solid / 2), (5, -9), textcoords="offset points", fontsize=8)
-phase.set(xlabel="solid angle of the circle", ylabel="geometric phase (rad)", title="phase after one turn")
-phase.legend(frameon=False, loc="upper left", fontsize=8)
 figure.savefig("monopole.png", dpi=150)

@@ -55,7 +55,6 @@ SCRIPTS = {
     "examples/alfven_waves.py": ["alfven_waves"],
     "examples/fluid_drop.py": ["fluid_drop"],
     "examples/falling_rod.py": ["falling_rod"],
-    "examples/monopole.py": ["monopole"],
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],
     "examples/satellite.py": ["satellite"],

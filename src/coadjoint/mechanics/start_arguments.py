@@ -194,7 +194,7 @@ def _pair(system: ReducedFunctions, q: Coordinates | None, qdot: Coordinates | N
 def require_tangent(
     Q: Space, group: LieGroup, point: Array, velocity: Array, name: str = "qdot", place: str = "q"
 ) -> None:
-    """Raise ArgumentError where q̇ leaves T_qQ: E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
+    """Raise ArgumentError where q̇ leaves T_qQ, both (ambient,): E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
     if Q.flat or traced(point, velocity):
         return
     within = evaluate(lambda x, v: Q.tangent(group, x, Q.coordinates(group, x, v)), point, velocity)

@@ -245,7 +245,7 @@ def kept(state: State) -> Reactions | None:
 
 
 def begun_in_trace(system: System, state: State, known: Known) -> tuple[State, Array | None]:
-    """A state begun inside jit, grad or vmap with its independent rows; whether it is on the constraints, if unknown.
+    """A state begun inside jit, grad or vmap with its rows (m,); whether it is on the constraints, if unknown.
 
     known: `known_start` of the system.
     """
