@@ -1,8 +1,7 @@
 """A heavy top advected by noise: Casimirs on every path, and strong and weak orders against Heun's method.
 
-Run as: python examples/stochastic_top.py [members, 1000]
-It prints the orders and writes stochastic_top.png. Stochastic advection by Lie transport: ξ dt = ∂ℋ/∂μ dt +
-Σ σ_i e_i ∘ dW_i moves μ, a and g. The midpoint rule reads ΔW/h, held over a step; Heun's method runs on the same paths.
+Run as: python examples/stochastic_top.py [members, 1000]; it prints the orders and writes stochastic_top.png.
+Stochastic advection by Lie transport, ξ dt = ∂ℋ/∂μ dt + Σ σ_i e_i ∘ dW_i; the midpoint rule holds ΔW/h over a step.
 """
 
 import sys
@@ -60,11 +59,8 @@ orders = {k: {kind: np.polyfit(np.log(h), np.log(e), 1)[0] for kind, e in both.i
 for name, both in orders.items():
     print(f"{name:>16}: strong order {both['strong']:.2f}, weak order {both['weak']:.2f}")
 steps, h_long = 4000, 0.025  # one long path: E changes, |a| and μ·a, the Casimirs of SE(3)*, do not
-noise = {
-    "noise": np.random.default_rng(6).normal(size=(steps + 1, 3)) / np.sqrt(h_long),
-    "dt": h_long,
-    "sigma": [0.2] * 3,
-}
+path = np.random.default_rng(6).normal(size=(steps + 1, 3)) / np.sqrt(h_long)
+noise = {"noise": path, "dt": h_long, "sigma": [0.2] * 3}
 top = co.System(co.SO3(), hamiltonian=hamiltonian, advected=co.Defining(), parameters=noise)
 run = co.simulate(top, top.state(mu=mu0, a0=a0), dt=h_long, steps=steps)
 mu, a = run.records.mu, run.records.a
