@@ -70,9 +70,7 @@ print({name: f"changes by {np.ptp(values):.0e}" for name, values in {**casimirs,
 figure, (left, right), x = *plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained"), np.log2(h)
 for name, style in (("one direction", "-"), ("three directions", "--")):
     for kind, mark in (("strong", "o"), ("weak", "s")):
-        left.semilogy(
-            x, errors[name][kind], style, marker=mark, ms=4, label=f"{kind}, {name}: {orders[name][kind]:.1f}"
-        )
+        left.semilogy(x, errors[name][kind], mark + style, ms=4, label=f"{kind}, {name}: {orders[name][kind]:.1f}")
 left.set(xlabel="log₂ h", ylabel="error of (μ, a) at t = 1", title="orders of the midpoint rule")
 left.legend(fontsize=6)
 for name, values in {"energy": energy, **casimirs}.items():
