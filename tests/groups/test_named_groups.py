@@ -114,13 +114,6 @@ def test_matrix_exponential_is_exact_to_round_off_within_its_reach(size):
     assert np.all(np.isnan(evaluate(exponential, np.diag([1.1 * REACH, 0.0]))))
 
 
-@pytest.mark.parametrize("size", [1e-9, 1.0, 3.0])
-def test_the_exponential_less_one_keeps_the_relative_precision_of_small_rotations(size):
-    xi = size * np.array([0.6, -0.48, 0.64])
-    found, series = evaluate(lambda xi: (co.SO3().exp_less_one(xi), exponential_minus_one(co.SO3().hat(xi))), xi)
-    np.testing.assert_allclose(found, series, rtol=0, atol=4e-16 * size)
-
-
 def test_matrix_exponential_takes_large_translations():
     """Nilpotent parts count little: a rotation with a translation by 500."""
     A = np.zeros((4, 4))

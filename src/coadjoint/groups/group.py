@@ -17,7 +17,7 @@ from coadjoint import checks
 from coadjoint.arrays import Array as Array
 from coadjoint.arrays import PyTree
 from coadjoint.errors import GroupError, must_give
-from coadjoint.groups.matrix_functions import exponential, exponential_minus_one, logarithm
+from coadjoint.groups.matrix_functions import exponential, logarithm
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 Element = PyTree
@@ -116,10 +116,6 @@ class LieGroup:
     def exp(self, xi: Array) -> Element:
         """e^ξ̂ of ξ (dim,), an element; NaN where |ξ̂| is over 19, the reach of `matrix_exponential`."""
         return self.from_matrix(exponential(self.hat(xi)))
-
-    def exp_less_one(self, xi: Array) -> Array:
-        """e^ξ̂ − 1 of ξ (dim,), a matrix, with the relative precision of ξ."""
-        return exponential_minus_one(self.hat(xi))
 
     def log(self, g: Element) -> Array:
         """ξ (dim,) with exp(ξ) = g, of an element g: the inverse of `exp` near e, on its principal branch.

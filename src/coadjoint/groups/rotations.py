@@ -144,10 +144,6 @@ class SO3(_Rotations):
         t, omega = xi @ xi, skew(xi)
         return jnp.eye(3) + sine_ratio(t) * omega + versine_ratio(t) * (omega @ omega)
 
-    def exp_less_one(self, xi: Array) -> Array:
-        t, omega = xi @ xi, skew(xi)
-        return sine_ratio(t) * omega + versine_ratio(t) * (omega @ omega)
-
     def _log(self, g: Array) -> Array:
         return of_quaternion(quaternion(g))
 

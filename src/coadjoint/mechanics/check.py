@@ -39,7 +39,7 @@ def check(system: ReducedFunctions, start: State, regular: bool = True) -> list[
     """
     if system.discrete_lagrangian is not None or system.group_lagrangian is not None:
         _check_discrete(system, start)
-    _check_forces(system, start, regular)
+    _check_forces(system, start, regular or system.hamiltonian is not None or not system.continuous)
     if not system.continuous:
         return []
     what, function = given(system)
@@ -98,7 +98,7 @@ def _check_discrete(system: ReducedFunctions, start: State) -> None:
 def _check_forces(system: ReducedFunctions, start: State, regular: bool) -> None:
     """Raise unless every force is float64 and, where it is finite, has a finite derivative in the velocities.
 
-    regular: whether velocities are those of the start; otherwise forces determine them, and must be finite.
+    regular: whether velocities are given; those of a degenerate ℓ follow from forces, which must be finite.
     """
     if system.forces is None:
         return

@@ -14,6 +14,7 @@ from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
+from coadjoint.groups.matrix_functions import exponential_minus_one
 from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.spaces.space import Embedded, checked_vector
@@ -93,7 +94,7 @@ class GroupItself(Embedded):
     def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
         """x(exp η − 1) for u = xη̂."""
         own, at = self._own(group), self.view(group, x)
-        less = own.exp_less_one(self.body_velocity(group, x, u))
+        less = exponential_minus_one(own.hat(self.body_velocity(group, x, u)))
         return jax.jvp(lambda h: flattened(own.compose(at, h)), (own.identity(),), (own.from_matrix(less),))[1]
 
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
