@@ -60,7 +60,6 @@ MECHANICS: dict[str, Case] = {
     "members in a copy of a state": (
         lambda: BARE.state().replace(mu=co.each(np.eye(3))), "`mu` must be of one member: give co.each to system.state",
     ),
-    "a composition of nothing": (lambda: co.Suzuki4(), r"as in co.Suzuki4\(co.Midpoint\(\)\), but got None"),
     "a keyword of a run": (lambda: co.simulate(BARE, BARE.state(), dt=0.1, step=3), "do you mean `steps`"),
     "a keyword of a trajectory": (lambda: co.trajectory(BARE, BARE.state(), h=0.1), "no argument `h`: it takes system"),
     "a keyword of a stepper": (lambda: co.Stepper(BARE, BARE.state(), dt=0.1, input=()), "do you mean `inputs`"),

@@ -113,7 +113,12 @@ def test_the_motion_upstairs_is_stationary_and_does_not_know_where_sections_chan
     heavy = monopole(MASS, FIBRE, 2.0)
     start = started(heavy, 1.5, 0.8)
     p = np.concatenate([np.ravel(co.SO3().basis[0] @ co.SO3().basis[0] + np.eye(3) + co.SO3().basis[0]), [-0.8, 0.1]])
-    skew = p, np.concatenate([np.ravel(p[:9].reshape(3, 3) @ co.SO3().basis.T @ [0.4, -0.9, 0.6]), [0.9, 0.3]])
+    skew = (
+        p,
+        np.concatenate(
+            [np.ravel(p[:9].reshape(3, 3) @ np.einsum("kij,k", co.SO3().basis, [0.4, -0.9, 0.6])), [0.9, 0.3]]
+        ),
+    )
     h = 0.05
     for bundle, lagrangian, begin in ((HOPF, heavy, start), (skew_bundle(), skew_lagrangian, skew)):
         P, group = bundle.total, bundle.group

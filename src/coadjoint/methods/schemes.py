@@ -13,9 +13,7 @@ from coadjoint.methods.method import Method, Start
 class _Scheme(Composition):
     """A composition of known coefficients over a symmetric method of order 2; `first`: those up to the middle one."""
 
-    def __init__(
-        self, base: Method | None = None, start: Start | None = None, negative_substeps: NegativeSubsteps = "refuse"
-    ):
+    def __init__(self, base: Method, start: Start | None = None, negative_substeps: NegativeSubsteps = "refuse"):
         if not isinstance(base, Method) or base.order != 2 or not base.symmetric:
             raise ArgumentError(
                 f"{type(self).__name__} needs a symmetric method of order 2, as in co.Suzuki4(co.Midpoint()), "
