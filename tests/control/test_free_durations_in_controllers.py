@@ -162,3 +162,17 @@ def test_a_fixed_horizon_has_times_too():
 def test_what_a_free_duration_has_not_raises(problem, given, told):
     with pytest.raises(ArgumentError, match=told):
         quickest(**problem).controller(**given)
+
+
+@pytest.mark.parametrize("soft", [Penalty(linear=100.0), None])
+def test_a_short_motion_that_misses_its_end_gives_way_to_one_that_reaches_it(soft):
+    """From x = 0.6515 m at 1.53 m/s, with |u| ≤ 2 N: back after an overshoot, T = v/a + 2 √(v²/2a² − d/a)."""
+    problem = quickest(
+        dt=0.1, steps=20, inputs={"push": Input((1,), -2, 2)}, end=End(g=[1.0], xi=[0.0], soft=soft),
+        free_duration=(0.11, 5.0), accuracy=False,
+    )  # fmt: skip
+    T = 1.53 / 2 + 2 * math.sqrt(1.53**2 / 8 - 0.3485 / 2)
+    answer = problem.controller()(state(0.0, 0.6515, 1.53))
+    assert answer.status == "solved" and answer.duration == pytest.approx(T, abs=4e-3)
+    if soft is not None:
+        assert problem.solve(start=state(0.0, 0.6515, 1.53)).duration == pytest.approx(T, abs=4e-3)

@@ -138,6 +138,7 @@ def test_without_a_fallback_the_guesses_of_the_inputs_act():
     controller = turning(path=slow, inputs={"torque": Input((3,), -2, 2, guess=0.25)}).controller()
     answer = controller(BODY.state(xi=[3.0, 0.0, 0.0]))
     assert answer.status == "guess" and np.all(answer.command["torque"] == 0.25)
+    assert controller(BODY.state(xi=[3.0, 0.0, 0.0]).replace(t=0.1)).status == "guess"
 
 
 def test_prepared_before_the_state_or_with_it_the_answer_is_the_same():

@@ -133,6 +133,8 @@ def test_inputs_are_held_between_nodes_and_stand_against_their_bounds():
     assert np.array_equal(lines[1].get_ydata(), torque[:, 1]) and lines[0].get_drawstyle() == "steps-post"
     for bounds, words in (
         ({"pull": (0, 1)}, "no input `pull`"),
+        ({"torque": (4, -4)}, "lower bounds of `torque`"),
+        ({"torque": ([-4, -3, 2], 4)}, "must give `torque`"),
         ({"torque": 3}, "must give `torque` \\(lower, upper\\)"),
     ):
         with pytest.raises(ArgumentError, match=words):

@@ -15,7 +15,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.control.boundary_conditions import start_values
 from coadjoint.control.given import Goals, changed, given_numbers, previous_values
-from coadjoint.control.guess import Guesses, bent
+from coadjoint.control.guess import Guesses, bent, misses_end
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.problem_data import End, ProblemData
@@ -94,7 +94,12 @@ class BuiltProgram:
         return _optimum(case, found, built)
 
     def solved_around(self, case: Case, settings: Settings) -> Optimum:
-        """The optimum; if the first guess leads to none past the constraints of a path, from guesses that are bent."""
+        """The optimum; if the first guess leads to none past the constraints of a path, from guesses that are bent.
+
+        Of a free duration also from further guesses, where there is none, or where it violates a soft end.
+        """
+        if self.problem.free_duration is not None and isinstance(self.problem.end, End):
+            return self._of_free_duration(case, settings)
         try:
             return self.solved(case, settings)
         except OptimumError:
@@ -105,6 +110,25 @@ class BuiltProgram:
                 if isinstance(found, Optimum):
                     return replace(found, solver=f"{found.solver}, from a bent guess")
             raise
+
+    def _of_free_duration(self, case: Case, settings: Settings) -> Optimum:
+        """The optimum of least cost from one guess after the other, until one reaches its end."""
+        problem, first, best = case.transcription.problem, self._attempt(case, settings, 0), None
+        found = first
+        x = case.transcription.split(case.guess).x[0]
+        others = self._guesses.others(problem, case.guess, x)
+        while True:
+            if isinstance(found, Optimum) and (best is None or found.cost < best.cost):
+                best = found
+            if best is not None and not misses_end(best.violated):
+                break
+            guess = next(others, None)
+            if guess is None:
+                break
+            found = self._attempt(case._replace(guess=guess), settings, 0)
+        if best is not None:
+            return best if best is first else replace(best, solver=f"{best.solver}, from another guess")
+        raise OptimumError(f'{first} Another start of the solver may lead to one: guess="simulate", or guesses=8.')
 
     def best(self, case: Case, settings: Settings, count: int) -> Optimum:
         """The optimum of least cost of several guesses; raises OptimumError if there is none."""

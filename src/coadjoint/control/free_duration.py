@@ -7,14 +7,15 @@ plan would not do: the equations of a step are products of inputs and durations,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.control.given import with_previous
-from coadjoint.control.guess import Guesses
+from coadjoint.control.guess import Guesses, misses_end
 from coadjoint.control.planning import MotionPlan, PlanningController, Timeline
 from coadjoint.control.problem_data import End, ProblemData
 from coadjoint.control.program import nonlinear_program
@@ -34,7 +35,8 @@ class FreeDurationController(PlanningController):
 
     `co.control.Problem.controller` makes it of a problem with `free_duration`. Each call solves the problem from this
     state on, by IPOPT, from the last plan less the time that has passed. The duration is never less than the shortest
-    one; from there on it recedes, so that the end of the plan stays that far ahead.
+    one; from there on it recedes, so that the end of the plan stays that far ahead. Where no optimum is found, or a
+    plan newly violates a soft end, the solver starts from other guesses, and the plan of least cost counts.
     """
 
     STANDING = (*PlanningController.STANDING, "_end", "_begin")
@@ -71,15 +73,24 @@ class FreeDurationController(PlanningController):
         program = self._program._replace(bounds=bounds)
         numbers = self._with_previous(clock.inputs[-1])
         near, far = self._solvers
-        tries = [] if self._plan is None else [(near, lambda: self._later(begin, first))]
-        for solver, guess in [*tries, (far, lambda: self._from_afar(first))]:
+        later = [] if self._plan is None else [self._later(begin, first)]
+        missed = bool(later) and misses_end(self._violated)
+        cost, best = np.inf, np.zeros(0)
+        for k, guess in enumerate(chain(later, self._from_afar(first))):
+            solver = near if k < len(later) else far
             try:
-                found = answer(solver, program, guess(), numbers)
+                found = answer(solver, program, guess, numbers)
             except OptimumError:
                 continue
-            if solver.stats()["success"]:
-                self._keep(found["x"].full().ravel(), begin)
-                return ""
+            if not solver.stats()["success"]:
+                continue
+            if float(found["f"]) < cost:
+                cost, best = float(found["f"]), found["x"].full().ravel()
+            if len(best) and (missed or not misses_end(self._transcription.violated(self._transcription.split(best)))):
+                break
+        if cost < np.inf:
+            self._keep(best, begin)
+            return ""
         soft = isinstance(self.problem.end, End) and self.problem.end.soft is not None
         return f"the solver found no optimum from this state{'' if soft else '; a soft `end` can always be planned'}"
 
@@ -97,13 +108,16 @@ class FreeDurationController(PlanningController):
                 numbers[self._transcription.previous[name]] = row[end]
         return numbers
 
-    def _from_afar(self, first: np.ndarray) -> np.ndarray:
-        """The variables of a first plan."""
+    def _from_afar(self, first: np.ndarray) -> Iterator[np.ndarray]:
+        """The variables of a first plan, from one guess after the other."""
         graph, start = self._transcription.graph, self._transcription.beginning.state
         numbers = graph.numbers(start)
         numbers[self._transcription.live] = first
         given = {"start": graph.filled(start, numbers), "end": self._end, "system": self.system}
-        return self._guesses.variables(replace(self.problem, duration=None, **given), None, first)
+        problem = replace(self.problem, duration=None, **given)
+        guess = self._guesses.variables(problem, None, first)
+        yield guess
+        yield from self._guesses.others(problem, guess, first)
 
     def _later(self, begin: float, first: np.ndarray) -> np.ndarray:
         """The variables of the last plan from a later time on, at the nodes of what is left of it."""

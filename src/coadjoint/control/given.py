@@ -67,6 +67,7 @@ def changed(problem: ProblemData, system: System, values: Mapping[str, object], 
     what: the object that was built for the problem, as "this controller".
     """
     for name in values:
+        checks.known(name, list(system.parameters or ()), "parameter", "The system")
         if name not in problem.changing:
             where = "problem.controller" if "controller" in what else "co.control.Problem"
             raise ArgumentError(f"Parameter `{name}` is fixed in {what}: name it in `changing` of {where}.")
@@ -105,6 +106,8 @@ def _element(like: Element, g: Any) -> Element:
     found = [np.asarray(leaf, float) for leaf in given]
     if [leaf.shape for leaf in found] != [np.shape(leaf) for leaf in leaves]:
         raise ValueError("another shape")
+    for leaf in found:
+        checks.expect(np.all(np.isfinite(leaf)), g, "g` of the goal `end", "finite")
     return jax.tree.unflatten(structure, found)
 
 

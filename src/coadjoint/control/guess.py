@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import partial, reduce
 from typing import Any
 
@@ -31,6 +32,9 @@ from coadjoint.simulation.simulate import simulate
 
 BEND = 0.5
 """The size of random bends of a guess, of its own extent."""
+
+BENT, MISSED = 2, 1e-5
+"""The count of bent guesses among others, and the violation of a soft end that counts as a miss."""
 
 FAILS = (
     "The motion with the inputs' guesses, where the solver would begin, fails ({}): give another `guess`, or a smaller "
@@ -96,6 +100,14 @@ class Guesses:
         first = self._transcription.split(w).x[0]
         return self.of_motion(problem, self._interpolated(problem, back), {}, first)
 
+    def others(self, problem: ProblemData, w: np.ndarray, first: np.ndarray) -> Iterator[np.ndarray]:
+        """The variables of further guesses after the default one w: the simulated motion, and w bent."""
+        if named(problem, None) != "simulate":
+            with suppress(ArgumentError):
+                yield self.variables(problem, "simulate", first)
+        for seed in range(BENT):
+            yield bent(self._transcription, w, seed)
+
     def _interpolated(self, problem: ProblemData, turn: np.ndarray | None = None) -> State:
         """The motion along a geodesic on the group, by a turn, and a line in q, at rest at both ends."""
         start, (group, Q, _) = problem.start, problem.system.places
@@ -148,6 +160,11 @@ def bent(transcription: Transcription, w: np.ndarray, seed: int) -> np.ndarray:
     x, z = moved(parts.x, np.linspace(0, 1, N + 1)), moved(parts.z, (np.arange(N) + 0.5) / N)
     u = parts.u + BEND * (0.1 + np.ptp(parts.u, axis=0)) * generator.standard_normal(parts.u.shape[1])
     return transcription.joined(parts._replace(x=x, u=u, z=z))
+
+
+def misses_end(violated: Mapping[str, np.ndarray]) -> bool:
+    """Whether a motion with these violations of soft constraints misses its end."""
+    return any(np.max(one, initial=0.0) > MISSED for name, one in violated.items() if name.startswith("end "))
 
 
 class _Traced:

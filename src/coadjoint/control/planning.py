@@ -190,7 +190,7 @@ class PlanningController(Remade):
         else:
             x, u, left = self._plan.x, self._plan.u, self._plan.left
         inputs = np.concatenate([clock.inputs, u if self._plan is None else self._on_grid(self._plan)])
-        self._clock = Timeline(clock.t, inputs, age)
+        self._clock = Timeline(clock.t, inputs, count if self._plan is None else age)
         rows = named(inputs[1 : 1 + self.steps])
         command = {name: value[len(value) - self.steps] for name, value in rows.items()}
         sentence = f"No new plan: {reason}." if reason else ""

@@ -29,7 +29,7 @@ def inputs(runs: Sequence[Entry], bounds: Mapping[str, object]) -> Figure:
         own = [run for run in runs if _KIND + name in run.dataset]
         for run in own:
             _draw(axes, run, name, getattr(bounds.get(name), "course", "held"))
-        for side in _limits(bounds.get(name), name):
+        for side in _limits(bounds.get(name), name, own[0].values(_KIND + name).shape[1:]):
             axes.axhline(side, **_BOUND)
         unit = own[0].unit(_KIND + name)
         axes.set_ylabel(name.replace("_", " ") + (f" ({unit})" if unit else ""))
@@ -62,14 +62,16 @@ def _numbers(values: np.ndarray) -> list[str]:
     return [",".join(str(i + 1) for i in index) for index in np.ndindex(*values.shape[1:])]
 
 
-def _limits(bound: object, name: str) -> list[float]:
-    """The finite bounds, each once."""
+def _limits(bound: object, name: str, shape: tuple[int, ...]) -> list[float]:
+    """The finite bounds of an input of a shape, each once."""
     if bound is None:
         return []
     sides = (getattr(bound, "lower", None), getattr(bound, "upper", None)) if hasattr(bound, "lower") else bound
     try:
-        low, high = sides  # pyright: ignore[reportGeneralTypeIssues]
-        found = np.unique(np.concatenate([np.ravel(np.asarray(side, float)) for side in (low, high)]))
+        low, high = (np.broadcast_to(np.asarray(side, float), shape) for side in sides)  # pyright: ignore[reportGeneralTypeIssues]
+        found, ordered = np.unique([low, high]), bool(np.all(low <= high))
     except (TypeError, ValueError):
         raise ArgumentError(f"Argument `bounds` must give `{name}` (lower, upper), but gives {shown(bound)}.") from None
+    if not ordered:
+        raise ArgumentError(f"The lower bounds of `{name}` in `bounds` must not exceed the upper ones: {shown(bound)}.")
     return [float(side) for side in found if np.isfinite(side)]

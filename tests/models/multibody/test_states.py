@@ -64,3 +64,11 @@ def test_joint_data_of_members_and_of_one_state_are_theirs():
     assert turned.hinge_speed.values[:, 0] == pytest.approx([2, 3 / 4], abs=1e-14)
     with pytest.raises(co.errors.ArgumentError, match="must be a run of this mechanism"):
         gears(1, 2).joint_data(start)
+
+
+def test_data_sets_and_traced_speeds_raise():
+    swing = pendulum()
+    with pytest.raises(co.errors.ArgumentError, match="`run` must be a run or a state of this mechanism"):
+        swing.joint_data(swing.joint_data(swing.state()))
+    with pytest.raises(co.errors.ArgumentError, match=r"System\.project"):
+        jax.grad(lambda speed: swing.state(speeds={"hinge": speed}).xi[0, 1])(1.0)

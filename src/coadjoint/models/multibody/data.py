@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.mechanics.members import count_members, member_of
@@ -55,6 +56,9 @@ def joint_data(bonds: Mapping[str, Bond], run: State | Recorded, system: System)
     """NAME and NAME_speed of every joint with coordinates, over the times of records, and over members."""
     import xarray
 
+    if not isinstance(run, State):
+        reads = _holds_records(run) or hasattr(type(run), "dataset")
+        checks.expect(reads, run, "run", "a run or a state of this mechanism")
     if not isinstance(run, State) and not _holds_records(run):
         return _of_dataset(bonds, run, system)
     states, of = (run, run.origin.system or system) if isinstance(run, State) else (run.records, run.system)

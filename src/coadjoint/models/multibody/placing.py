@@ -10,6 +10,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.multibody.bodies import Body, rotation
 from coadjoint.models.multibody.joints import KINDS, SPACE, Joint
 from coadjoint.models.quantities import vector
@@ -24,6 +25,7 @@ FREE = ("gear", "rolling", "distance", "strut")
 """Kinds along which no body is placed."""
 GIVEN = ("coordinates", "speeds", "poses", "rates", "velocities")
 WORDS = "a dictionary of names and values"
+TRACED = "known numbers outside traces (differentiate `System.project` of a state of the system instead)"
 
 
 class Described(Protocol):
@@ -53,6 +55,7 @@ class Placing:
         self.mechanism = mechanism
         for name, given in zip(GIVEN, (coordinates, speeds, poses, rates, velocities), strict=True):
             checks.mapping(given, name, WORDS)
+            checks.expect(not traced(given), given, name, TRACED)
         self.coordinates = {key: self._numbers(key, value, "coordinates") for key, value in coordinates.items()}
         self.speeds = {key: self._numbers(key, value, "speeds") for key, value in speeds.items()}
         for name, given in {"poses": poses, "rates": rates, "velocities": velocities}.items():
