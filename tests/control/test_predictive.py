@@ -247,8 +247,10 @@ def test_a_changed_parameter_is_that_of_another_model():
     changed = controller(state)
     assert changed.plan["torque"] == pytest.approx(other(state).plan["torque"], abs=1e-8)
     assert np.max(np.abs(changed.plan["torque"] - first.plan["torque"])) > 0.1
-    with pytest.raises(co.errors.ArgumentError, match="name it in `changing`"):
+    with pytest.raises(co.errors.ArgumentError, match="no parameter `mass`: it knows J"):
         controller.change(mass=2.0)
+    with pytest.raises(co.errors.ArgumentError, match="name it in `changing`"):
+        turning().controller().change(J=np.eye(3))
 
 
 def test_velocities_of_a_heavier_body_have_the_momenta_of_the_model():
