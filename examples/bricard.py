@@ -2,7 +2,7 @@
 
 Run as: python examples/bricard.py [duration in s: 10]
 It prints the number of freedoms and how well the loop closes and the energy stays, and writes bricard.png: the
-linkage at some times, and the path of its point P₃ as the benchmark gives it.
+linkage at some times, and the path of the corner that begins at (1, −1, 1).
 
 Five rods of 1 m and 1 kg and the ground along edges of a cube; each hinge is at right angles to both of its rods. 30
 rows hold 30 velocities, but one row follows from the others. Benchmark A04 of IFToMM's library: González, Dopico,
@@ -61,7 +61,7 @@ left.legend(fontsize=8)
 right = figure.add_subplot(1, 2, 2)
 for k, axis in enumerate("xyz"):
     right.plot(run.dataset.time, first[:, 3, k], label=axis)
-right.set(xlabel="t (s)", ylabel="P₃ (m)", title="path of P₃")
+right.set(xlabel="t (s)", ylabel="place (m)", title="path of a corner")
 right.legend()
 figure.tight_layout()
 figure.savefig("bricard.png", dpi=110)
