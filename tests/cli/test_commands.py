@@ -45,7 +45,7 @@ def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     assert "Kelvin–Noether" in out
     assert err == ""
     folder = tmp_path / "top"
-    drawn = {f"{name}.png" for name in OWN if name not in ("trajectory", "budget")}
+    drawn = {f"{name}.png" for name in OWN if name not in ("trajectory", "budget", "inputs")}
     assert {path.name for path in folder.iterdir()} == {
         "run.toml", "inputs", "manifest.json", "trajectory.nc", "summary.json", *drawn
     }  # fmt: skip
