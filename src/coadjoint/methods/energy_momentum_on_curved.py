@@ -51,7 +51,10 @@ class _Slopes(NamedTuple):
 
 
 class CurvedLeap(NamedTuple):
-    """A step: H, its middle, hΔ there, the gradients at the points, the state at its end, and the rows that vanish."""
+    """A step: H, its middle, hΔ there (dim G,), the gradients at the points, its end, and the rows (m,) that vanish.
+
+    n, pi: (ambient,). a: (dim V*,). mu: (dim G,).
+    """
 
     half: object
     middle: Point
@@ -111,7 +114,7 @@ def mean_velocity(system: System, state: State, z: _Unknowns, weights: np.ndarra
 
 
 def first_guess(system: System, state: State, h: Scalar, points: int) -> Array:
-    """The unknowns of an explicit step: a chord Δx of zero length would leave the correction without a direction."""
+    """The unknowns (m,) of an explicit step: a chord Δx of zero length would give the correction no direction."""
     group, Q, _ = system.places
     y = Q.coordinates(group, state.n, state.nu)
     nu = Q.tangent(group, state.n, y)
@@ -131,7 +134,7 @@ def first_guess(system: System, state: State, h: Scalar, points: int) -> Array:
 def curved_leap(
     tau: DifferenceMap, system: System, record: State, h: Scalar, z: _Unknowns, rule: tuple[np.ndarray, np.ndarray]
 ) -> CurvedLeap:
-    """The step of the unknowns z from a record.
+    """The step of the unknowns z from a record, by a rule of places and weights, (k,) each.
 
     With ν = A(ρ + v), κ = A*(φ + b) + f and D as on a flat Q the energy changes by its gradient along the chord,
     ⟨(ξ, ρ + v, −φ − b, −β), Δx⟩, x = (μ, π, n, a). The mean over both ends lacks some of ℋ₁ − ℋ₀, and Δx·lack/|Δx|²
