@@ -106,6 +106,28 @@ def _names(tree: ast.Module) -> Iterator[str]:
             yield f"coadjoint.{node.attr}"
 
 
+def loaded(trees: Mapping[str, ast.Module], module: str) -> dict[str, str]:
+    """What is imported with a module: every name outside the library, and the module that imports it.
+
+    Imports inside functions and under TYPE_CHECKING do not count.
+    """
+    found: dict[str, str] = {}
+    seen, left = set(), [module]
+    while left:
+        name = left.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        nodes: list[ast.stmt] = [one for one in trees[name].body if isinstance(one, (ast.Import, ast.ImportFrom))]
+        for given in _names(ast.Module(body=nodes, type_ignores=[])):
+            inside = _of_library(trees, _called(given))
+            if not inside:
+                found.setdefault(given.partition(".")[0], name)
+            parts = inside.split(".")
+            left += [".".join(parts[:k]) for k in range(1, len(parts) + 1) if inside]
+    return found
+
+
 def _of_library(trees: Mapping[str, ast.Module], name: str) -> str:
     """The module that a dotted name is of, or is in; empty where it is none of the library."""
     while name and name not in trees:

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from imports import circles, named, parsed
+from imports import circles, loaded, named, parsed
 
 STOREYS = (
     *(
@@ -156,3 +156,16 @@ def test_no_two_classes_of_a_storey_have_one_name():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 found.setdefault((storey, node.name), []).append(module)
     assert not {name: homes for name, homes in found.items() if len(homes) > 1}
+
+
+@pytest.mark.parametrize(
+    ("module", "late"),
+    [
+        ("simulation.simulate", ("xarray", "pandas", "scipy", "matplotlib", "zarr", "h5py", "dask")),
+        ("vehicles.missions.file", ("xarray", "pandas", "scipy", "zarr", "h5py", "dask")),
+        ("cli.commands", ("jax", "numpy", "xarray", "pandas", "scipy", "matplotlib", "zarr", "h5py", "dask")),
+    ],
+)
+def test_libraries_that_are_slow_to_load_are_imported_where_they_are_used(module, late):
+    found = loaded(parsed(), f"coadjoint.{module}")
+    assert {name: found[name] for name in late if name in found} == {}

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
-import xarray
 
 from coadjoint.arrays import Array
 from coadjoint.groups import LieGroup, Power, attitude
@@ -25,6 +24,9 @@ from coadjoint.simulation.monitors import Monitor, watched
 from coadjoint.simulation.result import Result
 from coadjoint.spaces import Space
 from coadjoint.texts import Table
+
+if TYPE_CHECKING:
+    import xarray
 
 _MEANINGS = {
     "n": "n = g⁻¹q, body frame",
@@ -90,6 +92,8 @@ def dataset(run: Result) -> xarray.Dataset:
 
     The variables of an ensemble have a first dimension `member`, and are NaN where a member has failed.
     """
+    import xarray  # with pandas a third of what a first run takes
+
     records, derive, lead = run.records, derivation(run.plan.program), () if run.members is None else ("member",)
     if run.members is None:
         found = variables(run.system, records, run.monitors, partial(derive, run.system.parameters))
@@ -113,6 +117,8 @@ def outline(run: Result) -> xarray.Dataset:
 
     They use the parameters of all members, like its dataset: a variable known for one member may be unknown for all.
     """
+    import xarray
+
     _, state = run.one
     monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
     observed = {one.name: np.zeros(1) for made in monitors for one in made.watched}

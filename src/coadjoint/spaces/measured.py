@@ -17,7 +17,6 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.linalg import block_diag
 
 from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError, shown
@@ -237,7 +236,10 @@ class MeasuredTogether(MeasuredSpace):
 
     @property
     def curvature(self) -> np.ndarray:
-        return np.asarray(block_diag(*(part.curvature for part in self._parts)))
+        found = np.zeros((self._errors[-1], self._errors[-1]))
+        for part, a, b in zip(self._parts, self._errors, self._errors[1:], strict=False):
+            found[a:b, a:b] = part.curvature
+        return found
 
     def value(self, y: Array) -> PyTree:
         ends = zip(self._values, self._values[1:], strict=False)

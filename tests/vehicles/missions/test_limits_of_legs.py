@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -141,6 +142,15 @@ def test_a_mission_may_begin_at_the_surface_and_just_above_the_bottom():
     points = mission(ends="last way point", way_points=[[1, 2, 3]])
     points.require_start_before_end(np.array([0.0, 0.0, -1.0]), 1)
     mission().require_start_before_end(np.zeros((2, 3)), 2)
+
+
+def test_way_points_within_acceptance_of_the_start_are_refused_without_compiling(caplog):
+    points, here = [[10.0, 0, 3], [10.0, 10, 3], [0.0, 10, 3]], np.array([0.0, 0.0, 3.0])
+    with jax.log_compiles():
+        mission_section.require_to_go(SimpleNamespace(way_points=points, acceptance=5.0), here)
+        far = SimpleNamespace(way_points=points, acceptance=20.0)
+        refused("within 20 m: give a smaller", lambda: mission_section.require_to_go(far, here))
+    assert not [text for text in caplog.messages if text.startswith("Compiling")]
 
 
 def test_the_end_that_was_reached_is_the_nearest():

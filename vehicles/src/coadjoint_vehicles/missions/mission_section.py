@@ -302,12 +302,15 @@ def arrival(controller: Any) -> Any:
 
 def require_to_go(controller: Any, start: PyTree) -> None:
     """Raise ArgumentError where a way-point controller takes all way points as reached from its start, (3,) m."""
-    import jax.numpy as jnp
-
+    from coadjoint.extending import tabulate
     from coadjoint_vehicles.controllers.line_of_sight import arrived, leg
 
-    here, points = jnp.asarray(start), jnp.asarray(controller.way_points)
-    if all(arrived(here, leg(here, a, b), b, controller.acceptance) for a, b in pairwise(points)):
+    def passed(here: PyTree, a: PyTree, b: PyTree) -> PyTree:
+        return arrived(here, leg(here, a, b), b, controller.acceptance)
+
+    here, points = np.asarray(start), np.asarray(controller.way_points)
+    reached = tabulate(passed, here, *points[:2])  # XLA would compile each operation
+    if all(reached(here, a, b) for a, b in pairwise(points)):
         raise ArgumentError(
             f'[mission] ends at the "last way point", but each way point counts as reached from [initial], within '
             f"{float(controller.acceptance):g} m: give a smaller acceptance_radius_m, or way points further off."
