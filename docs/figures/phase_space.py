@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 import coadjoint as co
-from coadjoint.audit.first_order import guiding_centre, predators
+from coadjoint.audit.systems import guiding_centre, predators
 from coadjoint.errors import StepError
 from coadjoint.plotting import style
 

@@ -13,9 +13,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import coadjoint as co
-from coadjoint.audit.first_order import guiding_centre, predators
 from coadjoint.audit.one_step import irreversibility
 from coadjoint.audit.stepper import AuditStepper
+from coadjoint.audit.systems import guiding_centre, predators
 from coadjoint.errors import CoadjointError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous, phase_space

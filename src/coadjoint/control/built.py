@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import cycle, islice
+from itertools import chain, cycle, islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.control.boundary_conditions import start_values
 from coadjoint.control.given import Goals, changed, given_numbers, previous_values
-from coadjoint.control.guess import Guesses, bent, misses_end
+from coadjoint.control.guess import Guesses, bent, least, misses_end
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.problem_data import End, ProblemData
@@ -113,22 +113,14 @@ class BuiltProgram:
 
     def _of_free_duration(self, case: Case, settings: Settings) -> Optimum:
         """The optimum of least cost from one guess after the other, until one reaches its end."""
-        problem, first, best = case.transcription.problem, self._attempt(case, settings, 0), None
-        found = first
-        x = case.transcription.split(case.guess).x[0]
-        others = self._guesses.others(problem, case.guess, x)
-        while True:
-            if isinstance(found, Optimum) and (best is None or found.cost < best.cost):
-                best = found
-            if best is not None and not misses_end(best.violated):
-                break
-            guess = next(others, None)
-            if guess is None:
-                break
-            found = self._attempt(case._replace(guess=guess), settings, 0)
-        if best is not None:
-            return best if best is first else replace(best, solver=f"{best.solver}, from another guess")
-        raise OptimumError(f'{first} Another start of the solver may lead to one: guess="simulate", or guesses=8.')
+        first, x = self._attempt(case, settings, 0), case.transcription.split(case.guess).x[0]
+        guesses = self._guesses.others(case.transcription.problem, case.guess, x)
+        others = (self._attempt(case._replace(guess=guess), settings, 0) for guess in guesses)
+        found = (one for one in chain([first], others) if isinstance(one, Optimum))
+        best = least(found, lambda one: one.cost, lambda one: not misses_end(one.violated))
+        if best is None:
+            raise OptimumError(f'{first} Another start of the solver may lead to one: guess="simulate", or guesses=8.')
+        return best if best is first else replace(best, solver=f"{best.solver}, from another guess")
 
     def best(self, case: Case, settings: Settings, count: int) -> Optimum:
         """The optimum of least cost of several guesses; raises OptimumError if there is none."""

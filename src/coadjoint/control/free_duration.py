@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, repeat
+from typing import Any
 
 import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.control.given import with_previous
-from coadjoint.control.guess import Guesses, misses_end
+from coadjoint.control.guess import Guesses, least, misses_end
 from coadjoint.control.planning import MotionPlan, PlanningController, Timeline
 from coadjoint.control.problem_data import End, ProblemData
-from coadjoint.control.program import nonlinear_program
+from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.solve import answer, settings_of, solver_of
 from coadjoint.errors import ArgumentError, OptimumError
 from coadjoint.mechanics.state import State
@@ -75,24 +76,28 @@ class FreeDurationController(PlanningController):
         near, far = self._solvers
         later = [] if self._plan is None else [self._later(begin, first)]
         missed = bool(later) and misses_end(self._violated)
-        cost, best = np.inf, np.zeros(0)
-        for k, guess in enumerate(chain(later, self._from_afar(first))):
-            solver = near if k < len(later) else far
-            try:
-                found = answer(solver, program, guess, numbers)
-            except OptimumError:
-                continue
-            if not solver.stats()["success"]:
-                continue
-            if float(found["f"]) < cost:
-                cost, best = float(found["f"]), found["x"].full().ravel()
-            if len(best) and (missed or not misses_end(self._transcription.violated(self._transcription.split(best)))):
-                break
-        if cost < np.inf:
-            self._keep(best, begin)
+
+        def ends(optimum: tuple[float, np.ndarray]) -> bool:
+            return missed or not misses_end(self._transcription.violated(self._transcription.split(optimum[1])))
+
+        starts = chain(zip(repeat(near), later), zip(repeat(far), self._from_afar(first)))
+        optima = (self._optimum(solver, program, guess, numbers) for solver, guess in starts)
+        best = least((one for one in optima if one is not None), lambda one: one[0], ends)
+        if best is not None:
+            self._keep(best[1], begin)
             return ""
         soft = isinstance(self.problem.end, End) and self.problem.end.soft is not None
         return f"the solver found no optimum from this state{'' if soft else '; a soft `end` can always be planned'}"
+
+    def _optimum(
+        self, solver: Any, program: NonlinearProgram, guess: np.ndarray, numbers: np.ndarray
+    ) -> tuple[float, np.ndarray] | None:
+        """The cost and the variables of the optimum from a guess, None if the solver finds none."""
+        try:
+            found = answer(solver, program, guess, numbers)
+        except OptimumError:
+            return None
+        return (float(found["f"]), found["x"].full().ravel()) if solver.stats()["success"] else None
 
     def _keep(self, w: np.ndarray, begin: float) -> None:
         parts = self._transcription.split(w)

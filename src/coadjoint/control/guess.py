@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial, reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
@@ -40,6 +40,19 @@ FAILS = (
     "The motion with the inputs' guesses, where the solver would begin, fails ({}): give another `guess`, or a smaller "
     "dt."
 )
+
+T = TypeVar("T")
+
+
+def least(found: Iterable[T], cost: Callable[[T], float], ends: Callable[[T], bool]) -> T | None:
+    """The solution of least cost of those from one guess after the other, until the best `ends` where it should."""
+    best = None
+    for one in found:
+        if cost(one) < (np.inf if best is None else cost(best)):
+            best = one
+        if best is not None and ends(best):
+            break
+    return best
 
 
 class Guesses:

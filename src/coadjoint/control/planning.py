@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -45,7 +46,7 @@ class Timeline:
     age: int = 0
 
 
-class PlanningController(Remade):
+class PlanningController(Remade, ABC):
     """A controller that plans in every period from the measured state: controller(state).command."""
 
     STANDING = ("system", "_goal", "_p", "record", "_plan", "_clock")
@@ -155,9 +156,9 @@ class PlanningController(Remade):
     def _make_ready(self, passed: int | None, renewed: bool) -> None:
         """Before the state is read, `passed` steps after the last one; renewed: whether the command in force is new."""
 
+    @abstractmethod
     def _iterate(self, measured: np.ndarray, clock: Timeline) -> str:
         """Plan from the state that the delay ends at; returns why that failed, or an empty sentence."""
-        raise NotImplementedError
 
     def _lengths(self, plan: MotionPlan) -> np.ndarray:
         """The lengths of the steps of a plan, (N,), s."""
