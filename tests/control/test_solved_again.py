@@ -15,7 +15,7 @@ import coadjoint as co
 from coadjoint.control import Bounds, End, Input, Measured, Problem, built, geodesics, optimum, stage, transcription
 from coadjoint.control import given as given_numbers
 from coadjoint.control.geodesics import Geodesics
-from coadjoint.control.program import _Mapped
+from coadjoint.control.objective import MappedFunction
 from coadjoint.errors import LagrangianError
 from coadjoint.kernels.trace import evaluate
 from coadjoint.mechanics import start as start_of_runs
@@ -154,9 +154,9 @@ def test_guesses_go_along_a_geodesic_also_where_the_exponential_has_no_scalar_ex
 
 def test_a_program_differentiates_by_the_numbers_alone_that_its_functions_read():
     at_goal = transcription.transcribe(problem(changing=()))
-    read = [_Mapped(getattr(at_goal.functions, name), 8, 0.25).read for name in ("equations", "cost")]
+    read = [MappedFunction(getattr(at_goal.functions, name), 8, 0.25).read for name in ("equations", "cost")]
     assert read == [["x", "u", "z"], ["u"]]
-    assert _Mapped(transcription.transcribe(problem()).functions.cost, 8, None).read == ["u", "p"]
+    assert MappedFunction(transcription.transcribe(problem()).functions.cost, 8, None).read == ["u", "p"]
 
 
 @pytest.mark.long

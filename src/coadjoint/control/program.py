@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.control.boundary_conditions import start_deviations
-from coadjoint.control.inputs_between import at_end
+from coadjoint.arrays import Array, PyTree
 from coadjoint.control.library import casadi
+from coadjoint.control.objective import ProgramVariables, objective, variables
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Rows, Split, Transcription
-from coadjoint.errors import ArgumentError
 
 
 class Block(NamedTuple):
@@ -20,6 +19,10 @@ class Block(NamedTuple):
 
     rows: Rows
     nodes: int
+
+
+Constraint = tuple[list[Block], Any]
+"""Blocks of rows of g(w) with their values, one after the other."""
 
 
 class NonlinearProgram(NamedTuple):
@@ -68,102 +71,51 @@ def nonlinear_program(transcription: Transcription, given: bool = False, even: i
     given: whether the given numbers are arguments of the program; by default they are constants. even: of a free
     duration, the number of first steps that keep the length dt; the others share one that is chosen.
     """
+    ca, v = casadi(), variables(transcription, given, even)
+    softened = _Softened(v.slack, v.lengths / (1 + transcription.problem.path_points))
+    before = {name: v.given[at] for name, at in transcription.previous.items()}
+    rows = [
+        *_of_steps(transcription, v, softened),
+        *_of_inputs(transcription, v.u, v.lengths, before),
+        *_of_ends(transcription, v, softened),
+    ]
+    f = objective(transcription, v, before) + softened.cost
+    g, blocks = ca.vertcat(*(values for _, values in rows)), [block for own, _ in rows for block in own]
+    return NonlinearProgram(v.w, ca.densify(f), g, blocks, _bounds(transcription, even), v.given if given else None)
+
+
+def _of_steps(transcription: Transcription, v: ProgramVariables, softened: _Softened) -> Iterator[Constraint]:
+    """The equations of motion of every step, and the constraints of the path at its nodes and inside steps."""
     ca, problem, functions = casadi(), transcription.problem, transcription.functions
-    nx, nu, nz, count = transcription.sizes
-    steps, block, free = problem.count, nx + nu + nz, problem.free_duration is not None
-    end = steps * block + nx + count + free
-    w = ca.MX.sym("w", end + transcription.slacks)
-    rows = ca.reshape(w[: steps * block], block, steps)
-    last = w[steps * block : steps * block + nx]
-    x, u, z = rows[:nx, :], rows[nx : nx + nu, :], rows[nx + nu :, :]
-    numbers = ca.MX.sym("given", len(transcription.given)) if given else None
-    p = transcription.expressions(w[steps * block + nx : steps * block + nx + count], numbers)
-    h = w[end - 1] if free else ca.MX(problem.dt)
-    lengths = ca.horzcat(ca.repmat(ca.MX(problem.dt), 1, even), ca.repmat(h, 1, steps - even))
-    softened = _Softened(w[end:], lengths / (1 + problem.path_points))
-    following = ca.horzcat(x[:, 1:], last)
-    each = ca.repmat(p, 1, steps), lengths
-    number = None if free else problem.dt
-    residual, advanced = _Mapped(functions.equations, steps, number)(x, u, z, *each)
-    parts = [ca.vec(ca.vertcat(residual, following - advanced))]
-    zeros = np.zeros(nz + nx)
-    blocks = [Block(Rows("the equations of motion", zeros, zeros), steps)]
-    after = u[at_end(transcription.inputs), :]
-    f = _of_terminal(transcription, last, after[:, -1], p, h)
-    if problem.final_cost is not None:
-        f += functions.final(last, after[:, -1], p, h)
-    if problem.cost is not None:
-        cost = _Mapped(functions.cost, steps, number)
-        begun = cost(x, u, *each)
-        same = "x" not in cost.read and at_end(transcription.inputs) == list(range(nu))
-        f += ca.dot(lengths, begun if same else 0.5 * (begun + cost(following, after, *each)))
-    f += _misfit(transcription, ca.horzcat(x, last), ca.horzcat(u, after[:, -1]), p, h)
+    following, steps, zeros = ca.horzcat(v.x[:, 1:], v.last), problem.count, np.zeros(sum(transcription.sizes[::2]))
+    residual, advanced = v.mapped(functions.equations)(v.x, v.u, v.z, *v.each)
+    equations = Rows("the equations of motion", zeros, zeros)
+    yield [Block(equations, steps)], ca.vec(ca.vertcat(residual, following - advanced))
     if transcription.path:
-        at_nodes = ca.horzcat(
-            _Mapped(functions.path, steps, number)(x, u, *each), functions.path(last, after[:, -1], p, h)
-        )
-        begin = 0
-        for of_path in transcription.path:
-            own = at_nodes[begin : begin + len(of_path.lower), :]
-            parts.append(ca.vec(softened(of_path, own, 0)))
-            blocks.append(Block(of_path, steps + 1))
-            begin += len(of_path.lower)
+        at_nodes = ca.horzcat(v.mapped(functions.path)(v.x, v.u, *v.each), functions.path(*v.end))
+        for rows, own in _by_rows(transcription.path, at_nodes):
+            yield [Block(rows, steps + 1)], ca.vec(softened(rows, own, 0))
     if functions.within is not None:
-        inside = ca.reshape(_Mapped(functions.within, steps, number)(x, u, z, *each), -1, steps * problem.path_points)
-        sizes = np.cumsum([0, *(len(rows.lower) for rows in transcription.path)]).tolist()
-        by_rows = ca.vertsplit(inside, sizes)
-        found = [
-            softened(rows, one, problem.path_points) for rows, one in zip(transcription.path, by_rows, strict=True)
-        ]
-        parts.append(ca.vec(ca.vertcat(*found)))
-        blocks.append(Block(_inside(transcription), steps))
-    before = {
-        name: (transcription.given if numbers is None else numbers)[at] for name, at in transcription.previous.items()
-    }
-    f += _of_changes(transcription, u, lengths, before)
-    for rows_of, values, nodes in _of_inputs(transcription, u, lengths, before):
-        parts.append(ca.vec(values))
-        blocks.append(Block(rows_of, nodes))
+        points = problem.path_points
+        inside = ca.reshape(v.mapped(functions.within)(v.x, v.u, v.z, *v.each), -1, steps * points)
+        found = [softened(rows, own, points) for rows, own in _by_rows(transcription.path, inside)]
+        yield [Block(_inside(transcription), steps)], ca.vec(ca.vertcat(*found))
+
+
+def _of_ends(transcription: Transcription, v: ProgramVariables, softened: _Softened) -> Iterator[Constraint]:
+    """The conditions on the first and the last node."""
+    functions = transcription.functions
     if transcription.start:
-        parts.append(functions.start(x[:, 0], u[:, 0], p, h))
-        blocks += [Block(rows, 1) for rows in transcription.start]
+        yield [Block(rows, 1) for rows in transcription.start], functions.start(v.x[:, 0], v.u[:, 0], v.p, v.h)
     if transcription.end:
-        sizes = np.cumsum([0, *(len(rows.lower) for rows in transcription.end)]).tolist()
-        for of_end, own in zip(
-            transcription.end, ca.vertsplit(functions.end(last, after[:, -1], p, h), sizes), strict=True
-        ):
-            parts.append(softened(of_end, own, None))
-        blocks += [Block(of_end, 1) for of_end in transcription.end]
-    f += softened.cost
-    return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription, even), numbers)
+        for rows, own in _by_rows(transcription.end, functions.end(*v.end)):
+            yield [Block(rows, 1)], softened(rows, own, None)
 
 
-class _Mapped:
-    """A function of CasADi over all steps, of those of its arguments that it reads: derivatives by the others, which
-    are zero, would take as long to build as those that count. h: the length of the steps, None if it is chosen."""
-
-    def __init__(self, function: Any, steps: int, h: float | None):
-        ca, names = casadi(), function.name_in()
-        symbols = [ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate(names)]
-        given = [ca.SX(h) if name == "h" and h is not None else one for name, one in zip(names, symbols, strict=True)]
-        results = function.call(given, True, False)
-        joined = ca.vertcat(*map(ca.vec, results))
-        self._places = [k for k, one in enumerate(symbols) if ca.depends_on(joined, one)] or [0]
-        self.read = [names[k] for k in self._places]
-        own = [symbols[k] for k in self._places]
-        self._function = ca.Function(function.name(), own, results, self.read, function.name_out()).map(steps)
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self._function(*(arguments[k] for k in self._places))
-
-
-def _of_terminal(transcription: Transcription, *node: PyTree) -> PyTree:
-    """½ eᵀVe of the last node, 0 without a terminal cost."""
-    terminal = transcription.problem.terminal
-    if terminal is None:
-        return casadi().MX(0)
-    e = transcription.functions.terminal(*node)
-    return 0.5 * casadi().bilin(casadi().DM(terminal.cost), e, e)
+def _by_rows(kinds: Sequence[Rows], values: Any) -> Iterator[tuple[Rows, Any]]:
+    """Each kind of rows with its own of values (rows, nodes)."""
+    sizes = np.cumsum([0, *(len(rows.lower) for rows in kinds)]).tolist()
+    return zip(kinds, casadi().vertsplit(values, sizes), strict=True)
 
 
 class _Softened:
@@ -198,61 +150,25 @@ def _inside(transcription: Transcription) -> Rows:
     return Rows(f"the path ({names}) inside the step", lower, upper)
 
 
-def _misfit(transcription: Transcription, x: Array, u: Array, p: PyTree, h: Scalar) -> PyTree:
-    """½ Σ |(h(x_k) ⊖ y_k)/σ|², or ρ of it, of all measurements, and ½ |η/σ|² of the start."""
-    ca, found = casadi(), 0.0
-    for name, (nodes, values, weights, space) in transcription.data.items():
-        if not len(nodes):
-            raise ArgumentError(f"`{name}` has no values: give them to co.control.Measured, or use an estimator.")
-        at, count = nodes.tolist(), len(nodes)
-        function = transcription.functions.measured[name].map(count)
-        off = function(x[:, at], u[:, at], ca.repmat(p, 1, count), ca.repmat(h, 1, count), ca.DM(values))
-        off, loss = off * ca.DM(weights), transcription.problem.measured[name].loss
-        squares = ca.sum1(off**2)
-        found += 0.5 * ca.sumsqr(off) if loss is None else ca.sum2(loss.cost(squares, space.dim, ca))
-    if transcription.eta:
-        eta = p[-len(transcription.eta) :]
-        found += 0.5 * ca.sumsqr(eta / ca.DM(start_deviations(transcription.problem)))
-    return found
-
-
-def _of_changes(transcription: Transcription, u: Array, lengths: Any, before: dict[str, Any]) -> PyTree:
-    """Σ c |u_{k+1} − u_k|²/h of all inputs with a cost of changes."""
-    ca, found = casadi(), 0.0
-    for name, given, begin, end in transcription.columns:
-        cost = np.ravel(given.change_cost)
-        if not np.any(cost):
-            continue
-        own = u[begin, :]
-        if begin != end:
-            change = u[end, :] - own
-        else:
-            own = ca.horzcat(before[name], own) if name in before else own
-            change = own[:, 1:] - own[:, :-1]
-        found += ca.sum2(ca.DM(cost).T @ change**2 / lengths[:, -change.shape[1] :]) if change.shape[1] else 0.0
-    return found
-
-
-def _of_inputs(
-    transcription: Transcription, u: Array, lengths: Any, before: dict[str, Any]
-) -> list[tuple[Rows, Any, int]]:
-    """Continuity of linear inputs, and the largest rates: rows, their values, and the number of nodes."""
-    found, steps = [], transcription.problem.count
+def _of_inputs(transcription: Transcription, u: Array, lengths: Any, before: dict[str, Any]) -> Iterator[Constraint]:
+    """Continuity of linear inputs, and the largest rates."""
+    steps, vec = transcription.problem.count, casadi().vec
     for name, given, begin, end in transcription.columns:
         rate, zeros = np.ravel(given.rate), np.zeros(given.rate.size)
         limited, linear = np.any(np.isfinite(rate)), begin != end
         if linear and steps > 1:
-            found.append((Rows(f"the course of input `{name}`", zeros, zeros), u[begin, 1:] - u[end, :-1], steps - 1))
+            course = Rows(f"the course of input `{name}`", zeros, zeros)
+            yield [Block(course, steps - 1)], vec(u[begin, 1:] - u[end, :-1])
         if linear and name in before:
-            found.append((Rows(f"the beginning of input `{name}`", zeros, zeros), u[begin, 0] - before[name], 1))
+            beginning = Rows(f"the beginning of input `{name}`", zeros, zeros)
+            yield [Block(beginning, 1)], vec(u[begin, 0] - before[name])
         of_rate = Rows(f"the rate of input `{name}`", -rate, rate)
         if limited and linear:
-            found.append((of_rate, _over(u[end, :] - u[begin, :], lengths), steps))
+            yield [Block(of_rate, steps)], vec(_over(u[end, :] - u[begin, :], lengths))
         elif limited and steps > 1:
-            found.append((of_rate, _over(u[begin, 1:] - u[begin, :-1], lengths[:, 1:]), steps - 1))
+            yield [Block(of_rate, steps - 1)], vec(_over(u[begin, 1:] - u[begin, :-1], lengths[:, 1:]))
         if limited and not linear and name in before:
-            found.append((of_rate, (u[begin, 0] - before[name]) / lengths[0], 1))
-    return found
+            yield [Block(of_rate, 1)], vec((u[begin, 0] - before[name]) / lengths[0])
 
 
 def _over(changes: Any, lengths: Any) -> Any:

@@ -100,13 +100,7 @@ def identify(
     method = Midpoint() if method is None else method
     log = log if isinstance(log, Log) else merged(log)
     require_arguments(system, log, start, method)
-    checks.number(level, "level", above=0.0, below=1.0)
-    for name, value in {"settle": settle, "longest_delay": longest_delay}.items():
-        checks.number(value, name)
-    lengths = {"segment": None if segment == "auto" else segment, "dt": dt}
-    for name, value in lengths.items():
-        if value is not None:
-            checks.positive(value, name)
+    _require_numbers(level, settle, longest_delay, segment, dt)
     for name, value in {"noise": noise, "measured": measured}.items():
         if value is not None:
             checks.mapping(value, name, "name → value by columns of the log")
@@ -140,6 +134,16 @@ def identify(
     open_current = lacks_current(system, log, (*parameters, *process_noise))
     causes = [*_unread(asked), *likely_causes(log, found.whiteness, step, open_current)]
     return replace(found, warnings=(*causes, *found.warnings))
+
+
+def _require_numbers(level: object, settle: object, longest_delay: object, segment: object, dt: object) -> None:
+    """Raise ArgumentError unless times are numbers, s, lengths are positive, and the level lies between 0 and 1."""
+    checks.number(level, "level", above=0.0, below=1.0)
+    for name, value in {"settle": settle, "longest_delay": longest_delay}.items():
+        checks.number(value, name)
+    for name, value in {"segment": None if segment == "auto" else segment, "dt": dt}.items():
+        if value is not None:
+            checks.positive(value, name)
 
 
 def _unread(asked: Setting) -> list[str]:

@@ -145,23 +145,19 @@ def _plan(chain: ShortChain) -> LinkPlan:
     schur, last, charts = Schur(chain, residual, collect), closing(chain, rate, collect), chain.chart()
     solved = {c: schur.solved(c) for c in chain.positions}
     x, q = (chain.own(name, len(part)) for name, part in zip("xq", solved[2 * chain.reach], strict=True))
+    by_role = {
+        "prepared": chain.of_links(prepared), "guess": guess, "residual": residual, "free": chain.of_links(free),
+        "moving": velocities, "rate": rate, "closing": last, "after": ends, "record": chain.of_links(record),
+    }  # fmt: skip
     codes = [
         LinkCode(
-            link=c,
-            prepared=list(chain.of_links(prepared)[c]),
-            guess=list(guess[c]),
-            residual=list(residual[c]),
+            c,
             solved=solved[c][0],
             joints=solved[c][1],
             rows=schur.rows(c, q),
             increment=schur.increment(c, x[c]),
             chart=[charts[c]],
-            free=list(chain.of_links(free)[c]),
-            moving=list(velocities[c]),
-            rate=list(rate[c]),
-            closing=last[c],
-            after=list(ends[c]),
-            record=list(chain.of_links(record)[c]),
+            **{role: list(of_links[c]) for role, of_links in by_role.items()},
         )
         for c in chain.positions
     ]
