@@ -28,6 +28,8 @@ matplotlib.use("Agg")
 import numpy as np
 from matplotlib.figure import Figure
 
+from coadjoint.plotting.style import COLOURS
+
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES = ROOT / "docs" / "figures"
 SCRIPTS = {
@@ -179,7 +181,10 @@ def watched(seen: list[list[dict]]):
 
 
 def draw(script: str, folder: Path) -> dict[str, tuple[Path, list[dict]]]:
-    """Run a script in a copy of its surroundings in `folder`: its figures by name, with what they show."""
+    """Run a script in a copy of its surroundings in `folder`: its figures by name, with what they show.
+
+    Curves without a colour of their own have those of the library's figures.
+    """
     for part in ("docs", "examples"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("*.png", "*.gif", "api", "recipes"))
     copy, before = folder / script, Path.cwd()
@@ -187,7 +192,7 @@ def draw(script: str, folder: Path) -> dict[str, tuple[Path, list[dict]]]:
     arguments, sys.argv = sys.argv, [str(copy)]
     os.chdir(copy.parent if script.startswith("examples") else folder)
     try:
-        with watched(seen), matplotlib.rc_context():
+        with watched(seen), matplotlib.rc_context({"axes.prop_cycle": matplotlib.cycler(color=COLOURS)}):
             runpy.run_path(str(copy), run_name="__main__")
     finally:
         os.chdir(before)

@@ -15,6 +15,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint import theory
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.plotting.style import COLOURS
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -35,14 +36,14 @@ def two(
     figure, (above, below) = plt.subplots(
         2, 1, figsize=(7, 4.6), sharex=True, layout="constrained"
     )
-    above.plot(times, left, lw=2.5, color="#9ecae1", label=label_left)
-    above.plot(times, right, ".", ms=4, color="#08519c", label=label_right)
+    above.plot(times, left, lw=2.5, color=COLOURS[1], label=label_left)
+    above.plot(times, right, ".", ms=4, color=COLOURS[0], label=label_right)
     above.legend(
         frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 1), fontsize=9
     )
     above.set_title(title, loc="left", fontsize=10)
     below.semilogy(
-        times, np.maximum(np.abs(left - right), 1e-18), ".", ms=4, color="#08519c"
+        times, np.maximum(np.abs(left - right), 1e-18), ".", ms=4, color=COLOURS[0]
     )
     below.set(xlabel="step k", ylabel="|difference|", ylim=(1e-18, 1e-12))
     save(figure, name)
@@ -102,7 +103,7 @@ def poisson() -> None:
         2, 1, figsize=(7, 4.6), sharex=True, layout="constrained"
     )
     h, k = 0.1, np.arange(2, 100)
-    for parameter, color in (("left", "#08519c"), ("right", "#b35806")):
+    for parameter, color in zip(("left", "right"), COLOURS, strict=False):
         l = theory.PoissonLagrangian(co.SO3(), co.Defining(), top, parameter)
         system = theory.poisson_system(l)
         start = system.state(
@@ -124,9 +125,8 @@ def poisson() -> None:
         above.plot(
             k,
             np.diff(quantity),
-            lw=2.5,
+            lw=1.2,
             color=color,
-            alpha=0.4,
             label=f"I$_{{k+1}}$ − I$_k$, {parameter} end",
         )
         above.plot(
@@ -242,7 +242,6 @@ def four_settings() -> None:
             np.maximum(apart, 1e-17),
             label=name,
             lw=3.0 if thick else 1.2,
-            alpha=0.4 if thick else 1.0,
         )
     axes.set(xlabel="step k", ylabel="distance from SO(3) with ℝ³", ylim=(1e-17, 1e-11))
     axes.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
