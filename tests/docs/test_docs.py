@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import re
 import subprocess
 import sys
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,6 +17,7 @@ import pytest
 from markdown_it import MarkdownIt
 from printed import disagreement
 
+import coadjoint as co
 from coadjoint.cli.main import every_command
 from coadjoint.sections import keys
 from coadjoint_vehicles.files.file import BodySection
@@ -175,6 +178,52 @@ def test_the_page_of_vehicles_names_every_kind_of_part_and_every_key_of_a_body()
     missing = [kind for kind in kinds("parts") if f"\n| `{kind}` | " not in page]
     missing += [name for name in keys(BodySection) if f"`{name}`" not in page and f"{name} = " not in page]
     assert not missing, f"docs/vehicles.md says nothing of {missing}."
+
+
+TYPED = re.compile(r"(?<![\w.])((?:[a-z]\w*\.)*)([A-Z]\w+)(\()?")
+"""A class in code within a line: the packages before it, its name, and whether it is called."""
+TABLES = ("choosing", "energy", "groups_and_spaces", "hamiltonian", "theory", "tutorial")
+"""Pages whose tables list classes, as one types them."""
+
+
+def is_found(name: str) -> bool:
+    """Whether `name` is one of coadjoint as `co`, without a warning."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)
+            return operator.attrgetter(name.removeprefix("co."))(co) is not None
+    except (AttributeError, DeprecationWarning):
+        return False
+
+
+def not_typed(text: str, tables: bool) -> list[str]:
+    """Classes in code within the lines of a page that cannot be typed so: `co.Dual()`, `Dual()`, and `SO3` in tables.
+
+    A class without `co.` is one of the packages of groups, spaces, difference maps and methods.
+    """
+    known = {name for one in (co.groups, co.spaces, co.difference_maps, co.methods) for name in one.__all__}
+    wrong = []
+    for line in re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL).splitlines():
+        for span in re.findall(r"`([^`]+)`", line):
+            for packages, name, call in TYPED.findall(span):
+                if packages.startswith("co."):
+                    wrong += [] if is_found(packages + name) else [span]
+                elif not packages and name in known and ((tables and line.startswith("|")) or call):
+                    wrong += [span] if (tables and line.startswith("|")) or name not in co.__all__ else []
+    return wrong
+
+
+def test_classes_in_tables_and_calls_of_pages_are_written_as_one_types_them() -> None:
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    wrong = {page.name: not_typed(page.read_text(encoding="utf-8"), page.stem in TABLES) for page in pages}
+    wrong = {page: names for page, names in wrong.items() if names}
+    assert not wrong, f"Write `co.methods.KahanLi6`, with `co.` and its package, for {wrong}."
+
+
+def test_a_name_that_warns_or_fails_on_a_page_is_found() -> None:
+    text = "`co.Dual()`, `Points()`, `SO3()`, `Points`, `co.Nothing`, `co.spaces.Dual()`, `co.SO3`\n| `SO3` |\n"
+    assert not_typed(text, tables=True) == ["co.Dual()", "Points()", "co.Nothing", "SO3"]
+    assert not_typed(text, tables=False) == ["co.Dual()", "Points()", "co.Nothing"]
 
 
 def test_no_page_has_text_slanted_by_the_sign_of_an_index() -> None:
