@@ -37,7 +37,7 @@ def test_inputs_of_the_names_of_parts_command_them_and_other_parts_stay():
 
 @pytest.mark.long
 def test_an_actuator_that_lags_leaves_the_order_two():
-    """The number of docs/actuators.md, after 10 s at h = 0.05 s, by extrapolation to h → 0."""
+    """By extrapolation to h → 0, after 10 s at h = 0.05 s."""
     craft = Craft(remus()).replace(rudder={"lag": 0.5})
     start = craft.start(speed=1.5, actuators={"propeller": 15.0})
     ends = [
