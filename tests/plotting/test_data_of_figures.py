@@ -140,7 +140,7 @@ def test_changes_of_which_one_is_absolute_are_all_absolute():
     axes = _changes(runs(first, second), lambda run: "energy", "change", "E").axes[0]
     for curve in curves(axes):
         assert curve[:, 1] == pytest.approx(time[1:])
-    assert axes.get_ylabel() == "change $|E_k - E_0|$ (J)"
+    assert axes.get_ylabel() == "change $|E(t) - E(0)|$ (J)"
     alone = _changes(runs(first), lambda run: "energy", "change", "E").axes[0]
     assert curves(alone)[0][:, 1] == pytest.approx(time[1:] / 2) and "- 1|$" in alone.get_ylabel()
     low, high = alone.get_ylim()

@@ -65,7 +65,7 @@ def test_a_quantity_that_starts_at_zero_is_shown_absolutely():
     first, second = curves(figure)
     assert first[-1, 1] == pytest.approx(1e-11)
     assert second[:, 1].max() == pytest.approx(1e-12, rel=1e-3)
-    assert "I_k - I_0" in figure.axes[0].get_ylabel()
+    assert "I(t) - I(0)" in figure.axes[0].get_ylabel()
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation import energy_budget
 from coadjoint.simulation.certificate_forms import MEANINGS, Certificate, glossary, linked, rows
 
 RUN: dict[str, Any] = {"dt": 0.05, "progress": False, "accuracy": False}
@@ -22,23 +24,42 @@ def lines(run: Any) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def near_zero():
-    """A pendulum at rest, level with its pivot but for 1e-4: its energy is 1e-3, its motion has one of 10."""
-    return co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[1e-4, 0, 1]), steps=60, **RUN)
+    """A pendulum at rest, level with its pivot but for 1e-2: its energy is 0.1, its motion has one of 10."""
+    return co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[1e-2, 0, 1]), steps=60, **RUN)
 
 
-def test_changes_are_absolute_where_the_start_is_smaller_than_they_are(near_zero):
-    change = float(np.ptp(near_zero.extrema["energy"]))
-    assert 1e-2 < change < 0.1 and near_zero.size("energy") == 0
-    assert near_zero.relative_change("energy") == pytest.approx(change, rel=0.1)
-    assert "largest absolute change" in lines(near_zero)["energy"]
-    assert re.search(r"energy to \d\.\de-02 \(absolute\), ", str(near_zero))
+@pytest.fixture(scope="module")
+def level():
+    return co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[0, 0, 1]), steps=60, **RUN)
 
 
-def test_an_energy_that_starts_near_zero_is_doubted_by_the_size_of_the_motion(near_zero):
-    """0.03 of 10 is no error; of a step of 0.8 s, which the motion does not survive, it is one."""
-    assert near_zero.warnings == []
-    coarse = co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[1e-4, 0, 1]), steps=50, **RUN | {"dt": 0.8})
-    assert any("The energy, which nothing changes, is off by " in sentence for sentence in coarse.warnings)
+def test_changes_are_absolute_where_the_start_is_smaller_than_they_are(level):
+    watching = PENDULUM.watching({"height": lambda state, p: state.a[0]})
+    run = co.simulate(watching, watching.state(xi=[0, 0, 0], a0=[0, 0, 1]), steps=60, **RUN)
+    assert run.size("height") == 0 and run.relative_change("height") == np.ptp(run.extrema["height"])
+    assert "largest absolute change" in lines(run)["height"]
+
+
+def test_the_change_of_an_energy_near_zero_is_relative_to_the_kinetic_energy(near_zero, level):
+    """0.03 of 10 is no error, whatever the energy at the start is; of a step of 0.8 s, it is one."""
+    for run in (near_zero, level):
+        change, motion = float(np.ptp(run.extrema["energy"])), float(run.kinetic())
+        assert 1e-2 < change < 0.1 and 9 < motion < 11 and run.size("energy") == motion
+        assert run.relative_change("energy") == pytest.approx(change / motion, rel=0.1)
+        assert "of the largest kinetic energy" in lines(run)["energy"] and run.warnings == []
+        assert re.search(r"energy to \d\.\de-03, ", str(run))
+        (axes,) = run.plot.energy().axes
+        assert "E(t) - E(0)" in axes.get_ylabel()
+    fleet = co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=co.each([[1e-2, 0, 1], [0, 0, 1]])), steps=60, **RUN)
+    np.testing.assert_allclose(
+        fleet.relative_changes("energy"), [one.relative_change("energy") for one in (near_zero, level)], rtol=1e-9
+    )
+    coarse = co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[1e-2, 0, 1]), steps=50, **RUN | {"dt": 0.8})
+    (told,) = [sentence for sentence in coarse.warnings if "The energy, which nothing changes, is off by " in sentence]
+    assert "too large" in told and "diamond" not in told
+    coarse.accuracy = SimpleNamespace(resolved=True)
+    (told,) = energy_budget._changed(coarse)
+    assert "too large" not in told and "line `accuracy`" in told
 
 
 def test_the_energy_of_a_forced_run_is_a_budget_and_not_an_error():

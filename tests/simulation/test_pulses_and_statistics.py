@@ -86,8 +86,9 @@ def test_a_signal_is_bent_where_it_is_neither_a_line_nor_constant_over_most_step
 
 def watched(change: float, **more: Any) -> Any:
     given: dict[str, Any] = {
-        "system": SimpleNamespace(takes=lambda name: False), "plan": SimpleNamespace(h=0.1),
+        "system": SimpleNamespace(takes=lambda name: False, places=()), "plan": SimpleNamespace(h=0.1),
         "extrema": {"energy": (0.0, 1.0)}, "relative_changes": lambda name: change, "sizes": lambda name: 1.0,
+        "accuracy": None,
         "method": SimpleNamespace(claims=SimpleNamespace(energy="bounded")),
     }  # fmt: skip
     return SimpleNamespace(**given | more)

@@ -22,9 +22,11 @@ CHANGED = 0.01
 
 
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
-    """|E_k/E₀ − 1| over time: an error where no force acts, otherwise the change by forces; E_k if it is large.
+    """|E(t)/E(0) − 1| over time: an error where no force acts, otherwise the change by forces; E(t) if it is large.
 
-    `definition`: "discrete" is E_k = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
+    The change itself, |E(t) − E(0)|, where E(0) is less than half of the largest kinetic energy.
+
+    `definition`: "discrete" is E(t_k) = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
     paper shows, and the second for every other rule.
     """
@@ -40,7 +42,7 @@ def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
     driven = any("energy_budget" in run.dataset for run in runs)
     if driven and any(np.ptp(E) > CHANGED * np.max(np.abs(E)) for E in (run.values(name(run)) for run in runs)):
         return _itself(runs, name)
-    return _changes(runs, name, "energy change" if driven else "energy error", "E")
+    return _changes(runs, name, "energy change" if driven else "energy error", "E", motion)
 
 
 def _itself(runs: Sequence[Entry], name: Callable[[Entry], str]) -> Figure:
@@ -51,14 +53,14 @@ def _itself(runs: Sequence[Entry], name: Callable[[Entry], str]) -> Figure:
         kept = run.thin(values)
         axes.plot(run.time[kept], values[kept], label=run.label, **run.look)
     unit = runs[0].unit(name(runs[0]))
-    axes.set_ylabel("energy $E_k$" + (f" ({unit})" if unit else ""))
+    axes.set_ylabel("energy $E(t)$" + (f" ({unit})" if unit else ""))
     time_axis([axes], [run.time for run in runs])
     legend(figure, *axes.get_legend_handles_labels())
     return figure
 
 
 def kelvin_noether(runs: Sequence[Entry]) -> Figure:
-    """|I_k − I₀|/|I₀| over time; the norm over the quantities where there are several."""
+    """|I(t) − I(0)|/|I(0)| over time; the norm over the quantities where there are several."""
     sentence = (
         "No Kelvin–Noether quantity was recorded: the common isotropy algebra of the advected parameters is trivial, "
         "or monitors=False."
@@ -79,18 +81,39 @@ def group_defect(runs: Sequence[Entry]) -> Figure:
     return figure
 
 
-def relative(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """|X_k − X₀|/|X₀| with the Euclidean norm over components, and True; |X_k| and False where X₀ = 0."""
+def relative(values: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, bool]:
+    """|X_k − X₀|/|X₀| with the Euclidean norm over components, and True; |X_k − X₀| and False where |X₀| ≤ `least`."""
     columns = values.reshape(len(values), -1)
     change = np.linalg.norm(columns - columns[0], axis=1)
     size = float(np.linalg.norm(columns[0]))
-    return (change / size, True) if size > 0 else (change, False)
+    return (change / size, True) if size > least else (change, False)
 
 
-def _changes(runs: Sequence[Entry], name: Callable[[Entry], str], what: str, letter: str) -> Figure:
+def motion(run: Entry) -> float:
+    """Half of the largest kinetic energy, ¼|⟨μ, ξ⟩ + ⟨π, ν⟩|: an energy below it is near zero."""
+    power = np.zeros(len(run.time))
+    for name in map(str, run.dataset.data_vars):
+        kind, _, which = name.partition("_")
+        velocity = {"mu": "xi", "pi": "nu"}.get(kind, "") + (f"_{which}" if which else "")
+        if kind in ("mu", "pi") and velocity in run.dataset:
+            power += np.sum((run.values(name) * run.values(velocity)).reshape(len(power), -1), axis=1)
+    return float(np.max(np.abs(power))) / 4
+
+
+def _nowhere(run: Entry) -> float:
+    return 0.0
+
+
+def _changes(
+    runs: Sequence[Entry],
+    name: Callable[[Entry], str],
+    what: str,
+    letter: str,
+    near_zero: Callable[[Entry], float] = _nowhere,
+) -> Figure:
     figure = canvas(COLUMN, _HEIGHT)
     axes = figure.subplots()
-    found = [relative(run.values(name(run))) for run in runs]
+    found = [relative(run.values(name(run)), near_zero(run)) for run in runs]
     all_relative = all(is_relative for _, is_relative in found)
     for run, (change, is_relative) in zip(runs, found, strict=True):
         values = run.values(name(run))
@@ -98,9 +121,9 @@ def _changes(runs: Sequence[Entry], name: Callable[[Entry], str], what: str, let
         _curve(axes, run, change * size)
     unit = runs[0].unit(name(runs[0]))
     if all_relative:
-        label = rf"{what} $|{letter}_k/{letter}_0 - 1|$"
+        label = rf"{what} $|{letter}(t)/{letter}(0) - 1|$"
     else:
-        label = rf"{what} $|{letter}_k - {letter}_0|$" + (f" ({unit})" if unit else "")
+        label = rf"{what} $|{letter}(t) - {letter}(0)|$" + (f" ({unit})" if unit else "")
     _finish(figure, axes, runs, label)
     return figure
 

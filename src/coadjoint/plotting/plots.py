@@ -41,16 +41,16 @@ class Plots:
         labels: Sequence[str] | None = None,
         path: Path | None = None,
     ) -> Figure:
-        """|E_k/E₀ − 1| over time, or E_k where forces change it by more than 1 %.
+        """|E(t)/E(0) − 1| over time, |E(t) − E(0)| if E(0) is small; E(t) where forces change it by more than 1 %.
 
-        E_k = −∂_hΛ for the left rectangle (P68, P69), else the Legendre energy.
+        E(t_k) = −∂_hΛ for the left rectangle (P68, P69), else the Legendre energy.
         """
         from coadjoint.plotting import conservation
 
         return self._draw(lambda runs: conservation.energy(runs, definition), others, labels, path)
 
     def kelvin_noether(self, *others: object, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
-        """|I_k/I₀ − 1| over time, with the norm over the quantities where there are several (Theorem 7)."""
+        """|I(t)/I(0) − 1| over time, with the norm over the quantities where there are several (Theorem 7)."""
         from coadjoint.plotting import conservation
 
         return self._draw(conservation.kelvin_noether, others, labels, path)

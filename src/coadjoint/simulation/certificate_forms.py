@@ -20,7 +20,8 @@ MEANINGS = {
     "accuracy": "the largest local error of the judged steps, relative to what a step moves: is dt small enough?",
     "trajectory": "the distance from a run with dt/2, relative to how far the run goes",
     "conserved": "how far quantities that the mechanics conserves, or whose budget it closes, changed over all steps",
-    "energy": "the Legendre energy of the momenta at the nodes; where forces act, its budget shows the error",
+    "energy": "the Legendre energy of the momenta at the nodes, its change relative to the start or, if that is small, "
+    "to the largest kinetic energy; where forces act, its budget shows the error",
     "energy, discrete": "the energy −∂Λ/∂h of the discrete Lagrangian",
     "energy budget": "the stored energy against the work of each force; the gap is of the method's order",
     "Kelvin–Noether": "momenta of directions that leave the advected parameters unchanged; round-off without forces",

@@ -212,8 +212,11 @@ def _change(run: Result, c: Table, name: str) -> str:
     if driven(run, name):
         end = last[0] if len(last) == 1 else np.linalg.norm(last)
         return f"{shown} at the start, {end:.6g} at the end; {_causes(run.system, name)}"
-    kind = "relative" if run.sizes(name) > 0 else "absolute"
-    return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
+    size = run.sizes(name)
+    kind = "relative" if size > 0 else "absolute"
+    motion = ", of the largest kinetic energy" if size > np.linalg.norm(first) else ""
+    errors = f"{c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
+    return f"{shown}; largest {kind} change {errors}{motion}"
 
 
 def _causes(system: System, name: str) -> str:

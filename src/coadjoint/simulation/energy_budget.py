@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.arrays import PyTree
+from coadjoint.groups.overrides import own
 from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.members import member_of
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import energy_lines
 from coadjoint.simulation.result import Result
+from coadjoint.spaces.space import Space
 from coadjoint.texts import Table
 
 POORLY = 0.1
@@ -105,20 +107,21 @@ def _changed(run: Result) -> list[str]:
         or (change := _change_of_energy(run)) < TOO_MUCH
     ):
         return []
-    return [
-        f"The energy, which nothing changes, is off by {change:.0%}: dt = {run.plan.h:g} is too large for this motion, "
-        "or functions of the system contradict each other, such as a space's `diamond` and its `act`."
-    ]
+    off = f"The energy, which nothing changes, is off by {change:.0%}"
+    if run.accuracy is not None and run.accuracy.resolved:
+        why = "the steps are accurate (line `accuracy`), but their errors add up: compare with a run of dt/2"
+    else:
+        why = f"dt = {run.plan.h:g} is too large for this motion"
+    places = run.system.places
+    if any(own(space, Space) for space in places[1:]):
+        why += ", or functions of the system contradict each other, such as a space's `diamond` and its `act`"
+    return [f"{off}: {why}."]
 
 
 def _change_of_energy(run: Result) -> float:
-    """The largest change relative to E₀ or, where E₀ is smaller, to |⟨μ, ξ⟩| + |⟨π, ν⟩| at the start or at the end."""
+    """The largest change relative to the energy at the start, or to the largest kinetic energy."""
     change = float(run.relative_changes("energy"))
-    if run.sizes("energy") > 0:
-        return change
-    ends = run.start, run.position.state
-    sizes = [abs(np.vdot(x.mu, x.xi)) + abs(np.vdot(x.pi, x.nu)) for x in ends]
-    return change / max(*sizes, abs(float(run.ends["energy"][0])) or np.finfo(float).tiny)
+    return change if run.sizes("energy") > 0 else change / max(float(run.scales("energy")), np.finfo(float).tiny)
 
 
 class _Gain(NamedTuple):

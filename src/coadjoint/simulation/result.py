@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks, disk
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError, FileError, must_give, rephrased
 from coadjoint.extensions import Registry, import_string
@@ -311,14 +311,29 @@ class Result(Recording):
         lead = () if self.members is None else (slice(None),)
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
+    def kinetic(self) -> np.ndarray:
+        """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| at the saved nodes, one number or (members,)."""
+        return kinetic(*self.memory.records)
+
+    def scales(self, name: str) -> np.ndarray:
+        """|X₀| of a monitored X, one number or (members,); of energies the largest kinetic energy T if T > 2|E₀|.
+
+        |E₀| alone would depend on the zero of the potential, and a pendulum that is released level with its pivot has
+        none.
+        """
+        size = np.linalg.norm(self._bounds(name)[2], axis=-1)
+        if name not in ENERGIES:
+            return size
+        motion = self.kinetic()
+        return np.where(motion > 2 * size, motion, size)
+
     def sizes(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, one number or (members,), to which its changes are relative; 0 if they are larger."""
-        low, high, first = self._bounds(name)
-        size, change = np.linalg.norm(first, axis=-1), np.linalg.norm(_widest(low, high, first), axis=-1)
+        """The scale to which changes of a monitored X are relative, one number or (members,); 0 if they are larger."""
+        size, change = self.scales(name), np.linalg.norm(_widest(*self._bounds(name)), axis=-1)
         return np.where(size > change, size, 0.0)
 
     def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| of a monitored X, one number or (members,), over good steps.
+        """max_k |X_k − X₀| / |X₀| of a monitored X, one number or (members,), over good steps; of energies by `scales`.
 
         It is absolute where that passes 1.
         """
@@ -330,6 +345,20 @@ class Result(Recording):
         """The least, the largest and the first value of a monitored X, ([members,] components)."""
         lead = () if self.members is None else (self.members,)
         return [np.reshape(x, (*lead, -1)) for x in (*self.extrema[name], self.ends[name][0])]
+
+
+ENERGIES = ("energy", "discrete_energy")
+"""The monitored energies, which are known but for a constant."""
+
+
+def kinetic(*parts: State) -> np.ndarray:
+    """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| of records with axes (node, [member,] …): that of ½⟨ξ, Jξ⟩, whatever V is."""
+
+    def paired(momenta: Array, velocities: Array, lead: int) -> np.ndarray:
+        return np.asarray(momenta * velocities).sum(axis=tuple(range(lead, np.ndim(momenta))))
+
+    found = (paired(x.mu, x.xi, np.ndim(x.t)) + paired(x.pi, x.nu, np.ndim(x.t)) for x in parts)
+    return np.fmax.reduce([np.fmax.reduce(np.abs(one) / 2, axis=0) for one in found])
 
 
 def _widest(low: np.ndarray, high: np.ndarray, first: np.ndarray) -> np.ndarray:

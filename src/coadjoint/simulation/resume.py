@@ -83,6 +83,9 @@ class _OnDisk(Result):
         self.__dict__.pop("dataset", None)  # It is read again with all warnings.
         return found
 
+    def kinetic(self) -> np.ndarray:
+        return np.asarray(self.store.kinetic)
+
     def internal_states(self) -> list[PyTree]:
         """Those of at most NODES nodes, evenly spaced, read from the disk."""
         last = None if self.store.last is None else self.store.last.internal

@@ -41,7 +41,7 @@ from coadjoint.simulation.dataset import Variables, meanings, member_variables, 
 from coadjoint.simulation.derived import derivation, times
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.plan import AnyPosition
-from coadjoint.simulation.result import Result
+from coadjoint.simulation.result import Result, kinetic
 from coadjoint.simulation.zarr_reader import RECORDS
 from coadjoint.simulation.zarr_writer import Chunks, unset
 from coadjoint.texts import Table
@@ -75,6 +75,7 @@ class Store:
         self.seconds = 0.0
         self.ends: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.last: State | None = None
+        self.kinetic: np.ndarray | float = 0.0
         self._pending: list[tuple[np.ndarray, State, Mapping[str, np.ndarray]]] = []
         self._chunks = Chunks(manifest)
         self._slot = 0
@@ -163,6 +164,7 @@ class Store:
         self.last = configuration.state_like("record", arrays, in_records(begun.state)) if self.count else None
         sampled = ((name.partition("/"), numbers) for name, numbers in arrays.items())
         self.sampled = {name: numbers for (kind, _, name), numbers in sampled if kind == "sample"}
+        self.kinetic = arrays.get("kinetic", 0.0)
         self._slot = int(self.manifest.facts["checkpoint"] == _checkpoint(0))
         return position
 
@@ -177,6 +179,7 @@ class Store:
         """Take records; they are written when a chunk is full or a checkpoint is due."""
         self._pending.append((steps, records, monitors))
         self.last = jax.tree.map(lambda rows: rows[-1], records)
+        self.kinetic = np.fmax(self.kinetic, kinetic(records))
         self.ends = {name: (self.ends.get(name, rows)[0], rows[-1]) for name, rows in monitors.items()}
         if sum(len(steps) for steps, _, _ in self._pending) >= self.length:
             with self._writing():
@@ -240,6 +243,7 @@ class Store:
         for name, (first, last) in self.ends.items():
             arrays[f"first/{name}"], arrays[f"last/{name}"] = first, last
         arrays |= {f"sample/{name}": numbers for name, numbers in self.sample().items()}
+        arrays["kinetic"] = np.asarray(self.kinetic)
         before, now = _checkpoint(1 - self._slot), _checkpoint(self._slot)
         self.put(now, configuration.packed(header, arrays))
         self.manifest.files.pop(before, None)
