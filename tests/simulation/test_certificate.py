@@ -57,6 +57,9 @@ def test_the_change_of_an_energy_near_zero_is_relative_to_the_kinetic_energy(nea
     coarse = co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[1e-2, 0, 1]), steps=50, **RUN | {"dt": 0.8})
     (told,) = [sentence for sentence in coarse.warnings if "The energy, which nothing changes, is off by " in sentence]
     assert "too large" in told and "diamond" not in told
+    for resolved, end in ((True, "; print it for the certificate>"), (False, "; unresolved: print it for the reason>")):
+        coarse.accuracy = SimpleNamespace(resolved=resolved)
+        assert repr(coarse).endswith(end)
     coarse.accuracy = SimpleNamespace(resolved=True)
     (told,) = energy_budget._changed(coarse)
     assert "too large" not in told and "line `accuracy`" in told

@@ -105,6 +105,14 @@ def test_ensembles_that_cannot_be_counted_are_refused():
         start(VEHICLE, g=co.each(np.stack([np.eye(3), 1.1 * np.eye(3)])))
 
 
+def test_members_whose_first_step_leaves_the_chart_are_named():
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ (jnp.array([1.0, 2.0, 3.0]) * xi))
+    start = body.state(xi=co.each([[1.0, 0, 0], [900.0, 1, 0], [2.0, 0, 0]]))
+    words = r"of 1 of 3 members \(1\) would leave the chart of Cayley\(\) by a factor up to 1\.43; take dt < 0\.00698"
+    with pytest.raises(co.errors.ArgumentError, match=words):
+        co.simulate(body, start, dt=0.01, steps=2, accuracy=False)
+
+
 def test_starting_momenta_are_those_of_each_member_s_own_parameters():
     masses = np.array([110.0, 140.0])
     vehicle = system().replace(mass=co.each(masses))

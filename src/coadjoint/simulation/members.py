@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import PyTree
+from coadjoint.arrays import Array, PyTree
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
@@ -20,6 +21,7 @@ from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.rattle import around
+from coadjoint.simulation.energy_budget import LISTED
 from coadjoint.simulation.monitors import kelvin_noether
 from coadjoint.simulation.result import Result
 
@@ -86,6 +88,24 @@ def begin_members(system: System, start: State, method: Method, h: float, count:
         found = step.require_members(system, parameters, axes, states, start)
         states = states if found is None else found
     return Members(parameters, axes, states, count)
+
+
+def require_chart_of_members(system: System, method: Method, members: Members, h: float) -> None:
+    """Raise if already the first step of a member leaves the chart of the difference map; names these members."""
+
+    def reach(parameters: PyTree, state: State) -> Array:
+        here = replace_parameters(system, parameters)
+        return jnp.stack([jnp.asarray(step.chart(here, state, np.float64(h) * f), float) for step, f in method.stages])
+
+    found = evaluate(jax.vmap(reach, in_axes=(members.axes, 0)), members.parameters, members.states).max(axis=1)
+    beyond = np.flatnonzero(found >= 1)
+    if len(beyond):
+        which = ", ".join(map(str, beyond[:LISTED])) + (", …" if len(beyond) > LISTED else "")
+        raise ArgumentError(
+            f"Argument `dt` = {h:g} is too large: the first step of {len(beyond)} of {members.count} members "
+            f"({which}) would leave the chart of {method.stages[0][0].difference_map!r} by a factor up to "
+            f"{found.max():.3g}; take dt < {h / found.max():.3g}, or leave them out."
+        )
 
 
 def with_own_directions(

@@ -37,7 +37,14 @@ from coadjoint.simulation import monitors as observe
 from coadjoint.simulation import setup_cache
 from coadjoint.simulation.arguments import inputs_held, needs_g, read_of, require_forward, with_inputs
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
-from coadjoint.simulation.members import begin_members, count_of, first_member, require_one_time, with_own_directions
+from coadjoint.simulation.members import (
+    begin_members,
+    count_of,
+    first_member,
+    require_chart_of_members,
+    require_one_time,
+    with_own_directions,
+)
 from coadjoint.simulation.plan import MembersPosition, Plan, Position
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.sinks import Memory
@@ -137,6 +144,7 @@ class SimulationProblem:
             checked += require_forward(one, method, first, h)
             method.begin(one, first, h)  # a method checks only starts that are not traced
         members = begin_members(system, start, method, h, count, self.monitors)
+        require_chart_of_members(system, method, members, h)
         first, state = first_member(system, members.states)
         if before is None:
             before = self._verdict(first, state, reading, "members", checked + redundancy(state))

@@ -47,6 +47,12 @@ class _Shown(Result):
 
         return certificate_of(self)
 
+    @property
+    def _hint(self) -> str:
+        """The end of a short form."""
+        unresolved = self.accuracy is not None and not self.accuracy.resolved
+        return "unresolved: print it for the reason" if unresolved else "print it for the certificate"
+
 
 class Run(_Shown):
     """The result of `co.simulate`; `print` it for the certificate.
@@ -146,7 +152,7 @@ class Run(_Shown):
         return float(np.max(self.extrema[name][1]))
 
     def __repr__(self) -> str:
-        return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; print it for the certificate>"
+        return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; {self._hint}>"
 
 
 class Ensemble(_Shown):
@@ -208,7 +214,7 @@ class Ensemble(_Shown):
         return statistics(self.dataset, variables, quantiles)
 
     def __repr__(self) -> str:
-        return f"<Ensemble of {self.title}: {len(self.failures)} failed; print it for the certificate>"
+        return f"<Ensemble of {self.title}: {len(self.failures)} failed; {self._hint}>"
 
 
 def stacked_records(states: list[State], like: State) -> State:

@@ -78,7 +78,8 @@ class SavedRun(Recording):
         return Certificate(printable(found.short), printable(found.complete))
 
     def __repr__(self) -> str:
-        return printable(f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>")
+        hint = "; unresolved: print it for the reason" if self.dataset.attrs.get("unresolved") else ""
+        return printable(f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}{hint}>")
 
 
 def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun:
