@@ -182,7 +182,7 @@ def test_the_page_of_vehicles_names_every_kind_of_part_and_every_key_of_a_body()
 
 TYPED = re.compile(r"(?<![\w.])((?:[a-z]\w*\.)*)([A-Z]\w+)(\()?")
 """A class in code within a line: the packages before it, its name, and whether it is called."""
-TABLES = ("choosing", "energy", "groups_and_spaces", "hamiltonian", "theory", "tutorial")
+TABLES = ("choosing", "energy", "groups_and_spaces", "hamiltonian", "recipes", "theory", "tutorial")
 """Pages whose tables list classes, as one types them."""
 
 
