@@ -142,8 +142,8 @@ def quflow_steps() -> Callable[..., np.ndarray] | None:
     """
     if find_spec("quflow") is None:
         return None
-    if find_spec("ducc0") is None:
-        sys.modules.setdefault("ducc0", ModuleType("ducc0"))
+    if "ducc0" not in sys.modules and find_spec("ducc0") is None:
+        sys.modules["ducc0"] = ModuleType("ducc0")
     return importlib.import_module("quflow.integrators.isospectral").isomp_fixedpoint
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.accuracy.sample import KINDS, Sampler
 from coadjoint.simulation.driver import Driver
 from coadjoint.simulation.event_driver import EventDriver
 from coadjoint.simulation.problem import SimulationProblem
@@ -31,3 +36,36 @@ def test_each_sink_has_the_records_of_its_cadence_and_the_last_one(every, common
         np.testing.assert_array_equal(np.concatenate(sink.steps), nodes)
         np.testing.assert_array_equal(np.concatenate([records.mu for records in sink.records]), full[nodes])
         assert len(np.concatenate([rows["energy"] for rows in sink.monitors])) == len(nodes)
+
+
+class Row(NamedTuple):
+    """Records as sinks take them."""
+
+    t: np.ndarray
+    xi: np.ndarray
+    nu: np.ndarray
+    mu: np.ndarray
+    pi: np.ndarray
+
+
+@pytest.mark.parametrize("members", [None, np.array([0, 2])])
+def test_the_sample_follows_the_largest_changes_and_momenta_whatever_the_chunks(members):
+    count, axes = 5000, () if members is None else (3,)
+    random = np.random.default_rng(3)
+    fields = [random.normal(size=(count, *axes, size)) for size in (3, 0, 9, 3)]
+    fields[0][count // 2] = np.nan
+    fields[0][2059:] += 50.0  # between two chunks
+    records = Row(np.zeros((count, *axes)), *fields)
+    kept = SimpleNamespace(sampled=None, last=None)
+    sampler = Sampler(kept, count, 1, members)  # type: ignore[arg-type]
+    for a, b in pairwise([0, 10, 2058, 2059, count]):
+        sampler.append(np.arange(a, b), Row(*(x[a:b] for x in records)), {})  # type: ignore[arg-type]
+    found = dict(zip(KINDS, sampler.numbers()["largest"].tolist(), strict=True))
+    chosen = dict(zip(Row._fields[1:], (x if members is None else x[:, members] for x in fields), strict=True))
+    for field in ("xi", "mu", "pi"):
+        change = np.nan_to_num(np.abs(np.diff(chosen[field], axis=0))).reshape(count - 1, -1).max(axis=1)
+        assert found[field] == [change.max(), change.argmax()]
+    for field in ("mu", "pi"):
+        size = np.sqrt(np.sum(chosen[field] ** 2, axis=-1)).reshape(count, -1).max(axis=1)
+        assert found[f"largest {field}"] == [size.max(), size.argmax()]
+    assert found["nu"] == [-1.0, -1]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import jax
@@ -35,6 +36,9 @@ KINDS = (*CHANGING, *(f"largest {field}" for field in MOMENTA))
 
 BLOCK = 4096
 """Chunks of fewer records, those of all members counted, wait for others."""
+
+TOGETHER = 2048
+"""The most records compared together."""
 
 
 PARTS = 64
@@ -102,11 +106,7 @@ class Sampler:
         inside = place < len(steps)
         place = place[inside]
         index = {*place[steps[place] == self._wanted[inside]].tolist()}
-        for field in CHANGING:
-            parts = [self._values(records, field) for _, records in chunks]
-            index |= self._changing(field, steps, parts)
-            if field in MOMENTA:
-                index |= self._extreme(f"largest {field}", steps, _lengths(np.concatenate(parts)))
+        index |= self._extreme(steps, [{field: self._values(x, field) for field in CHANGING} for _, x in chunks])
         if -1 in index and self._before is not None:
             self._keep(np.array([self._before.step]), self._before.records, np.array([-1]))
         here, start = np.array(sorted(index - {-1}), int), 0
@@ -119,28 +119,27 @@ class Sampler:
         if len(self._kept) > PARTS:
             self._drop()
 
-    def _changing(self, field: str, steps: np.ndarray, parts: list[np.ndarray]) -> set[int]:
-        """The record, if any, after which a field changes more than anywhere before; −1 is the last one before."""
-        before = 0 if self._before is None else 1
-        if self._before is not None:
-            parts = [self._values(self._before.records, field)[-1:], *parts]
-        values = np.concatenate(parts)
-        change = values[1:] - values[:-1]
-        return self._extreme(field, steps, np.abs(change, out=change), before)
-
-    def _extreme(self, kind: str, steps: np.ndarray, sizes: np.ndarray, before: int = 0) -> set[int]:
-        """The record with the largest of `sizes` (k, …), if larger than any earlier; `before`: those before `steps`."""
-        if not sizes.size:
-            return set()
-        flat = sizes.ravel()
-        if not np.isfinite(flat[largest := int(flat.argmax())]):
-            largest = int((flat := np.nan_to_num(flat)).argmax())
-        if kind in self._largest and flat[largest] <= self._largest[kind].size:
-            return set()
-        index = largest // sizes[0].size - before
-        at = self._before.step if index < 0 and self._before is not None else steps[index]
-        self._largest[kind] = Largest(float(flat[largest]), int(at))
-        return {index}
+    def _extreme(self, steps: np.ndarray, parts: list[dict[str, np.ndarray]]) -> set[int]:
+        """The records with the largest changes and momenta, if larger than any earlier; −1 is the last one before."""
+        found: dict[str, Largest] = {}
+        held = self._before
+        last = None if held is None else np.concatenate([self._values(held.records, f)[-1].ravel() for f in CHANGING])
+        shapes = {field: values.shape[1:] for field, values in parts[0].items()}
+        ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
+        for first, seen, columns in _blocks(parts, last):
+            change = np.abs(columns[:, 1:] - columns[:, :-1])
+            for field, start, end in zip(CHANGING, ends, ends[1:], strict=False):
+                _widen(found, field, change[start:end], first)
+                if field in MOMENTA:
+                    lengths = _lengths(columns[start:end, seen:], shapes[field])
+                    _widen(found, f"largest {field}", lengths, first + seen)
+        index = set()
+        for kind, (size, place) in found.items():
+            if kind not in self._largest or size > self._largest[kind].size:
+                at = held.step if place < 0 and held is not None else steps[place]
+                self._largest[kind] = Largest(size, int(at))
+                index.add(place)
+        return index
 
     def _values(self, records: State, field: str) -> np.ndarray:
         values = np.asarray(getattr(records, field))
@@ -148,7 +147,7 @@ class Sampler:
 
     def _keep(self, steps: np.ndarray, records: State, index: np.ndarray) -> None:
         """Keep some of the records as rows of numbers."""
-        leaves = [np.asarray(leaf).take(index, axis=0) for leaf in jax.tree.leaves(records)]
+        leaves = [np.asarray(leaf)[index] for leaf in jax.tree.leaves(records)]  # `take` would copy all rows
         if self.members is None:
             rows = [leaf.reshape(len(index), -1) for leaf in leaves]
         else:
@@ -214,9 +213,46 @@ class Sampler:
         """Nothing."""
 
 
-def _lengths(values: np.ndarray) -> np.ndarray:
-    """The norms of vectors along the last axis."""
-    return np.sqrt(np.sum(values**2, axis=-1))
+def _blocks(parts: list[dict[str, np.ndarray]], last: np.ndarray | None) -> Iterator[tuple[int, int, np.ndarray]]:
+    """The fields of all records, some records at a time, a row a number: NumPy is slow along an axis of three.
+
+    A block (numbers, k) begins with the last record of the one before, if any: the index of its first record, how many
+    of its records were in an earlier one, and its numbers. last: those of the record of index −1.
+    """
+    index = 0
+    for part in parts:
+        sizes = [math.prod(values.shape[1:]) for values in part.values()]
+        for start in range(0, len(part[CHANGING[0]]), TOGETHER):
+            fields = [values[start : start + TOGETHER] for values in part.values()]
+            count, seen = len(fields[0]), int(last is not None)
+            columns = np.empty((sum(sizes), seen + count))
+            if last is not None:
+                columns[:, 0] = last
+            for end, size, values in zip(np.cumsum(sizes), sizes, fields, strict=True):
+                columns[end - size : end, seen:] = values.reshape(count, size).T
+            yield index - seen, seen, columns
+            last = columns[:, -1]
+            index += count
+
+
+def _lengths(columns: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """The norms (…, k) of k vectors along the last axis of `shape`, of which `columns` has a row a number."""
+    squares = (columns * columns).reshape(*shape, columns.shape[-1])
+    if shape[-1] >= 8:  # in the order of NumPy for numbers in a row
+        return np.sqrt(np.sum(np.ascontiguousarray(np.swapaxes(squares, -1, -2)), axis=-1))
+    return np.sqrt(np.sum(squares, axis=-2))
+
+
+def _widen(found: dict[str, Largest], kind: str, sizes: np.ndarray, first: int) -> None:
+    """Enter the largest of sizes (…, k) of records from the index `first` on, if larger than the one found."""
+    if not sizes.size:
+        return
+    sizes = sizes.reshape(-1, sizes.shape[-1])
+    if not np.isfinite((most := sizes.max(axis=0)).max()):
+        most = np.nan_to_num(sizes).max(axis=0)
+    place = int(most.argmax())
+    if kind not in found or most[place] > found[kind].size:
+        found[kind] = Largest(float(most[place]), first + place)
 
 
 SHARE = 0.05
