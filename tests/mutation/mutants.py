@@ -198,8 +198,10 @@ def _edits(t: _Text, node: ast.AST) -> Iterator[tuple[str, Edit]]:
 
 
 def _skipped(node: ast.AST) -> bool:
-    """Texts, whose columns Python 3.11 does not know, and what is for types alone."""
+    """Texts, whose columns Python 3.11 does not know, what is for types alone, and lengths that are always equal."""
     match node:
+        case ast.keyword("strict", ast.Constant(True)):
+            return True
         case ast.Expr(ast.Constant()) | ast.JoinedStr():
             return True
         case ast.Assign([ast.Name(name)]) | ast.If(ast.Name(name)):

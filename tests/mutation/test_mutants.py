@@ -54,9 +54,16 @@ def test_an_operator_makes_its_errors_of_a_line(operator, line, changed):
 
 @pytest.mark.parametrize(
     "text",
-    ['"""y = 1 + 2"""', "x: Array[1]", "y = f'{a + 1}'", "@cache(1)\ndef f(): ...", "if TYPE_CHECKING:\n    a(1)"],
+    [
+        '"""y = 1 + 2"""',
+        "zip(a, b, strict=True)",
+        "x: Array[1]",
+        "y = f'{a + 1}'",
+        "@cache(1)\ndef f(): ...",
+        "if TYPE_CHECKING:\n    a(1)",
+    ],
 )
-def test_texts_annotations_and_decorators_stay(text):
+def test_texts_annotations_decorators_and_strict_pairs_stay(text):
     assert mutants.mutants("file.py", text) == []
 
 
