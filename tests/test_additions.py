@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import inspect
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,9 +16,11 @@ import tyro
 
 import coadjoint as co
 from coadjoint.cli import main as command_line
+from coadjoint.errors import GroupError
 from coadjoint.methods import left_rectangle, midpoint
 from coadjoint.simulation import monitors
 from coadjoint.simulation.monitors import Watched, monitor
+from imports import files
 
 SYSTEM = co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi))
 START = SYSTEM.state(xi=[0.3, 1.0, -0.2])
@@ -68,3 +73,26 @@ def test_a_command_is_its_own_file_and_a_line_of_the_command_line(monkeypatch, c
     assert capsys.readouterr().out == "Hello, sea.\n"
     lines = [line for line in Path(inspect.getfile(command_line)).read_text().splitlines() if "Compare" in line]
     assert len(lines) == 2  # its import and its place in `Command`
+
+
+def left_out() -> list[tuple[str, str, str, int]]:
+    """Module, class and name of each member that a class must give, and how many arguments it takes."""
+    return [
+        ("coadjoint." + name.removesuffix(".py").replace("/", "."), owner.name, member.name, len(member.args.args) - 1)
+        for name, path in files().items()
+        if not name.startswith("vehicles/") and "must_give(self" in (text := path.read_text(encoding="utf-8"))
+        for owner in ast.parse(text).body
+        if isinstance(owner, ast.ClassDef)
+        for member in owner.body
+        if isinstance(member, ast.FunctionDef) and "must_give" in ast.dump(member.body[-1])
+    ]
+
+
+def test_a_member_that_a_class_leaves_out_is_named():
+    found = left_out()
+    assert len(found) == 37, "as many members have no definition of their own"
+    for module, owner, name, count in found:
+        member = inspect.getattr_static(getattr(importlib.import_module(module), owner), name)
+        function = getattr(member, "fget", getattr(member, "func", member))
+        with pytest.raises(GroupError, match=f"^SimpleNamespace must give `{name}`"):
+            function(SimpleNamespace(), *[None] * count)

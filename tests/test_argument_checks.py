@@ -70,6 +70,8 @@ def test_kinds_truths_texts_and_mappings_are_named():
         with pytest.raises(ArgumentError, match="must be True or False"):
             checks.truth(wrong, "x")
     refused("Argument `x` must be a text, but is ''.", checks.text, "", "x")
+    assert checks.texts(["a", "b"], "x", "names") == ("a", "b")
+    refused("Argument `x` must be names, but is ['a', 1].", checks.texts, ["a", 1], "x", "names")
     refused("Argument `x` must be a dictionary of name → value, but is {1: 2}.", checks.mapping, {1: 2}, "x")
     refused("Argument `x` must be a list, but is 3.", checks.instance, 3, "x", list, "a list")
     with pytest.raises(FileError):

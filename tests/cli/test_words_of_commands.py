@@ -265,3 +265,16 @@ def test_columns_are_as_wide_as_their_widest_cell_and_heads_may_be_left_out(caps
     assert capsys.readouterr().out == "one  two\n"
     terminal.table(("a", "b"), [], heads=False)
     assert capsys.readouterr().out == ""
+
+
+# tables
+
+
+def test_a_narrow_terminal_breaks_neither_numbers_nor_names_in_front_of_texts(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setattr(terminal.sys.stdout, "isatty", lambda: True)
+    words = "one of the many words of a long text " * 3
+    terminal.table(("key", "meaning"), [("hydrodynamic_center_of_pressure", words)])
+    terminal.table(("meaning", "value"), [(words, "12345.6789012345"), ("short", "-1")])
+    found = capsys.readouterr().out
+    assert "hydrodynamic_center_of_pressure" in found and "12345.6789012345" in found

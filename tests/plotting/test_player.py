@@ -86,6 +86,9 @@ def test_bodies_of_a_mechanism_reach_their_joints_and_wheels_have_their_radius()
     arm, wheel = bodies.linkage(mechanism)
     rods = [shape for shape in arm.shapes if shape["kind"] == "rod"]
     assert [shape["to"] for shape in rods] == [[-0.5, 0, 0], [0.5, 0, 0]]
+    assert {shape["radius"] for shape in rods} == {0.03 * 0.5}
+    balls = [shape["axes"] for shape in arm.shapes if shape["kind"] == "ellipsoid"]
+    assert balls == [pytest.approx([1.6 * 0.03 * 0.5] * 3)] * 2
     assert wheel.shapes[-1]["axes"] == pytest.approx([0.3, 0.015, 0.3])
     shown = scene(entries([linked()], None), [arm, wheel])
     assert [len(one.shapes) for one in shown.members[0].bodies] == [4, 2]
@@ -173,6 +176,13 @@ def test_rotations_and_places_of_any_system_are_its_bodies(variables, places):
     assert scene(entries([of(**variables)], ["a"])).members[0].bodies[0].shapes[0]["kind"] == "box"
 
 
+def test_a_body_without_shapes_is_a_box_of_an_eighth_of_the_way_or_of_one_metre():
+    way = np.outer(np.linspace(0, 1, 50), [0, 30.0, 40.0])
+    for place, size in ((way, 0.12 * 40), (np.ones((50, 3)), 1.0)):
+        (body,) = scene(entries([of(R=rotating(), x=place)], ["a"])).members[0].bodies
+        assert body.shapes[0]["size"] == pytest.approx([size, 0.6 * size, 0.36 * size]) and body.size == size
+
+
 def test_bodies_are_where_they_are_said_to_be():
     place = np.linspace([0, 0, 0], [1, 2, 3], 50)
     solids = [bodies.Solid([bodies.ellipsoid((3, 2, 1))], place=place), bodies.Solid([bodies.box((1, 1, 1))])]
@@ -185,6 +195,7 @@ def test_bodies_are_where_they_are_said_to_be():
     ("make", "words"),
     [
         (lambda: bodies.box((1, 2)), "`size` of a shape must be three finite numbers"),
+        (lambda: bodies.box((1, np.nan, 2)), "`size` of a shape must be three finite numbers"),
         (lambda: bodies.ellipsoid((1, 0, 1)), "`semi_axes` of a shape must be positive"),
         (lambda: bodies.rod((0, 0, 0), (0, 0, 0), 1), "must differ"),
         (lambda: Plots(of(R=rotating())).scene(bodies=[bodies.Solid([], place=np.zeros((3, 3)))]), r"shape \(50, 3\)"),

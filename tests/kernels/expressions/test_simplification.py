@@ -75,6 +75,9 @@ def test_a_selection_has_the_value_of_the_case_that_holds():
     for condition, yes, no in itertools.product(conditions(g), repeat=3):
         expected = value(yes if value(condition, NUMBERS) else no, NUMBERS)
         assert value(g.select(condition, yes, no), NUMBERS) == expected
+    condition = conditions(g)[2]
+    assert g.select(condition, g.true, g.false) is condition
+    assert g.select(condition, g.false, g.true) is g.apply("not", condition)
 
 
 @pytest.mark.parametrize("op", ["and", "or", "xor", "eq", "ne", "lt", "le", "gt", "ge"])
