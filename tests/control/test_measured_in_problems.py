@@ -54,7 +54,7 @@ def test_quaternions_of_either_sign_lead_to_an_attitude_near_the_pole():
     assert off(found.run.records.g[-1], STEPS) < 2 * S and np.nanmax(np.abs(left)) < 3.5
 
 
-@pytest.mark.parametrize("loss", [co.losses.Huber(), co.losses.Student(4)])
+@pytest.mark.parametrize("loss", [co.losses.Huber(), pytest.param(co.losses.Student(4), marks=pytest.mark.long)])
 def test_a_wild_attitude_hardly_moves_an_estimate_with_a_robust_loss(loss: co.losses.Loss):
     y = log()[1].copy()
     y[5] = [1.0, 0.0, 0.0, 0.0]

@@ -100,6 +100,7 @@ def test_a_late_fix_repeats_the_counts_from_its_time():
     assert np.allclose(late.rows, timely.rows, atol=1e-12) and late.rows[0].max() > 1.0
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("native", [True, False])
 @pytest.mark.parametrize("loss", [Huber(), Huber(0.5), Student(4), Student(1)])
 def test_a_robust_update_is_the_least_of_its_cost(native: bool, loss: Loss):
@@ -116,6 +117,7 @@ def test_a_robust_update_is_the_least_of_its_cost(native: bool, loss: Loss):
     assert np.linalg.norm(e) < 0.8 * np.linalg.norm(np.asarray(plain.state.n))
 
 
+@pytest.mark.cases(5)
 @pytest.mark.parametrize("native", [True, False])
 @pytest.mark.parametrize(
     ("loss", "y"), [(Student(1), 1.5), (Student(4), 2.0), (Huber(0.5), 1.5), (Huber(), 40.0), (Student(1), 1e6)]

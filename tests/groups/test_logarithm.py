@@ -31,7 +31,7 @@ def inside(group, *key, size=2.0) -> np.ndarray:
     return xi * size / max(float(np.max(np.linalg.svd(hats, compute_uv=False))), 1e-300)
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(4)
 def test_it_is_the_inverse_of_the_exponential_from_tiny_to_large(group):
     way = tabulate(lambda xi: group.log(group.exp(xi)), np.zeros(group.dim))
     for size in (1e-9, 0.3, 3.0):
@@ -39,7 +39,7 @@ def test_it_is_the_inverse_of_the_exponential_from_tiny_to_large(group):
         assert np.max(np.abs(way(xi) - xi)) < 4e-15 * max(1.0, np.max(np.abs(xi)))
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(4)
 def test_it_changes_its_sign_with_the_inverse_and_turns_with_conjugation(group):
     """log(g⁻¹) = −log g, log(hgh⁻¹) = Ad_h log g."""
     xi, eta = inside(group, 1), inside(group, 2, size=0.7)
@@ -61,7 +61,7 @@ def test_it_is_the_matrix_logarithm_of_scipy(name):
     np.testing.assert_allclose(evaluate(group.hat, group.log(g)), expected, rtol=0, atol=2e-13)
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("size", [0.0, 0.9272, 0.9273, 2.9, 3.14, np.pi - 1e-6])
 @pytest.mark.parametrize("name", TURNING)
 def test_two_derivatives_are_right_beside_every_switch_up_to_the_branch(name, size):
@@ -80,7 +80,9 @@ def test_two_derivatives_are_right_beside_every_switch_up_to_the_branch(name, si
     np.testing.assert_allclose(second, np.zeros(group.dim), rtol=0, atol=2e-13)
 
 
-@pytest.mark.parametrize("name", ["SLn3", "Un2", "SL2_dual"])
+@pytest.mark.parametrize(
+    "name", ["Un2", pytest.param("SLn3", marks=pytest.mark.long), pytest.param("SL2_dual", marks=pytest.mark.long)]
+)
 def test_two_derivatives_of_the_general_formula_are_right(name):
     group = GROUPS[name]
     eta = inside(group, 5, size=1.0)

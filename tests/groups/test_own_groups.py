@@ -77,7 +77,7 @@ def test_every_member_that_a_group_may_override_is_tested_here():
     assert set(ERRORS) | set(EXEMPT) == set(members(LieGroup))
 
 
-@pytest.mark.cases(28)
+@pytest.mark.cases(16)
 @pytest.mark.parametrize(("name", "error"), CASES, ids=lambda value: getattr(value, "__name__", value))
 def test_a_wrong_member_of_a_group_is_named(name, error):
     message = sentence_of(lambda: system(changed(co.SO3, name, error)))

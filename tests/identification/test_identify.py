@@ -43,6 +43,11 @@ def measured(run, seed=0):
     return replace(synthetic_log(run, noise=NOISE, seed=seed), step=None)
 
 
+@pytest.fixture(scope="module")
+def log(fine):
+    return measured(fine)
+
+
 def truth(name):
     key, _, index = name.partition("[")
     return float(getattr(SYSTEM.parameters, key)[tuple(int(i) for i in index.rstrip("]").split(","))])
@@ -289,9 +294,9 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["center_of_buoyancy[0]"], "positive": ["center_of_buoyancy"]}, "starts from 0"),
     ],
 )  # fmt: skip
-def test_a_wrong_argument_is_told_in_a_sentence(fine, change, told):
+def test_a_wrong_argument_is_told_in_a_sentence(log, change, told):
     with pytest.raises((ArgumentError, LagrangianError), match=told):
-        identify(SYSTEM, measured(fine), **{"start": STATE, **change})
+        identify(SYSTEM, log, **{"start": STATE, **change})
 
 
 def test_an_entry_named_as_positive_is_sought_by_its_logarithm():

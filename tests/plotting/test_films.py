@@ -38,7 +38,7 @@ def turning() -> np.ndarray:
 KINDS = [{"q": spiral(3)}, {"x": spiral(2)}, {"R": turning(), "mu": spiral(1)}, {"mu": spiral(4)}]
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("variables", KINDS)
 def test_a_gif_of_any_run_has_its_frames_and_moves(variables: Any, tmp_path: Path) -> None:
     path = Plots(dataset(**variables)).animation(path=tmp_path / "made.gif", frames=3)

@@ -60,7 +60,7 @@ def test_the_name_under_which_a_page_is_written_cannot_be_known_before(tmp_path,
     assert (tmp_path / "view.html").read_text() == "a page" and other.read_text() == "as it was"
 
 
-@pytest.mark.parametrize("name", ["zip::x.nc", "http::x.nc", "~/x.nc"])
+@pytest.mark.parametrize("name", ["zip::x.nc", pytest.param("http::x.nc", marks=pytest.mark.long), "~/x.nc"])
 def test_a_name_of_a_file_is_no_address_and_no_home(tmp_path, monkeypatch, name):
     """xarray takes such relative names for chains of addresses, or for the folder of a user."""
     monkeypatch.chdir(tmp_path)

@@ -10,7 +10,7 @@ import pytest
 import coadjoint as co
 import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.continuous import velocities
 from coadjoint_vehicles import Craft
 from coadjoint_vehicles.water.water import UniformWater
@@ -42,14 +42,16 @@ def under_way(remus) -> co.Stepper:
     return body
 
 
-def moving(body: co.Stepper) -> tuple[np.ndarray, np.ndarray]:
-    """(ξ, ν) of the node, of its momenta."""
+@pytest.fixture(scope="module")
+def moving(remus):
+    """(ξ, ν) of the node of a stepper, of its momenta."""
     system = Craft(vehicles.load("remus_100"), water=UniformWater((0.0, 0.0, 0.0))).system
-    return evaluate(lambda s, p: velocities(system.replace(**p.asdict()), s), body.state, body.parameters)
+    found = tabulate(lambda s, p: velocities(system.replace(**p.asdict()), s), remus.state, remus.parameters)
+    return lambda body: found(body.state, body.parameters)
 
 
 @pytest.mark.long
-def test_a_dropped_mass_leaves_the_velocities_alone_and_takes_its_momentum_away(under_way, craft):
+def test_a_dropped_mass_leaves_the_velocities_alone_and_takes_its_momentum_away(under_way, craft, moving):
     before, state, mass = moving(under_way), under_way.state, craft.vehicle.mass
     whole = under_way.clone()
     under_way.change(mass=mass - 2.0, center_of_mass=[0.0, 0.001, 0.02])
@@ -118,7 +120,7 @@ def test_a_dead_thruster_goes_on_as_a_vehicle_that_was_built_without_it(under_wa
     assert np.linalg.norm(under_way.state.nu) < 0.7 * speed
 
 
-def test_a_front_of_current_carries_the_vehicle_away(under_way):
+def test_a_front_of_current_carries_the_vehicle_away(under_way, moving):
     still = under_way.clone()
     under_way.change(water={"velocity": [0.0, 0.5, 0.0]})
     np.testing.assert_allclose(moving(under_way)[1], moving(still)[1], rtol=1e-12, atol=1e-13)

@@ -34,11 +34,17 @@ def whole(vehicle):
     return co.simulate(vehicle, interrupted.start(vehicle), **RUN)
 
 
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory, vehicle):
+    """The folder of a run that ended, which no test changes."""
+    folder = tmp_path_factory.mktemp("ended") / "run"
+    co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path, vehicle):
-    """The folder of a run that ended."""
-    co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
-    return tmp_path / "run"
+def folder(ended, tmp_path):
+    return Path(shutil.copytree(ended, tmp_path / "run"))
 
 
 @pytest.fixture

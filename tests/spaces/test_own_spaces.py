@@ -74,6 +74,7 @@ def test_every_member_that_a_space_may_override_is_tested_here():
     assert set(FLAT_ERRORS) | set(CURVED_ERRORS) | set(EXEMPT) == set(members(Space))
 
 
+@pytest.mark.cases(14)
 @pytest.mark.parametrize(("name", "error"), cases(FLAT_ERRORS), ids=lambda value: getattr(value, "__name__", value))
 def test_a_wrong_member_of_a_flat_space_is_named(name, error):
     message = sentence_of(lambda: on(changed(co.Defining, name, error)))

@@ -145,7 +145,11 @@ def right_action(xi, n, s, a, h):
     return h * energy(xi, y, (y - x) / h, b)
 
 
-RULES = [(LEFT, left_action, 0.0), (RIGHT, right_action, 1.0), (co.Midpoint(co.Exponential()), midpoint_action, 0.5)]
+RULES = [
+    pytest.param(LEFT, left_action, 0.0, marks=pytest.mark.long),
+    pytest.param(RIGHT, right_action, 1.0, marks=pytest.mark.long),
+    (co.Midpoint(co.Exponential()), midpoint_action, 0.5),
+]
 
 
 @pytest.mark.parametrize(("rule", "action", "turn"), RULES, ids=["left", "right", "midpoint"])

@@ -157,7 +157,7 @@ def by_hand(stage, p, s, steps):
     return s
 
 
-@pytest.mark.parametrize("count", [9, 18])
+@pytest.mark.parametrize("count", [9, pytest.param(18, marks=pytest.mark.long)])
 def test_loops_take_the_steps_of_a_dense_newton_iteration(count):
     stage, p = Rods(count), np.linspace(1.0, 2.0, count)
     found = native.run(OneStage(stage), p, level(count), H, 4, 5, monitors=False)

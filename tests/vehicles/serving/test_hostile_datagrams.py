@@ -29,7 +29,7 @@ def service(served: Served, clock: Any = None) -> Service:
     return Service(served, start, count().__next__ if clock is None else clock)
 
 
-@pytest.mark.parametrize("number", [200, pytest.param(2000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("number", [60, pytest.param(2000, marks=pytest.mark.long)])
 def test_changed_datagrams_raise_nothing_but_sentences_and_leave_a_service_that_answers(fresh, lockstep, number):
     plain, answered = service(fresh), 0
     for data in mutated(1, number):
