@@ -44,7 +44,10 @@ not shrink to STALLED of it is dropped, without being counted, and the stage con
 
 MAX_ITERATIONS = 25
 
-NEWTON = (TOLERANCE, FLOOR, STALLED, REMAINDER, CONTRACTION, MAX_ITERATIONS)
+FORM = 2
+"""The version of the form that native code gives to the equations; another form rounds differently."""
+
+NEWTON = (TOLERANCE, FLOOR, STALLED, REMAINDER, CONTRACTION, MAX_ITERATIONS, FORM)
 """They decide the last digits of results, and are part of the identity of runs and kernels."""
 
 MAX_UNKNOWNS = 60

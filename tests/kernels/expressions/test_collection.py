@@ -126,3 +126,12 @@ def test_nodes_that_are_collected_already_are_not_visited_again(monkeypatch):
     first, second = collect([root]), collect([graph.add(root, graph.symbol("z"))])
     assert visits[0] > 400 and visits[1] <= 3
     assert second == [graph.add(first[0], graph.symbol("z"))]
+
+
+def test_a_coefficient_of_two_terms_stands_in_front_of_their_sum():
+    graph = Graph()
+    p, _, h, x, y, z = symbols(graph).values()
+    ph = graph.mul(p, h)
+    written = graph.add(graph.mul(graph.mul(p, x), h), graph.mul(ph, graph.mul(y, z)))
+    (found,) = collector(graph)([written])
+    assert found is graph.mul(ph, graph.add(x, graph.mul(y, z)))

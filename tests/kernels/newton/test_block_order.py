@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from equations import Equations, Still
 
+from coadjoint.kernels.emit.plan import plan
+from coadjoint.kernels.emit.stepping import assemble
 from coadjoint.kernels.expressions.graph import Graph
-from coadjoint.kernels.newton.increments import _affine, blocks, matching
+from coadjoint.kernels.newton.increments import _affine, blocks, matching, scheme
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native
 
@@ -31,6 +33,25 @@ def test_an_unknown_whose_row_holds_one_that_is_not_affine_is_none_either():
     x, y, z = (graph.symbol(name) for name in "xyz")
     rows = [{0: graph.add(x, x)}, {0: graph.constant(-1.0), 1: graph.constant(1.0)}, {2: graph.constant(3.0)}]
     assert _affine([[2], [0], [1]], rows, (x, y, z)) == {2}
+
+
+def test_an_affine_row_of_one_unknown_starts_from_zero_and_coupled_ones_from_the_guess():
+    """2x = p, and 2y + z = p, y + 2z = p: elimination of y and z may lose digits, those of an increment alone."""
+    graph = Graph()
+    x, y, z, p, *guess = (graph.symbol(name) for name in ("x", "y", "z", "p", "a", "b", "c"))
+    two = graph.constant(2.0)
+    sums = [graph.mul(two, x), graph.add(graph.mul(two, y), z), graph.add(y, graph.mul(two, z))]
+    found = scheme(graph, (x, y, z), guess, [graph.sub(s, p) for s in sums], [p])
+    assert found.start == [graph.zero, *guess[1:]]
+    assert found.first.right[0] is p
+
+
+def test_no_division_of_newtons_method_is_reordered():
+    """LLVM would turn (1/m) r into r/m, and divide at every step by an m that never changes."""
+    given = np.eye(3), np.ones(3)
+    assembly = assemble(plan(Still((Equations(0.1),)), *given, (2,) * 9, False))
+    assert "fdiv " in assembly
+    assert "fdiv reassoc" not in assembly and "fdiv contract" not in assembly
 
 
 def found(matrix, right, curved=0.0):

@@ -144,7 +144,8 @@ class Emitter:
         if isinstance(node.value, Table):
             return self._entry(node.value, args[0])
         if op in _ARITHMETIC:
-            if self._exact is not None and node not in self._exact:
+            # (1/m) r would become r/m, which divides at every step where m never changes.
+            if op != "div" and self._exact is not None and node not in self._exact:
                 return getattr(builder, _ARITHMETIC[op])(*args, flags=FREE)
             return self._fused(node) if op in ("add", "sub") else getattr(builder, _ARITHMETIC[op])(*args)
         if op == "neg":

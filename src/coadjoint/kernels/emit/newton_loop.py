@@ -84,7 +84,7 @@ class StageLoop:
         if scheme.first is not None:
             delta = increment_values(emit, scheme.first)
             for (i, symbol), d in zip(scheme.settled.items(), delta, strict=True):
-                self.z[i] = b.fadd(self.z[i], d)
+                self.z[i] = d if self.stage.guess[i].is_constant(0.0) else b.fadd(self.z[i], d)
                 emit.bind(symbol, self.z[i])
         settled, iterations = emit.bit(True), emit.counts(1)
         if scheme.loop is not None and scheme.chord is not None:

@@ -198,12 +198,12 @@ def _stage(
     traced = {
         "h": h[()],
         "blocks": _ranges(stage.blocks or (guess.size,)),
-        "guess": list(guess),
+        "guess": plan_of_newton.start,
         "residual": equations,
         "unknowns": list(unknowns),
         "scheme": plan_of_newton,
         "solution": list(solution),
-        "chart": flat(tracer.trace(stage.chart, p, state, h, solution))[0],
+        "chart": collect(flat(tracer.trace(stage.chart, p, state, h, solution)))[0],
         "sound": None,
     }
     if not stage.tolerant:

@@ -1,10 +1,10 @@
 """Like terms collected, and the factors that never change gathered in front: (p x)(q y) = (p q)(x y).
 
 A node is c b, with a coefficient c that is the same at every step and a product b of all that is not. A sum of two
-nodes with the same b has the sum of their coefficients; a product multiplies coefficients and rest apart. Then machine
-code computes the coefficients once, before its loop. No coefficient is distributed over a sum, whose terms may cancel:
-p(x − y) keeps the digits of the difference. The form of a node depends on nothing but the node, so that programs which
-share a node compute the same bits.
+nodes with the same b has the sum of their coefficients, and c x + c y is c(x + y); a product multiplies coefficients
+and rest apart. Then machine code computes the coefficients once, before its loop. No coefficient is distributed over a
+sum, whose terms may cancel: p(x − y) keeps the digits of the difference. The form of a node depends on nothing but the
+node, so that programs which share a node compute the same bits.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ class Collector:
             (c, x), (d, y) = given
             if x is y:
                 return self._kept(combine(c, d), x)
+            if c is d and c is not graph.one:
+                return c, combine(x, y)
             return graph.one, combine(self._whole(node.args[0]), self._whole(node.args[1]))
         return graph.one, graph.again(node, map(self._whole, node.args)) if node.args else node
 

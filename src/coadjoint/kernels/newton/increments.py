@@ -84,13 +84,15 @@ class Scheme:
     """The arrangement of Newton's method for one stage.
 
     Rows that are affine in unknowns which only they determine are solved by one increment at the guess, `first`, if
-    there are any; `settled` maps those unknowns to the symbols of their values. The loop runs over the others, those
-    in `looped`: `loop` is Newton's increment at the symbols z of the unknowns, J(z) δ = −r(z), and `chord` keeps its
-    matrix at later iterates y, whose symbols are `iterate`: J(z) δ = −r(y). `multipliers`: see `scheme`.
+    there are any; `settled` maps those unknowns to the symbols of their values. `start` is the guess, but 0 for an
+    unknown of such a row that holds no other. The loop runs over the others, those in `looped`: `loop` is Newton's
+    increment at the symbols z of the unknowns, J(z) δ = −r(z), and `chord` keeps its matrix at later iterates y, whose
+    symbols are `iterate`: J(z) δ = −r(y). `multipliers`: see `scheme`.
     """
 
     first: Increment | None
     settled: dict[int, Expr]
+    start: list[Expr]
     looped: list[int]
     loop: Increment | None = None
     chord: Increment | None = None
@@ -120,6 +122,9 @@ def scheme(
         residual, rows = [residual[i] for i in order], [rows[i] for i in order]
     parts = blocks([list(row) for row in rows]) if order is not None else [list(n)]
     affine = _affine(parts, rows, unknowns)
+    # A division keeps all digits from anywhere; what elimination loses is part of an increment, small near the guess.
+    single = {part[0] for part in parts if len(part) == 1 and part[0] in affine}
+    start = [graph.zero if i in single else guess[i] for i in n]
 
     def increment(chosen: list[int], matrix: Mapping[Expr, Expr], right: Mapping[Expr, Expr]) -> Increment:
         """δ of the chosen unknowns, with the symbols in J and in r replaced."""
@@ -134,19 +139,19 @@ def scheme(
     settled: dict[int, Expr] = {}
     first = None
     if affine:
-        at_guess = dict(zip(unknowns, guess, strict=True))
+        at_guess = dict(zip(unknowns, start, strict=True))
         first = increment(sorted(affine), at_guess, at_guess)
         settled = {i: graph.symbol(f"{unknowns[i].value}'") for i in sorted(affine)}
         changing.update(settled.values())
     looped = [i for i in n if i not in settled]
     if not looped:
-        return Scheme(first, settled, looped, multipliers=multipliers)
+        return Scheme(first, settled, start, looped, multipliers=multipliers)
     known = {unknowns[i]: value for i, value in settled.items()}
     iterate = [graph.symbol(f"{unknowns[i].value}~") for i in looped]
     changing.update(iterate)
     later = {**known, **{unknowns[i]: symbol for i, symbol in zip(looped, iterate, strict=True)}}
     loop, chord = increment(looped, known, known), increment(looped, known, later)
-    return Scheme(first, settled, looped, loop, chord, iterate, multipliers)
+    return Scheme(first, settled, start, looped, loop, chord, iterate, multipliers)
 
 
 def _affine(parts: list[list[int]], rows: list[dict[int, Expr]], unknowns: Sequence[Expr]) -> set[int]:
