@@ -34,6 +34,7 @@ STOREYS = (
         "roots",
         "kernels",
         "real_numbers",
+        "known_names",
         "checks",
         "losses",
         "clocks",

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coadjoint.disk import require_home
-from coadjoint.errors import ArgumentError, FileError, rephrased, shown
+from coadjoint.disk import require_home, require_new
+from coadjoint.errors import ArgumentError, rephrased, shown
 
 Shapes = Iterable[tuple[str, tuple[int, ...]]]
 
@@ -84,8 +84,8 @@ def write_library(
     contents |= {} if code is None else {f"{name}_code.o": code}
     compiled = " ".join(file for file in contents if not file.endswith(".h"))
     contents["CMakeLists.txt"] = _CMAKE.format(name=name, sources=compiled).encode()
-    if (there := [one for one in contents if (target / one).exists()]) and not overwrite:
-        raise FileError(f"The file {target / there[0]} exists already: choose another folder or pass overwrite=True.")
+    for one in contents:
+        require_new(target / one, overwrite, "folder")
     require_home(target)
     with rephrased(f"The library could not be written to {target}"):
         target.mkdir(exist_ok=True)

@@ -8,10 +8,8 @@ library take what has passed here and check nothing again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from functools import wraps
+from collections.abc import Callable, Mapping
 from importlib import import_module
-from inspect import unwrap
 from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar
 
@@ -19,10 +17,17 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, shown
 from coadjoint.errors import nearest as nearest
+from coadjoint.known_names import all_known as all_known
+from coadjoint.known_names import choice as choice
+from coadjoint.known_names import either as either
+from coadjoint.known_names import known as known
+from coadjoint.known_names import known_arguments as known_arguments
+from coadjoint.known_names import letters as letters
+from coadjoint.known_names import subject as subject
+from coadjoint.known_names import unknown as unknown
 from coadjoint.real_numbers import float64 as float64
 from coadjoint.real_numbers import is_short as is_short
 from coadjoint.real_numbers import numeric as numeric
-from coadjoint.units import split_name
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -31,11 +36,6 @@ Error = type[CoadjointError]
 
 MOST = 2**53
 """Up to here every whole number is a float64."""
-
-
-def subject(name: str) -> str:
-    """The subject of a sentence on an argument; it may go on within its quotes, as "area` of the fin `rudder"."""
-    return f"Argument `{name}`" if name.partition("`")[0].isidentifier() else name
 
 
 def is_number(value: object) -> bool:
@@ -141,73 +141,6 @@ def text(value: object, name: str, error: Error = ArgumentError) -> str:
     return value  # pyright: ignore[reportReturnType]
 
 
-def choice(value: object, name: str, words: Collection[T], error: Error = ArgumentError) -> T:
-    """One of several words, the empty one being no choice; the nearest is named where one is near."""
-    for word in words:
-        if type(value) is type(word) and value == word:
-            return word
-    texts = [word for word in words if isinstance(word, str) and word]
-    near = nearest(value, texts) if isinstance(value, str) else ""
-    listed = [f'"{word}"' if isinstance(word, str) else str(word) for word in words if word != ""]
-    hint = f": did you mean `{near}`?" if near else "."
-    raise error(f"{subject(name)} must be {either(listed)}, but is {shown(value)}{hint}")
-
-
-def either(words: Sequence[str]) -> str:
-    """Words as a choice: "a, b or c"."""
-    return " or ".join([*([", ".join(words[:-1])] if words[1:] else []), *words[-1:]])
-
-
-def unknown(what: str, where: str, given: str, known: Collection[str]) -> str:
-    """The sentence for a name that is not known, with the nearest one that is."""
-    near = written_out(given, known) or nearest(given, known, 0.5)
-    listed = ", ".join(sorted(known))
-    if not listed:
-        return f"{where} has no {what}: it has none."
-    hint = f"did you mean `{near}`? It knows {listed}." if near else f"it knows {listed}."
-    return f"{where} has no {what}: {hint}"
-
-
-UNITS = {
-    "kts": "knots", "kt": "knots", "knot": "knots", "mps": "m_s", "kph": "km_per_h", "kmh": "km_per_h", "sec": "s",
-    "secs": "s", "second": "s", "seconds": "s", "mins": "min", "minute": "min", "minutes": "min", "hr": "h", "hrs": "h",
-    "hour": "h", "hours": "h", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
-    "foot": "ft", "feet": "ft", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "pct": "percent",
-}  # fmt: skip
-"""Other words for units at the end of names, and those that files know."""
-SHORT = {
-    "hdg": "heading", "pos": "position", "vel": "velocity", "spd": "speed", "alt": "altitude", "att": "attitude",
-    "acc": "acceleration", "dur": "duration", "freq": "frequency", "temp": "temperature", "vol": "volume", "lat":
-    "latitude", "lon": "longitude", "dia": "diameter", "len": "length", "dens": "density", "ctrl": "controller",
-}  # fmt: skip
-"""Abbreviations in names."""
-
-
-def written_out(given: str, known: Collection[str]) -> str:
-    """A known name, with the unit that files know, of one with abbreviations: speed_knots of `spd_kts`; else ""."""
-    words = [SHORT.get(word, word) for word in given.split("_")]
-    if words[-1] in UNITS:
-        words[-1] = UNITS[words[-1]]
-    found = "_".join(words)
-    return found if found != given and split_name(found, known)[0] in known else ""
-
-
-def known(name: object, names: Collection[str], what: str, where: str, error: Error = ArgumentError) -> str:
-    """A name that is known: `what` it is and `where`, as known(name, there, "part", "The vehicle remus")."""
-    if name not in names:
-        shown_name = name if isinstance(name, str) else shown(name)
-        raise error(unknown(f"{what} `{shown_name}`", where, str(name), names))
-    return str(name)
-
-
-def all_known(
-    names: Iterable[object], there: Collection[str], what: str, where: str, error: Error = ArgumentError
-) -> None:
-    """Raise unless all names are known, as `known` does."""
-    for name in names:
-        known(name, there, what, where, error)
-
-
 def library(module: str, what: str, extra: str, package: str = "") -> Any:
     """A module that an extra installs; raises ArgumentError with the command that does, where it is not installed.
 
@@ -220,15 +153,17 @@ def library(module: str, what: str, extra: str, package: str = "") -> Any:
         raise ArgumentError(f'{what} {named}, which is not installed: pip install "{extra}".') from error
 
 
-def letters(name: str) -> str:
-    """The letters and digits of a name in lower case, by which `left-rectangle` is `LeftRectangle`."""
-    return "".join(letter for letter in name.lower() if letter.isalnum())
-
-
-def expect(fits: object, value: object, name: str, words: str, error: Error = ArgumentError) -> None:
-    """Raise unless a condition on a value holds: "Argument `pair` must be two numbers, but is (1,)."."""
+def expect(fits: object, value: object, name: str, words: str, error: Error = ArgumentError, remedy: str = "") -> None:
+    """Raise unless a condition on a value holds: "Argument `pair` must be two numbers, but is (1,): remedy."."""
     if not fits:
-        raise error(f"{subject(name)} must be {words}, but is {shown(value)}.")
+        raise error(f"{subject(name)} must be {words}, but is {shown(value)}{': ' * bool(remedy)}{remedy}.")
+
+
+def leave_out(given: object, what: str, why: str, error: Error = ArgumentError) -> None:
+    """Raise where something is given that does not go with the rest, as
+    "This system has no additional dynamics: leave out `q`."."""
+    if given:
+        raise error(f"{why}: leave out {what}.")
 
 
 def instance(value: object, name: str, kind: type[T] | tuple[type, ...], words: str, error: Error = ArgumentError) -> T:
@@ -250,34 +185,6 @@ def mapping(
     )
     expect(fits, value, name, words, error)
     return value  # pyright: ignore[reportReturnType]
-
-
-def known_arguments(what: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorates a function that users call by keywords: raises ArgumentError for one that it does not take.
-
-    what: the function as users write it, "co.simulate"; the nearest keyword is named.
-    """
-
-    def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        code = unwrap(function).__code__
-        known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-
-        @wraps(function)
-        def call(*args: P.args, **kwargs: P.kwargs) -> R:
-            for name in kwargs:
-                if name not in known:
-                    meant = nearest(name, known)
-                    remedy = (
-                        f"do you mean `{meant}`?"
-                        if meant
-                        else f"it takes {', '.join(k for k in known if k != 'self')}."
-                    )
-                    raise ArgumentError(f"{what} takes no argument `{name}`: {remedy}")
-            return function(*args, **kwargs)
-
-        return call
-
-    return decorate
 
 
 def function(value: object, name: str, words: str = "a function", error: Error = ArgumentError) -> Callable[..., Any]:

@@ -136,6 +136,12 @@ def require_home(path: Path) -> None:
         raise FileError(f"The folder {path.parent} does not exist: make it first.")
 
 
+def require_new(path: Path, overwrite: bool, what: str = "name") -> None:
+    """Raise FileError rather than let a file be replaced; what: to choose another one of."""
+    if path.exists() and not overwrite:
+        raise FileError(f"The file {path} exists already: choose another {what} or pass overwrite=True.")
+
+
 def reading(path: Path, what: str = "file") -> AbstractContextManager[None]:
     """A block that reads a file: an OSError in it becomes a FileError, with `what` the file is in the sentence."""
     return rephrased(f"The {what} {path} cannot be read")

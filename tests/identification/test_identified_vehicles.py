@@ -115,7 +115,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     [
         (["remus_10", "log.csv", "--parameters", "hull"], "No vehicle `remus_10`"),
         (["remus_100", "none.csv", "--parameters", "hull"], "There is no file none.csv"),
-        (["remus_100", "log.csv", "--parameters", "hul_axial"], "the nearest is `hull.axial_drag`"),
+        (["remus_100", "log.csv", "--parameters", "hul_axial"], "did you mean `hull.axial_drag`"),
         (["remus_100", "log.csv", "--parameters", "hull", "--noise", "u"], "--noise must be NAME=VALUE"),
         (["remus_100", "log.csv", "--parameters", "hull", "--settle", "99"], "shorter than the log"),
         (["remus_100", "log.csv", "--parameters", "hull", "--out", "none/fit.png"], "The folder none does not exist"),

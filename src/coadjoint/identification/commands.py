@@ -43,8 +43,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
             )
     for name in still:
         checks.known(name, commanded, "commanded actuator", "Argument `still`: the system")
-        if name in log.inputs:
-            raise ArgumentError(f"`still` names `{name}`, but the log holds its commands: leave out one of them.")
+        checks.leave_out(name in log.inputs, "one of them", f"`still` names `{name}`, but the log holds its commands")
     missing = [name for name in commanded if name not in log.inputs and name not in still]
     if missing:
         columns = ", ".join(f"`command_{name}` ({units[name]})" for name in missing)

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint import checks
-from coadjoint.errors import ArgumentError, nearest
+from coadjoint.errors import ArgumentError
 from coadjoint.identification.equalities import SIGN, NamedEntry, groups, require_equal, require_once
 from coadjoint.kernels.packing import pack
 from coadjoint.mechanics.copies import replace_parameters
@@ -193,9 +193,7 @@ def _expanded(parameters: Sequence[str], known: dict[str, tuple[int, np.ndarray]
 def _parsed(text: object, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, tuple[int, ...] | None]:
     match = _ENTRY.match(text) if isinstance(text, str) else None
     name = match["name"] if match else str(text)
-    if name not in known:
-        near = nearest(name, known, 0.0)
-        raise ArgumentError(f"There is no parameter `{name}` to identify; the nearest is `{near}`.")
+    checks.known(name, known, "parameter", "The system")
     shape = known[name][1].shape
     if match is None or match["index"] is None:
         return name, None

@@ -74,8 +74,7 @@ def horizontal_lift(
     the pieces do not suffice.
     """
     if isinstance(connection, DiscreteConnection):
-        if times is not None:
-            raise ArgumentError("The lift of a discrete connection goes from shape to shape: leave out `times`.")
+        checks.leave_out(times is not None, "`times`", "The lift of a discrete connection goes from shape to shape")
         x = shapes_of(connection, shapes)
         increments = evaluate(jax.vmap(connection.increment), x[:-1], x[1:])
     elif isinstance(connection, Connection):

@@ -94,11 +94,8 @@ class ReducedFunctions:
 
         mu: (dim G,). n, pi: (ambient,). a: (dim V*,). t: s. inputs, internal: those held over the step.
         """
-        if self.hamiltonian is None:
-            raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
-        return self.hamiltonian(
-            *self._views(self.group.view(mu), (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal)
-        )
+        function = self._given("hamiltonian", "Hamiltonian")
+        return function(*self._views(self.group.view(mu), (n, pi), a), **self.keywords(function, t, inputs, internal))
 
     def reduced_discrete_lagrangian(
         self,
@@ -115,12 +112,9 @@ class ReducedFunctions:
 
         xi: (dim G,). n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: those held over the step.
         """
-        if self.discrete_lagrangian is None:
-            raise LagrangianError(
-                "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
-            )
+        function = self._given("discrete_lagrangian", "discrete Lagrangian in algebra form")
         arguments = self._views(self.group.view(xi), (n, s), a)
-        return self.discrete_lagrangian(*arguments, h, **self.keywords(self.discrete_lagrangian, t, inputs, internal))
+        return function(*arguments, h, **self.keywords(function, t, inputs, internal))
 
     def reduced_group_lagrangian(
         self,
@@ -137,12 +131,15 @@ class ReducedFunctions:
 
         F: an element of G. n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: those held over the step.
         """
-        if self.group_lagrangian is None:
-            raise LagrangianError(
-                "This system has no discrete Lagrangian in group form; pass `group_lagrangian` to co.System."
-            )
+        function = self._given("group_lagrangian", "discrete Lagrangian in group form")
         arguments = self._views(F, (n, s), a)
-        return self.group_lagrangian(*arguments, h, **self.keywords(self.group_lagrangian, t, inputs, internal))
+        return function(*arguments, h, **self.keywords(function, t, inputs, internal))
+
+    def _given(self, name: str, what: str) -> Callable[..., Array]:
+        """A function of this system; raises LagrangianError where it has none."""
+        if (function := getattr(self, name)) is None:
+            raise LagrangianError(f"This system has no {what}; pass `{name}` to co.System.")
+        return function
 
     def _views(self, first: PyTree, pair: tuple[Array, Array], a: Array) -> list[PyTree]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""

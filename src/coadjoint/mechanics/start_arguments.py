@@ -176,8 +176,7 @@ def _pair(system: ReducedFunctions, q: Coordinates | None, qdot: Coordinates | N
     group, Q = system.group, system.additional
     size = Q.ambient(group)
     if size == 0:
-        if q is not None or qdot is not None:
-            raise ArgumentError("This system has no additional dynamics: leave out `q` and `qdot`.")
+        checks.leave_out(q is not None or qdot is not None, "`q` and `qdot`", "This system has no additional dynamics")
         return np.zeros(0), np.zeros(0)
     if q is None:
         raise ArgumentError(
@@ -209,8 +208,7 @@ def require_tangent(
 def _advected(system: ReducedFunctions, a0: Coordinates | None) -> Array:
     group, V = system.group, system.advected
     if V.ambient(group) == 0:
-        if a0 is not None:
-            raise ArgumentError("This system has no advected parameters: leave out `a0`.")
+        checks.leave_out(a0 is not None, "`a0`", "This system has no advected parameters")
         return np.zeros(0)
     if a0 is None and not V.at_start:
         raise ArgumentError(f"This system has advected parameters: give `a0`, {V.ambient(group)} numbers in all.")

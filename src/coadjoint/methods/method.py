@@ -82,8 +82,7 @@ class Method(ABC):
 
     def _start_from_momenta(self) -> None:
         """Raise ArgumentError for a method without one velocity of a step unless it starts from momenta."""
-        if self.start != "momentum":
-            raise ArgumentError(f'{type(self).__name__} starts from momenta: leave out start="velocity".')
+        checks.leave_out(self.start != "momentum", 'start="velocity"', f"{type(self).__name__} starts from momenta")
 
     @property
     @abstractmethod
@@ -168,8 +167,9 @@ class Method(ABC):
                 "The start has no g, because a run with co.IsospectralMidpoint() made it: start from system.state(…), "
                 "or go on with co.IsospectralMidpoint() without carry_g=True."
             )
-        if system.constraints and self.start == "velocity":
-            raise ArgumentError('Constraints hold velocities of nodes: leave out start="velocity".')
+        checks.leave_out(
+            system.constraints and self.start == "velocity", 'start="velocity"', "Constraints hold velocities of nodes"
+        )
         velocities = self.start == "velocity" and state.from_velocities
         begun = velocity_start(system, state, *self.recorded, h) if velocities else momentum_start(system, state)
         return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=kept(state)))

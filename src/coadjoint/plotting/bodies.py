@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry
@@ -82,8 +82,9 @@ def linkage(mechanism: Mechanism) -> list[Solid]:
 
     Raises ArgumentError for anything but a Mechanism; the scene raises it for a run of another system.
     """
-    if not hasattr(mechanism, "bodies") or not hasattr(mechanism, "joints"):
-        raise ArgumentError(f"Argument `mechanism` must be a multibody.Mechanism, but is {shown(mechanism)}.")
+    checks.expect(
+        hasattr(mechanism, "bodies") and hasattr(mechanism, "joints"), mechanism, "mechanism", "a multibody.Mechanism"
+    )
     held: dict[str, list[list[float]]] = {name: [] for name in mechanism.bodies}
     wheels: dict[str, Shape] = {}
     for key, joint in mechanism.joints.items():

@@ -10,6 +10,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from coadjoint import checks
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, rephrased
 from coadjoint.report.companion_files import keep_beside, kept_that_is_read
@@ -45,8 +46,7 @@ def maker(factory: str, source: Path) -> Callable[[Table, Table], tuple[System, 
         made = _called(function, source, _keywords(function, parameters))
         pair = isinstance(made, tuple) and len(made) == 2 and isinstance(made[0], System)
         if pair and isinstance(made[1], (State, StartGiven)):
-            if initial:
-                raise ArgumentError(f"The factory {factory} returns its own start: leave out section [initial].")
+            checks.leave_out(initial, "section [initial]", f"The factory {factory} returns its own start")
             return made
         if not isinstance(made, System):
             raise ArgumentError(

@@ -19,7 +19,7 @@ import numpy as np
 from coadjoint import checks, disk
 from coadjoint.arrays import Array, PyTree
 from coadjoint.csv_tables import csv_text
-from coadjoint.errors import ArgumentError, FileError, must_give, rephrased
+from coadjoint.errors import ArgumentError, must_give, rephrased
 from coadjoint.extensions import Registry, import_string
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -94,8 +94,7 @@ class Recording:
         does not have.
         """
         target = run_path(path)
-        if target.exists() and not overwrite:
-            raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
+        disk.require_new(target, overwrite)
         disk.require_home(target)
         text = self._text(target.suffix.lower(), options)
         temporary = beside(target)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.interrupts import deferred_interrupts
@@ -99,10 +100,7 @@ def _file(run: object) -> Runnable:
     if isinstance(run, (str, os.PathLike)):
         return read(Path(run))
     found = getattr(run, "file", run)
-    if not isinstance(found, Runnable):
-        raise ArgumentError(
-            f"Argument `run` must be the path of a run or mission file, or a mission, but is {shown(run)}."
-        )
+    checks.expect(isinstance(found, Runnable), run, "run", "the path of a run or mission file, or a mission")
     return found
 
 

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import eigh
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.groups import Power
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.state import State
@@ -97,8 +98,9 @@ def _group(rod: System, state: State) -> Power:
     group = rod.group
     if not isinstance(group, Power) or rod.additional.ambient(group):
         raise ArgumentError(f"Argument `rod` must be a rod or a chain of co.models.rods, but is {rod.name!r}.")
-    if not isinstance(state, State) or state.places != rod.places:
-        raise ArgumentError(f"Argument `state` must be a state of this {rod.name}, but is {shown(state)}.")
+    checks.expect(
+        isinstance(state, State) and state.places == rod.places, state, "state", f"a state of this {rod.name}"
+    )
     if any(map(traced, jax.tree.leaves((rod.parameters, state.g, state.a)))):
         raise ArgumentError(
             "A state of rest and its modes have no derivatives by JAX: take differences of their numbers."

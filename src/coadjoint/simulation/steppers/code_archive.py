@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from coadjoint.disk import require_home
+from coadjoint.disk import require_home, require_new
 from coadjoint.errors import FileError, rephrased
 from coadjoint.kernels.run.machine import compiled, is_for_this_machine, processor
 from coadjoint.simulation.steppers.fields import named_file
@@ -49,8 +49,7 @@ def save(
 ) -> Path:
     """Write a file, completely or not at all; raises FileError rather than replace one."""
     target = named_file(path)
-    if target.exists() and not overwrite:
-        raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
+    require_new(target, overwrite)
     require_home(target)
     content = content_of(target)
     temporary = target.parent / f".{target.name}.{secrets.token_hex(4)}"

@@ -120,7 +120,7 @@ def declare(**row):
     ("given", "words"),
     [
         ({}, "declares nothing"),
-        ({"sensors": []}, "no key `sensors`, the nearest is `sensor`"),
+        ({"sensors": []}, "no key `sensors`: did you mean `sensor`"),
         ({"sensor": "dvl"}, "must be tables, each under"),
         ({"sensor": [{}]}, "needs `topic`"),
         (declare(topic="/dlv", columns={"u_m_s": "velocity.x"}), "has no topic `/dlv`: did you mean `/dvl`"),

@@ -7,6 +7,7 @@ import re
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
+from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, nearest, prefixed, shown
 from coadjoint.sections import checked, keys
@@ -164,12 +165,7 @@ class Section:
 
     def done(self) -> None:
         """Raise ArgumentError for unread keys, with the nearest known key."""
-        for name in self.given:
-            if name not in self.asked:
-                known = sorted(self.asked)
-                near = nearest(name, known, 0.5)
-                hint = f"did you mean `{near}`?" if near else f"it knows {', '.join(known)}."
-                raise self.fail(f"has no key `{name}`: {hint}")
+        checks.all_known(self.given, self.asked, "key", f"{self.book.path}: {self.title}")
 
     def _instead(self, name: str) -> str:
         """The end of a message on a missing key: a given key that may be a misspelling of it."""
@@ -185,11 +181,7 @@ class Section:
                 f"{what} must say its unit and where it is from, but is {shown(given)} alone: write {name} = "
                 f'{{ value = {shown(given)}, unit = "{si}", source = "…" }}.'
             )
-        for key in given:
-            if key not in QUANTITY_KEYS:
-                near = nearest(key, QUANTITY_KEYS)
-                hint = f"did you mean `{near}`?" if near else f"it knows {', '.join(QUANTITY_KEYS)}."
-                raise self.book.fail(f"{what} has no key `{key}`: {hint}")
+        checks.all_known(given, QUANTITY_KEYS, "key", f"{self.book.path}: {what}")
         if "value" not in given:
             raise self.book.fail(f"{what} has no `value`.")
         return given

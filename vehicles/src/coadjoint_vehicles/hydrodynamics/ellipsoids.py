@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import elliprd
 
+from coadjoint import checks
 from coadjoint.arrays import Array, PyTree, Scalar
-from coadjoint.errors import ArgumentError
 from coadjoint.mechanics import System
 from coadjoint.models import general_vehicle
 from coadjoint.models.quantities import positive, vector
@@ -73,6 +73,5 @@ def ellipsoid(
 
 def _axes(semi_axes: object) -> Array:
     axes = vector(semi_axes, "semi_axes")
-    if np.any(axes <= 0):
-        raise ArgumentError(f"Argument `semi_axes` must be positive, but is {axes.tolist()}.")
+    checks.expect(not np.any(axes <= 0), axes.tolist(), "semi_axes", "positive")
     return axes

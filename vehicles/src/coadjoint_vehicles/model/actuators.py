@@ -120,8 +120,7 @@ class Rule(InternalRule):
 
     def seeded(self, internal: Named, seeds: np.ndarray) -> Named:
         """Internal states (k, …) whose water has random numbers of these seeds (k,)."""
-        if not self.water.start():
-            raise ArgumentError(f"Nothing around `{self.vehicle.name}` is random: leave out `seed`.")
+        checks.leave_out(not self.water.start(), "`seed`", f"Nothing around `{self.vehicle.name}` is random")
         begun, _ = stacked(starting_values(self.water.seeded(Each(seeds)).start()))
         water = jax.tree.map(lambda new, old: np.broadcast_to(new, np.shape(old)), begun, internal.water)
         return internal.replace(water=water)

@@ -207,9 +207,7 @@ def _rows(kind: type[T], name: str, table: Mapping[str, object], where: str) -> 
 
 
 def _require_keys(row: Mapping[str, object], known: Sequence[str], where: str) -> None:
-    if unknown := [key for key in row if key not in known]:
-        near = checks.nearest(unknown[0], known, 0.0)
-        raise FileError(f"{where} has no key `{unknown[0]}`, the nearest is `{near}`; it has {', '.join(known)}.")
+    checks.all_known(row, known, "key", where, FileError)
 
 
 def _axes(value: Any, where: str) -> Axes:
