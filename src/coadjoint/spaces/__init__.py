@@ -3,8 +3,9 @@
 from coadjoint.spaces.action import Action
 from coadjoint.spaces.by_inverse import ByInverse
 from coadjoint.spaces.group_itself import GroupItself
-from coadjoint.spaces.links import Links, RelativePoses
+from coadjoint.spaces.links import Links
 from coadjoint.spaces.named import Named
+from coadjoint.spaces.relative_poses import RelativePoses
 from coadjoint.spaces.representations import Adjoint, Coadjoint, Defining, Dual, Points, Representation, Trivial
 from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space

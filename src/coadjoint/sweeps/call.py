@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.interrupts import deferred_interrupts
@@ -100,7 +99,10 @@ def _file(run: object) -> Runnable:
     if isinstance(run, (str, os.PathLike)):
         return read(Path(run))
     found = getattr(run, "file", run)
-    checks.expect(isinstance(found, Runnable), run, "run", "the path of a run or mission file, or a mission")
+    if not isinstance(found, Runnable):
+        raise ArgumentError(
+            f"Argument `run` must be the path of a run or mission file, or a mission, but is {shown(run)}."
+        )
     return found
 
 

@@ -25,7 +25,7 @@ from coadjoint.models.multibody.placing import Placing
 from coadjoint.models.quantities import vector
 from coadjoint.overview import Overview, WithOverview, listed
 from coadjoint.spaces import Defining, RelativePoses
-from coadjoint.spaces.links import GROUND
+from coadjoint.spaces.relative_poses import GROUND
 
 if TYPE_CHECKING:
     import xarray

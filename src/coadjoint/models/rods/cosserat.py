@@ -23,7 +23,7 @@ from coadjoint.models.quantities import checked, not_negative, number, positive,
 from coadjoint.models.rods.sections import RodLayout
 from coadjoint.models.rods.strains import logarithm, straight
 from coadjoint.spaces import Dual, RelativePoses
-from coadjoint.spaces.links import GROUND
+from coadjoint.spaces.relative_poses import GROUND
 
 STIFF = 1e6
 """EA and GA where they are left out, in units of EI/L²: a penalty for stretch and shear, which stay below 1e-5 under

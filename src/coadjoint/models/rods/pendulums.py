@@ -19,7 +19,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.quantities import checked, direction, not_negative
 from coadjoint.models.rods.strains import rotation_vector
 from coadjoint.spaces import Defining, RelativePoses, Sphere, Trivial
-from coadjoint.spaces.links import GROUND
+from coadjoint.spaces.relative_poses import GROUND
 
 UNITS = {"xi": "rad/s", "xi_spatial": "rad/s", "mu": "kg m²/s", "a": "1", "energy": "J", "discrete_energy": "J"}
 POINTS = {**UNITS, "n": "1", "nu": "1/s", "q": "1", "qdot": "1/s", "pi": "kg m²/s"}

@@ -12,7 +12,7 @@ from coadjoint.arrays import Array
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.mechanics.members import Quantity
 from coadjoint.models.quantities import positive
-from coadjoint.spaces.links import GROUND
+from coadjoint.spaces.relative_poses import GROUND
 
 SHEAR = 0.9
 """The share of a round section that carries shear."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from coadjoint import checks
 from coadjoint.errors import ArgumentError, nearest
 from coadjoint_vehicles.files.bodies import DATA
 from coadjoint_vehicles.files.file import read_vehicle, vehicle_from_text
@@ -41,7 +40,8 @@ def load_vehicle(name: str | os.PathLike[str]) -> Vehicle:
     Raises ArgumentError, and FileError for a file that cannot be read.
     """
     text = os.fspath(name) if isinstance(name, (str, os.PathLike)) else None
-    checks.expect(isinstance(text, str), name, "name", "the name of a vehicle or the path of its file")
+    if not isinstance(text, str):
+        raise ArgumentError(f"Argument `name` must be the name of a vehicle or the path of its file, but is {name!r}.")
     if is_path(text) or isinstance(name, Path):
         return read_vehicle(text)
     return vehicle_from_text(vehicle_text(text), f"{text}.toml")
