@@ -18,7 +18,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
-from coadjoint.mechanics.check import given, require_regular_hamiltonian
+from coadjoint.mechanics.check import given
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import jacobian_solve
 from coadjoint.mechanics.internal import starting_values
@@ -27,6 +27,7 @@ from coadjoint.mechanics.members import count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.phase_space import linear
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.mechanics.regularity import require_regular_hamiltonian
 from coadjoint.mechanics.start_arguments import Checked, checked, checked_element, checked_members
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import in_words, require_scalar
