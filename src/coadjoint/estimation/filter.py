@@ -19,9 +19,10 @@ from coadjoint.arrays import PyTree, Scalar
 from coadjoint.c_sources import identifier, write_library
 from coadjoint.checks import truth
 from coadjoint.errors import ArgumentError, warn
-from coadjoint.estimation.arguments import array, first_covariance, inputs_of_step
+from coadjoint.estimation.arguments import first_covariance, inputs_of_step
 from coadjoint.estimation.c_library import sources
 from coadjoint.estimation.engines import CodedFilter, FilterEngine
+from coadjoint.estimation.filter_estimate import FilterEstimate
 from coadjoint.estimation.filter_measurements import FilterMeasurements, all_series
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.history import Past
@@ -33,14 +34,12 @@ from coadjoint.estimation.saved_filter import FilterInterface, to_bytes
 from coadjoint.estimation.timetable import SAME, Timetable, require_radians, require_readings, require_times
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.kernels.run.portable_code import exported_code, linked
-from coadjoint.mechanics.state import State
-from coadjoint.overview import NumberRow, Overview, WithOverview, listed
 from coadjoint.portable import Remade
 from coadjoint.simulation.steppers.code_archive import save
 from coadjoint.simulation.steppers.fields import Fields
 
 
-class Filter(WithOverview, Remade):
+class Filter(FilterEstimate, Remade):
     """A Kalman filter whose errors are those of a process: on the group, invariant under it.
 
         process = co.estimation.ModelProcess(vehicle, start, inputs=("thrust",), noise={"force": 0.5})
@@ -101,80 +100,6 @@ class Filter(WithOverview, Remade):
             warn(f"No step and no measurement of this filter reads the input `{name}`: check its name.", stacklevel=2)
         judging = truth(accuracy, "accuracy") and process.parts is not None
         self._sample = FilterSample(process, process.parts) if judging and process.parts else None
-
-    def _overview(self) -> Overview:
-        facts = {
-            "by": type(self.process).__name__,
-            "t": f"{self.t:g} s",
-            "members": self.members,
-            "errors": f"{self.process.width} coordinates",
-            "measurements": listed(f"{name} ({size})" for name, size in self._measured.sizes.items()),
-        }
-        found = zip(self.process.names, np.sqrt(np.maximum(np.diagonal(self.P[0]), 0.0)), strict=True)
-        return Overview("Filter", facts, tuple(NumberRow(name, one) for name, one in found), "deviation")
-
-    @property
-    def rows(self) -> np.ndarray:
-        """The estimates as rows of the process, (members, size), of one filter (1, size); others may be set."""
-        return self._held.rows
-
-    @rows.setter
-    def rows(self, rows: np.ndarray) -> None:
-        shape = (1 if self.members is None else self.members, len(self.process.example))
-        self._held = self._held._replace(rows=array(rows, "rows", shape))
-
-    @property
-    def P(self) -> np.ndarray:
-        """The covariances of the errors, (members, n, n), of one filter (1, n, n); others may be set."""
-        return self._held.P
-
-    @P.setter
-    def P(self, P: np.ndarray) -> None:
-        n = self.process.width
-        shape = (1 if self.members is None else self.members, n, n)
-        self._held = self._held._replace(P=array(P, "P", shape))
-
-    @property
-    def t(self) -> float:
-        """The time of the estimate, s."""
-        return float(self.process.time(self.rows[0]))
-
-    @property
-    def state(self) -> State:
-        """The estimated state; of many members with a leading axis in every leaf."""
-        return self.process.state(self.rows[0] if self.members is None else self.rows)
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """P, (n, n), of the errors by the `names` of the process; (members, n, n) of many."""
-        return self.P[0].copy() if self.members is None else self.P.copy()
-
-    @property
-    def deviations(self) -> dict[str, PyTree]:
-        """Standard deviations by the names of the coordinates of the error."""
-        roots = np.sqrt(np.maximum(np.diagonal(self.P, axis1=1, axis2=2), 0.0))
-        rows = roots[0].tolist() if self.members is None else roots.T
-        return dict(zip(self.process.names, rows, strict=True))
-
-    def expected(self, rows: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Name of a measurement → its values without noise, (…, m), at rows of the process (…, size).
-
-        rows: by default the estimate's, with an axis of members if there are many. Values are numbers as `update` takes
-        them. Raises ArgumentError for others.
-        """
-        return self._readings(rows, None)
-
-    def drawn(self, rows: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
-        """As `expected`, with noise from `random`: measurements of true states, on the side on which each errs.
-
-        Raises ArgumentError for other rows, and unless `random` is an np.random.Generator.
-        """
-        checks.instance(random, "random", np.random.Generator, "np.random.default_rng(seed)")
-        return self._readings(rows, random)
-
-    def _readings(self, rows: PyTree, random: np.random.Generator | None) -> dict[str, np.ndarray]:
-        here = self.rows[0] if self.members is None else self.rows
-        return self._measured.readings(here if rows is None else rows, random)
 
     def predict(self, dt: Scalar, inputs: Mapping[str, PyTree] | None = None) -> None:
         """Advance by one step of dt, s; inputs: name → value, held over it; the others stay.

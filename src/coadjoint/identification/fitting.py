@@ -9,7 +9,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.identification.coloured import LONGEST, SHORTEST, Channel, Neighbours, correlation_time, whitened
 from coadjoint.identification.fit import Fit
-from coadjoint.identification.least_squares import Estimates, Solution, least_squares, reduced, step
+from coadjoint.identification.least_squares import Estimates, Solution, freedom, least_squares, step
 from coadjoint.identification.problem import Setting
 from coadjoint.identification.sampling import FEWEST_STEPS
 from coadjoint.identification.smoothing import noise as rough_noise
@@ -219,10 +219,10 @@ def _correlation_times(fit: Fit, place: Estimates) -> np.ndarray:
     shortest = SHORTEST * fit.log.interval
     longest = LONGEST * fit.log.duration / fit.shooting.runs
     J = np.concatenate([parts.swapaxes(2, 3).reshape(fit.shooting.runs, -1, parts.shape[2]), rows], axis=1)
-    freedom = np.maximum(_freedom(J, fit.there, d), 1.0)
+    free = np.maximum(freedom(J, fit.there, d), 1.0)
     for c in fit.sensing.coloured:
         near = Neighbours(fit.near.before[..., c], fit.near.between[..., c])
-        one = Channel(off[..., c], slopes[..., c], near, float(freedom[c]))
+        one = Channel(off[..., c], slopes[..., c], near, float(free[c]))
         times[c] = correlation_time(one, each.sum(axis=0) - each[c] + driving, d, shortest, longest)
     return times
 
@@ -290,16 +290,5 @@ def _estimated(solution: Solution, problem: Fit, d: int, loss: Loss | None = Non
     else:
         squares = np.sum(squares, axis=(0, 1))
     size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
-    found = problem.sigma * np.sqrt(squares / np.maximum(_freedom(solution.jacobian, problem.there, d), 1.0))
+    found = problem.sigma * np.sqrt(squares / np.maximum(freedom(solution.jacobian, problem.there, d), 1.0))
     return np.maximum(found, QUIETEST * size)
-
-
-def _freedom(J: np.ndarray, there: np.ndarray, d: int) -> np.ndarray:
-    """The number of samples of each channel less the degrees of freedom of the fit."""
-    B, taken = reduced(J, d)
-    flat = B.reshape(-1, B.shape[2])
-    flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)
-    C = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
-    taken = taken + np.sum((flat @ C) * flat, axis=1).reshape(taken.shape)
-    taken = taken[:, : there[0].size].reshape(there.shape)
-    return np.sum(np.where(there, 1 - taken, 0.0), axis=(0, 1))

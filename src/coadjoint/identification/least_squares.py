@@ -166,3 +166,14 @@ def reduced(J: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(2):
         B = B - Q @ (Q.swapaxes(1, 2) @ B)
     return B, np.sum(Q**2, axis=2)
+
+
+def freedom(J: np.ndarray, there: np.ndarray, d: int) -> np.ndarray:
+    """The number of samples of each channel less the degrees of freedom of the fit."""
+    B, taken = reduced(J, d)
+    flat = B.reshape(-1, B.shape[2])
+    flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)
+    C = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
+    taken = taken + np.sum((flat @ C) * flat, axis=1).reshape(taken.shape)
+    taken = taken[:, : there[0].size].reshape(there.shape)
+    return np.sum(np.where(there, 1 - taken, 0.0), axis=(0, 1))
