@@ -19,7 +19,7 @@ from coadjoint.control.c_library import solver
 from coadjoint.control.given import with_previous
 from coadjoint.control.guess import Guesses
 from coadjoint.control.program import nonlinear_program
-from coadjoint.control.transcription import transcribe
+from coadjoint.control.transcribe import transcribe
 
 BODY = co.System(
     co.SO3(),

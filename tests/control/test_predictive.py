@@ -12,7 +12,7 @@ import coadjoint as co
 import paper_vehicle
 from coadjoint.control import Bounds, End, Input, Problem, quadratic
 from coadjoint.control.linearised import expanded
-from coadjoint.control.transcription import transcribe
+from coadjoint.control.transcribe import transcribe
 
 BODY = co.System(
     co.SO3(),

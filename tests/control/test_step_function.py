@@ -8,10 +8,10 @@ import pytest
 
 import coadjoint as co
 import paper_vehicle
-from coadjoint.control.problem_data import Input
+from coadjoint.control.problem_parts import Input
 from coadjoint.control.stage import Begun, step_graph
 from coadjoint.control.step_functions import functions_of
-from coadjoint.control.transcription import begun
+from coadjoint.control.transcribe import begun
 
 
 def vehicle():

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from coadjoint.control.phases import Phases as Phases
     from coadjoint.control.predictive import Controller as Controller
     from coadjoint.control.problem import Problem as Problem
-    from coadjoint.control.problem_data import Bounds as Bounds
-    from coadjoint.control.problem_data import End as End
-    from coadjoint.control.problem_data import Input as Input
+    from coadjoint.control.problem_parts import Bounds as Bounds
+    from coadjoint.control.problem_parts import End as End
+    from coadjoint.control.problem_parts import Input as Input
     from coadjoint.control.regulator import Regulator as Regulator
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity
 

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate

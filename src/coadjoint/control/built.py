@@ -18,10 +18,12 @@ from coadjoint.control.given import Goals, changed, given_numbers, previous_valu
 from coadjoint.control.guess import Guesses, bent, least, misses_end
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.optimum import Optimum, flown
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.solve import FoundOptimum, Settings, found_by, solver_of
-from coadjoint.control.transcription import Transcription, begun, transcribe
+from coadjoint.control.transcribe import begun, transcribe
+from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError, OptimumError
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.run import Run

@@ -21,7 +21,8 @@ from coadjoint.control.guess import Guesses
 from coadjoint.control.library import casadi
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
-from coadjoint.control.transcription import Transcription, transcribe
+from coadjoint.control.transcribe import transcribe
+from coadjoint.control.transcription import Transcription
 from coadjoint.kernels.packing import layout as layout_of
 from coadjoint.simulation.steppers.beginning import shapes_of
 

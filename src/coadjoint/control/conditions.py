@@ -17,7 +17,8 @@ from coadjoint.control.boundary_conditions import free_start_sizes
 from coadjoint.control.library import casadi
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
-from coadjoint.control.transcription import Split, Transcription, transcribe
+from coadjoint.control.transcribe import transcribe
+from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import ArgumentError, OptimumError
 
 SETTLED = 1e-4

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.control.stage import step_graph
 from coadjoint.control.step_functions import StepColumns
-from coadjoint.control.transcription import begun
+from coadjoint.control.transcribe import begun
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method

@@ -18,7 +18,8 @@ from coadjoint.arrays import PyTree
 from coadjoint.control.given import with_previous
 from coadjoint.control.guess import Guesses, least, misses_end
 from coadjoint.control.planning import MotionPlan, PlanningController, Timeline
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.solve import answer, settings_of, solver_of
 from coadjoint.errors import ArgumentError, OptimumError

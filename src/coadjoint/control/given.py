@@ -16,7 +16,8 @@ from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import end_values, start_values
 from coadjoint.control.numbers import spread
-from coadjoint.control.problem_data import End, Input, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End, Input
 from coadjoint.control.stage import numbers_of
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Element

@@ -16,7 +16,8 @@ from coadjoint.control.geodesics import Geodesics
 from coadjoint.control.given import goal_place
 from coadjoint.control.inputs_between import guesses
 from coadjoint.control.linearised import Simulated
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import ArgumentError, StepError

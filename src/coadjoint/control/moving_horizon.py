@@ -25,7 +25,7 @@ from coadjoint.control.numbers import number
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.requirements import prior_directions, require_convex, require_estimable
 from coadjoint.control.resolution import JudgedMotions
-from coadjoint.control.transcription import transcribe
+from coadjoint.control.transcribe import transcribe
 from coadjoint.control.window import HorizonMotion, SeenAtNode, Window
 from coadjoint.errors import ArgumentError, OptimumError, shown
 from coadjoint.kernels.trace.evaluate import tabulate

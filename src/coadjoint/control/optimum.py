@@ -14,7 +14,7 @@ from coadjoint.control.boundary_conditions import moved_start
 from coadjoint.control.conditions import SolvedProgram, deviations
 from coadjoint.control.inputs_between import at_end, flown_inputs
 from coadjoint.control.library import casadi
-from coadjoint.control.problem_data import Input
+from coadjoint.control.problem_parts import Input
 from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.transcription import Split, Transcription

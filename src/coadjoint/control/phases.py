@@ -19,7 +19,8 @@ from coadjoint.control.phased_optimum import PhasedOptimum, phases_flown
 from coadjoint.control.problem import Problem
 from coadjoint.control.solve import found_by, settings_of, solver_of
 from coadjoint.control.stage import StepGraph
-from coadjoint.control.transcription import Transcription, begun, transcribe
+from coadjoint.control.transcribe import begun, transcribe
+from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.mechanics.state import State

@@ -17,9 +17,10 @@ from coadjoint.control.given import Goals, changed, given_numbers, previous_valu
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.mpc_solution import MpcSolution, Record
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End
 from coadjoint.control.resolution import JudgedMotions
-from coadjoint.control.transcription import transcribe
+from coadjoint.control.transcribe import transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
 from coadjoint.portable import Remade

@@ -231,12 +231,12 @@ class Controller(PlanningController):
         FileError rather than replace a file, ArgumentError for a controller with a delay or with linear inputs.
         """
         name = identifier(Path(folder).name if name is None else name, "folder" if name is None else "name")
-        if self.delay:
-            raise ArgumentError("A controller with a delay has no C library: leave out `delay`.")
+        checks.leave_out(self.delay, "`delay`", "A controller with a delay has no C library")
         if len(self._expanding.begins):
             raise ArgumentError("A controller of linear inputs has no C library: take inputs that are held.")
-        if self.shortest < self.problem.count:
-            raise ArgumentError("A controller whose horizon shrinks has no C library: leave out `shortest`.")
+        checks.leave_out(
+            self.shortest < self.problem.count, "`shortest`", "A controller whose horizon shrinks has no C library"
+        )
         texts = sources(self.problem, name, whole(iterations, "iterations"), {"t": "s", **(units or {})})
         return write_library(folder, name, texts, overwrite)
 

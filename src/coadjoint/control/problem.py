@@ -13,7 +13,8 @@ from coadjoint.control.free_duration import FreeDurationController
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
-from coadjoint.control.problem_data import End, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import End
 from coadjoint.control.regulator import Regulator, regulator
 from coadjoint.control.requirements import steps_of
 from coadjoint.control.solve import settings_of
@@ -271,7 +272,6 @@ class Problem(WithOverview, ProblemData):
         return regulator(self, at, inputs)
 
     def _require_no_points(self, what: str) -> None:
-        if self.path_points:
-            raise ArgumentError(
-                f"{what} imposes `path` at its nodes alone: leave out `path_points`, and take a smaller dt."
-            )
+        checks.leave_out(
+            self.path_points, "`path_points`, and take a smaller dt", f"{what} imposes `path` at its nodes alone"
+        )

@@ -25,10 +25,12 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.control.expansion import Expanding, limits_of
 from coadjoint.control.functions import of_columns
 from coadjoint.control.linearised import Simulated, Tables
-from coadjoint.control.problem_data import Input, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import Input
 from coadjoint.control.requirements import require_controllable
 from coadjoint.control.stage import PARTS, numbers_of, parts_of
-from coadjoint.control.transcription import Transcription, transcribe
+from coadjoint.control.transcribe import transcribe
+from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.tracer import Tracer

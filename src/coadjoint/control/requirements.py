@@ -11,7 +11,8 @@ from coadjoint.arrays import PyTree
 from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import Profile
 from coadjoint.control.library import casadi
-from coadjoint.control.problem_data import Input, ProblemData
+from coadjoint.control.problem_data import ProblemData
+from coadjoint.control.problem_parts import Input
 from coadjoint.control.transcription import Transcription
 from coadjoint.control.window import Window
 from coadjoint.errors import ArgumentError, shown
@@ -34,10 +35,12 @@ def require_controllable(problem: ProblemData) -> None:
     """Raise ArgumentError unless a problem suits a controller."""
     if problem.cost is None and problem.final_cost is None and problem.terminal is None:
         raise ArgumentError("A controller needs something to minimise: give the problem a `cost` or a `final_cost`.")
-    if problem.parameters:
-        raise ArgumentError("A controller chooses inputs alone: leave out `parameters`; `changing` names those to set.")
-    if problem.free_start or problem.measured:
-        raise ArgumentError("A controller begins at the given state: leave out `free_start` and `measured`.")
+    checks.leave_out(
+        problem.parameters, "`parameters`; `changing` names those to set", "A controller chooses inputs alone"
+    )
+    checks.leave_out(
+        problem.free_start or problem.measured, "`free_start` and `measured`", "A controller begins at the given state"
+    )
     if any(isinstance(value, Profile) for value in problem.inputs.values()):
         raise ArgumentError("A controller chooses inputs that are held or linear over each step: leave out profiles.")
     if not any(hasattr(value, "guess") for value in problem.inputs.values()):
@@ -63,12 +66,11 @@ def require_estimable(problem: ProblemData, known: PyTree) -> None:
     """Raise ArgumentError unless a problem suits an estimator."""
     if not problem.measured:
         raise ArgumentError("An estimator needs measurements: give the problem `measured`.")
-    if problem.free_duration is not None:
-        raise ArgumentError("An estimator looks back over a fixed time: leave out `free_duration`.")
-    if problem.parameters:
-        raise ArgumentError("An estimator estimates states and inputs alone: leave out `parameters`.")
-    if any(one.soft for one in problem.path.values()):
-        raise ArgumentError("An estimator keeps the bounds of its `path`: leave out `soft`.")
+    checks.leave_out(problem.free_duration is not None, "`free_duration`", "An estimator looks back over a fixed time")
+    checks.leave_out(problem.parameters, "`parameters`", "An estimator estimates states and inputs alone")
+    checks.leave_out(
+        any(one.soft for one in problem.path.values()), "`soft`", "An estimator keeps the bounds of its `path`"
+    )
     if problem.end is not None or problem.final_cost is not None or problem.terminal is not None:
         raise ArgumentError("An estimator has no end to reach: leave out `end`, `final_cost` and `terminal`.")
     require_flat(problem.system.additional, "An estimator", "describe q by coordinates")
@@ -76,8 +78,7 @@ def require_estimable(problem: ProblemData, known: PyTree) -> None:
     for name, one in chosen.items():
         if not isinstance(one, Input) or one.course != "held":
             raise ArgumentError(f"An estimator takes inputs that are held over each step, but `{name}` is none.")
-        if np.any(np.isfinite(one.rate)):
-            raise ArgumentError(f"An estimator bounds no rates: leave out `rate` of input `{name}`.")
+        checks.leave_out(np.any(np.isfinite(one.rate)), f"`rate` of input `{name}`", "An estimator bounds no rates")
     checks.all_known(known, chosen, "co.control.Input", "Argument `known`: the problem")
     if set(chosen) - set(known) and problem.cost is None:
         raise ArgumentError(

@@ -15,7 +15,8 @@ from coadjoint.control.conditions import SolvedProgram, conditions
 from coadjoint.control.numbers import known_parameter
 from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
-from coadjoint.control.transcription import Split, Transcription, transcribe
+from coadjoint.control.transcribe import transcribe
+from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import ArgumentError
 from coadjoint.simulation.run import Run
 

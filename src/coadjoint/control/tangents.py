@@ -13,7 +13,8 @@ import numpy as np
 from coadjoint.arrays import Array, PyTree
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import Tables
-from coadjoint.control.transcription import StepColumns, Transcription
+from coadjoint.control.step_functions import StepColumns
+from coadjoint.control.transcription import Transcription
 from coadjoint.kernels.packing import flattened
 from coadjoint.kernels.trace.tracer import flat
 from coadjoint.mechanics.state import State
