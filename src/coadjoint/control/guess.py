@@ -41,7 +41,6 @@ FAILS = (
     "The motion with the inputs' guesses, where the solver would begin, fails ({}): give another `guess`, or a smaller "
     "dt."
 )
-
 T = TypeVar("T")
 
 
@@ -49,9 +48,8 @@ def least(found: Iterable[T], cost: Callable[[T], float], ends: Callable[[T], bo
     """The solution of least cost of those from one guess after the other, until the best `ends` where it should."""
     best = None
     for one in found:
-        if cost(one) < (np.inf if best is None else cost(best)):
-            best = one
-        if best is not None and ends(best):
+        best = one if best is None or cost(one) < cost(best) else best
+        if ends(best):
             break
     return best
 

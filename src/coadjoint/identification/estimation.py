@@ -113,8 +113,7 @@ def identify(
     progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
     parameters, noted = with_current(system, log, parameters, process_noise)
-    log = replace(log, notes=(*log.notes, *noted))
-    log = _without_wild(log, loss)
+    log = _without_wild(replace(log, notes=(*log.notes, *noted)), loss)
     system, moved = wandering(system, process_noise)
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
@@ -125,8 +124,7 @@ def identify(
     )  # fmt: skip
     channels = replace(channels, rotation=sensed.rotation)
     step = log.step if dt is None else float(dt)
-    asked = setting(sought, log, start, channels, method, between, step, settle, sensed, moved)
-    asked = replace(asked, loss=loss)
+    asked = replace(setting(sought, log, start, channels, method, between, step, settle, sensed, moved), loss=loss)
     began = time.perf_counter()
     with Progress(None, progress, f"identification of {system.name}", "simulations") as bar:
         asked = replace(asked, simulated=lambda: bar.advance(1, time.perf_counter() - began))
