@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from itertools import accumulate
 from typing import NamedTuple
 
 import jax
@@ -31,16 +33,22 @@ class Layout(NamedTuple):
 
     def unpack(self, numbers: np.ndarray) -> PyTree:
         """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
+        if numbers.ndim == 1:
+            return self.views(numbers.copy())
         return jax.tree.map(lambda leaf: leaf.copy(), self.views(numbers))
 
     def views(self, numbers: np.ndarray | jax.Array) -> PyTree:
         """The same as views into the numbers, also of traced ones: for long rows that are copied later anyway."""
-        lead, leaves, start = numbers.shape[:-1], [], 0
-        for shape in self.shapes:
-            end = start + math.prod(shape)
-            leaves.append(numbers[..., start:end].reshape((*lead, *shape)))
-            start = end
+        lead = numbers.shape[:-1]
+        leaves = [numbers[..., start:end].reshape(lead + shape) for start, end, shape in _places(self.shapes)]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
+
+
+@cache
+def _places(shapes: tuple[tuple[int, ...], ...]) -> list[tuple[int, int, tuple[int, ...]]]:
+    """Where the numbers of each leaf begin and end in a row, and its shape."""
+    ends = list(accumulate(map(math.prod, shapes)))
+    return list(zip([0, *ends], ends, shapes, strict=False))
 
 
 def layout(tree: PyTree) -> Layout:
@@ -56,7 +64,7 @@ def pack(tree: PyTree) -> tuple[Layout, np.ndarray]:
     for array in arrays:
         if array.dtype.kind not in "fi":
             raise Untraceable("convert_element_type", f"a leaf has type {array.dtype}, not float64")
-    numbers = [array.astype(np.float64).reshape(-1) for array in arrays]
+    numbers = [array.astype(np.float64, copy=False).reshape(-1) for array in arrays]
     shapes = tuple(array.shape for array in arrays)
     return Layout(structure, shapes), np.concatenate(numbers) if numbers else np.zeros(0)
 

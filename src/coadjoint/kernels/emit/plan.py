@@ -96,7 +96,8 @@ class StepPlan:
 
 def specialised(values: Iterable[float]) -> tuple[int, ...]:
     """The parameters that are exactly 0 or 1, by which code is specialised: 2 elsewhere."""
-    return tuple(int(v) if v in (0.0, 1.0) else 2 for v in values)
+    numbers = np.fromiter(values, float)
+    return tuple(np.where((numbers == 0.0) | (numbers == 1.0), numbers, 2.0).astype(int).tolist())
 
 
 def plan(

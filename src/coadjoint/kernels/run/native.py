@@ -273,12 +273,13 @@ def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records:
     Raises Cut with the steps that were done where Python is interrupted meanwhile.
     """
     lanes = h.shape[0]
-    watched = kernel.monitor_size + len(kernel.certificates)
+    extrema = np.empty((kernel.monitor_size + len(kernel.certificates), 2, lanes))
+    extrema[:, 0], extrema[:, 1] = np.inf, -np.inf
     result = LaneArrays(
         state=np.array(s, np.float64, order="C"),
         records=np.empty((records, kernel.record.size, lanes)),
         monitors=np.empty((records, kernel.monitor_size, lanes)),
-        extrema=np.tile(np.array([np.inf, -np.inf])[None, :, None], (watched, 1, lanes)),
+        extrema=extrema,
         status=np.zeros((4, lanes), np.int64),
     )
     inputs = np.ascontiguousarray(p, np.float64), np.ascontiguousarray(h, np.float64)
