@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+
+import jax
 import numpy as np
 import pytest
 
@@ -47,6 +50,84 @@ def test_the_final_state_has_the_velocities_of_the_last_node_and_goes_on_to_the_
     rest = co.simulate(BODY, half.final, dt=0.1, steps=30, accuracy=False, monitors=False)
     for name in ("mu", "xi", "xi_step"):
         np.testing.assert_array_equal(rest.dataset[name][1:], whole.dataset[name][21:])
+
+
+def test_trajectories_end_with_the_velocities_of_the_last_node_and_go_on_to_the_same_bits():
+    path = co.trajectory(BODY, BODY.state(xi=START), dt=0.1, steps=50, accuracy=False)
+    np.testing.assert_allclose(path.final.xi, simulated().final.xi, rtol=0, atol=1e-14)
+    finer = co.trajectory(BODY, BODY.state(xi=START), dt=0.05, steps=100, accuracy=False)
+    errors = [np.max(np.abs(each.final.xi - exact(5))) for each in (path, finer)]
+    assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1
+    first = co.trajectory(BODY, BODY.state(xi=START), dt=0.1, steps=20, accuracy=False).final
+    for start in (first, pickle.loads(pickle.dumps(first)), first.replace(t=first.t)):
+        rest = co.trajectory(BODY, start, dt=0.1, steps=30, accuracy=False)
+        np.testing.assert_array_equal(rest.final.mu, path.final.mu)
+
+
+@pytest.mark.long
+def test_the_gradient_of_a_final_kinetic_energy_is_that_of_runs():
+    driven = co.System(
+        co.Translation(0),
+        lambda xi, n, nu, p, *, inputs: 0.5 * p.mass * (1 + inputs.load) * nu @ nu - 0.5 * n @ n,
+        additional=co.Trivial(1),
+        parameters={"mass": 1.0},
+    )
+    inputs = {"load": lambda motion: 0.5 + motion.t}
+
+    def kinetic(state, mass):
+        return 0.5 * mass * state.nu @ state.nu
+
+    def by_trajectory(mass):
+        system = driven.replace(mass=mass)
+        path = co.trajectory(
+            system, system.state(q=[1.0], inputs={"load": 0.5}), dt=0.05, steps=20, accuracy=False, inputs=inputs
+        )
+        return kinetic(path.final, mass)
+
+    def by_run(mass):
+        system = driven.replace(mass=mass)
+        run = co.simulate(system, system.state(q=[1.0], inputs={"load": 0.5}), dt=0.05, steps=20, inputs=inputs)
+        return kinetic(run.final, mass)
+
+    differences = (by_run(1 + 1e-4) - by_run(1 - 1e-4)) / 2e-4
+    assert abs(by_trajectory(1.0) - by_run(1.0)) < 1e-12
+    with co.float64():
+        value, slope = jax.value_and_grad(by_trajectory)(1.0)
+    assert abs(value - by_run(1.0)) < 1e-12 and abs(slope - differences) < 1e-7
+
+
+def test_states_between_nodes_and_at_events_have_the_velocities_of_their_momenta():
+    run = simulated(events={"level": lambda state: state.xi[0] - 0.3})
+    found = run.events["level"]
+    assert len(found.t) == 1
+    np.testing.assert_allclose(found.xi[:, 0], 0.3, atol=1e-10)
+    np.testing.assert_allclose(run.at([0.3, 1.0]).xi, run.dataset.xi[[3, 10]], atol=1e-14)
+    between = run.at([0.34])
+    np.testing.assert_allclose(between.xi, between.mu / INERTIA, atol=1e-15)
+    fleet = BODY.replace(inertia=co.each(np.array([INERTIA, 2 * INERTIA])))
+    for at, inertia in zip(
+        simulated(system=fleet, events={"turn": lambda s: s.xi[0]}).events["turn"], (1, 2), strict=True
+    ):
+        np.testing.assert_allclose(at.xi, at.mu / (inertia * INERTIA), atol=1e-15)
+
+
+def test_the_state_of_a_stepper_has_the_velocities_of_its_node_and_goes_on_to_the_same_bits():
+    stepper = co.Stepper(BODY, BODY.state(xi=START), dt=0.1, accuracy=False, until=lambda state: state.xi[0] - 0.3)
+    stepper.step(n=5)
+    here, run = stepper.state, simulated()
+    np.testing.assert_array_equal(here.xi, run.at([0.5]).xi[0])
+    after = stepper.trajectory(here, n=3).final
+    stepper.step(n=3)
+    np.testing.assert_allclose(after.xi, stepper.state.xi, rtol=0, atol=1e-15)
+    for state in (here, pickle.loads(pickle.dumps(here)), here.replace(t=here.t)):
+        stepper.restore(state)
+        stepper.step(n=3)
+        np.testing.assert_array_equal(stepper.state.mu, run.records.mu[8])
+    stepper.step(n=40)
+    assert stepper.event and abs(stepper.state.xi[0] - 0.3) < 1e-10
+    fleet = co.Stepper(BODY.replace(inertia=co.each(np.array([INERTIA, 2 * INERTIA]))), BODY.state(xi=START), dt=0.1)
+    fleet.step(n=5)
+    np.testing.assert_allclose(fleet.state.xi, fleet.state.mu / (INERTIA * [[1], [2]]), atol=1e-15)
 
 
 def test_files_hold_both_and_give_the_same_final_state(tmp_path):

@@ -13,7 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.continuous import velocities
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.state import Origin, State
+from coadjoint.mechanics.state import Origin, State, of_step
 from coadjoint.mechanics.system import System
 
 if TYPE_CHECKING:
@@ -57,6 +57,8 @@ def going_on(start: State) -> State:
 
     They are Newton's next guess, with which the run continues bitwise identically to an undivided one.
     """
+    if (before := of_step(start)) is not None:
+        return before.replace(origin=Origin())
     plain, unknowns = start.replace(origin=Origin()), start.origin.unknowns
     if unknowns is None or start.from_velocities or traced(start):
         return plain

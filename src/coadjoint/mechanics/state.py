@@ -52,13 +52,14 @@ class Origin:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, repr=False)
 class State(WithOverview):
-    """t, g, n = g⁻¹q, a = g⁻¹a₀, μ, π at a node, and (ξ, ν) of the step that starts there; made by `system.state(…)`.
+    """t, g, n = g⁻¹q, a = g⁻¹a₀, μ, π and (ξ, ν) at a node; made by `system.state(…)`.
 
     t: s. g: an element of G. n, nu, pi: ambient coordinates of Q, (ambient,). a: those of V*. mu, xi: (dim G,). Records
     have a leading axis of nodes in every leaf. `q`, `qdot` and `named` are derived.
 
-    In a state from which a run continues, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
-    unknowns of the step that starts at it.
+    ξ and ν are those of the momenta, ∂_ξℓ = μ and ∂_νℓ = π, in every state that a run, a trajectory or a stepper gives.
+    In `records` they are the unknowns of the step that starts at the node. A run that continues from a state begins
+    Newton's iteration with the last unknowns, which `origin` keeps.
     inputs: held over the step. internal: the state and memory of actuators, filters and noise at t. memory: that of the
     method.
     internal_mean, internal_end: of a record, the mean of `internal` over the step that starts at it, which forces and ℓ
@@ -112,6 +113,9 @@ class State(WithOverview):
             changes = {"internal_mean": changes["internal"], "internal_end": changes["internal"], **changes}
         return replace(self, **changes)
 
+    def __getstate__(self) -> dict[str, object]:
+        return vars(replace(self))
+
     def with_course(self, internal: PyTree, mean: PyTree, end: PyTree, due: PyTree) -> State:
         """A copy with another internal state at t, over the step and at its end, and whether its rule is due."""
         return replace(self, internal=internal, internal_mean=mean, internal_end=end, internal_due=due)
@@ -132,6 +136,9 @@ class State(WithOverview):
         return self.internal if self.internal_mean is None else self.internal_mean
 
     def __getattr__(self, name: str) -> Any:
+        if name in ("xi", "nu") and "_read" in vars(self):
+            vars(self).update(zip(("xi", "nu"), vars(self)["_read"][1](), strict=True))
+            return vars(self)[name]
         if name in ("q", "qdot", "named"):
             # Python calls this where the property itself raised an AttributeError: raise that one.
             return getattr(type(self), name).fget(self)
@@ -170,6 +177,19 @@ class State(WithOverview):
             return Parts(n, nu, pi, V.view(group, s.a), q, qdot)
 
         return self.each(parts)
+
+
+def with_velocities(state: State, velocities: Callable[[], tuple[Array, Array]]) -> State:
+    """A copy with the (ξ, ν) that `velocities` gives when they are read first; `of_step` of it is this state."""
+    made = replace(state, origin=Origin(state.origin.system, (state.xi, state.nu)))
+    vars(made).update(_read=(state, velocities))
+    del vars(made)["xi"], vars(made)["nu"]
+    return made
+
+
+def of_step(state: State) -> State | None:
+    """The state of which `with_velocities` made this one, with the unknowns of a step as ξ and ν; else None."""
+    return vars(state)["_read"][0] if "_read" in vars(state) else None
 
 
 def _full(value: PyTree) -> bool:

@@ -11,12 +11,12 @@ import numpy as np
 
 from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import Power
-from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.members import Each, member_of
 from coadjoint.mechanics.multipliers import least, multipliers
-from coadjoint.mechanics.state import Origin, State
+from coadjoint.mechanics.state import Origin, State, with_velocities
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
 from coadjoint.methods.rattle import kept
@@ -57,9 +57,22 @@ class Derivation:
             cut = jax.tree.map(lambda leaf, start=start: leaf[start : start + size], (plain, own))
             rows = len(cut[0].t)
             filled = jax.tree.map(lambda leaf: np.resize(leaf, (size, *np.shape(leaf)[1:])), cut)
-            found = self._function(shared, *filled)(shared, *filled)
+            found = self._function(self._traced, shared, *filled)(shared, *filled)
             parts.append(jax.tree.map(lambda leaf, rows=rows: leaf[:rows], found))
         return jax.tree.map(lambda *found: np.concatenate(found), *parts)
+
+    def velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
+        """(ξ, ν) at the node, (dim G,) and (ambient,), of one state; of many, if state and parameters have an axis
+        (k, …)."""
+        plain = state.replace(memory=None, ledger=None, origin=Origin())
+        return self._function(self._velocities, parameters, plain)(parameters, plain)
+
+    def _velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
+        def one(parameters: PyTree, state: State) -> tuple[Array, Array]:
+            node = at_node(replace_parameters(self.skeleton, parameters), state)
+            return node.xi, node.nu
+
+        return (jax.vmap(one) if np.ndim(state.t) else one)(parameters, state)
 
     @property
     def _rows(self) -> int:
@@ -67,12 +80,12 @@ class Derivation:
         wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
         return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
 
-    def _function(self, *arguments: object) -> Callable[..., PyTree]:
+    def _function(self, function: Callable[..., PyTree], *arguments: object) -> Callable[..., PyTree]:
         leaves, structure = jax.tree.flatten(arguments)
-        key = structure, *(np.shape(leaf) for leaf in leaves)
+        key = function.__name__, structure, *(np.shape(leaf) for leaf in leaves)
         if key not in self._made:
             group = self.skeleton.group
-            self._made[key] = tabulate(self._traced, *arguments, long=isinstance(group, Power) and group.count > LONG)
+            self._made[key] = tabulate(function, *arguments, long=isinstance(group, Power) and group.count > LONG)
         return self._made[key]
 
     def _traced(self, shared: object, records: State, own: dict[int, object]) -> dict[str, object]:
@@ -110,6 +123,24 @@ def one_at_node(derive: Derivation, system: System, record: State, unknowns: tup
     """`at_nodes` of one record; `unknowns`: Newton's guess (ξ, ν) of a run that continues from it."""
     rows = at_nodes(derive, system, jax.tree.map(lambda leaf: np.asarray(leaf)[None], record))
     return jax.tree.map(lambda leaf: leaf[0], rows).replace(origin=Origin(record.origin.system, unknowns))
+
+
+def after_step(program: StepProgram, parameters: PyTree, state: State, record: State | None = None) -> State:
+    """A state after a step as a user reads it: with the velocities (ξ, ν) of its momenta in place of the last unknowns.
+
+    They are computed where they are read first, of many states with parameters of one axis; inside grad, jit and vmap
+    at once. Where ℓ is linear in the velocities, or without ℓ and ℋ, the state stays. record: the same node with the
+    inputs and the internal state that ℓ reads there; by default the state itself.
+    """
+    skeleton = program.skeleton
+    linear = skeleton.lagrangian is not None and not program.method.regular
+    if linear or not known_at_nodes(skeleton, state):
+        return state
+    place = state if record is None else record
+    if traced(parameters, place):
+        node = at_node(replace_parameters(skeleton, parameters), place)
+        return state.replace(xi=node.xi, nu=node.nu)
+    return with_velocities(state, lambda: derivation(program).velocities(parameters, place))
 
 
 def known_at_nodes(system: System, records: State) -> bool:

@@ -76,24 +76,28 @@ class Run(_Shown):
 
     @cached_property
     def events(self) -> dict[str, State]:
-        """The records at the events, in order, by the names given in `events`: States with a leading axis."""
+        """The states at the events, in order, by the names given in `events`, with a leading axis; ξ and ν are those of
+        the node, at which the event is zero."""
         one = self.position.state
-        return {name: self._of_this(stacked_records(states, one)) for name, states in self.crossed.items()}
+        return {name: self._at_nodes(stacked_records(states, one)) for name, states in self.crossed.items()}
 
     def at(self, times: object) -> State:
-        """The records at times between the nodes (k,), s: a State with a leading axis.
+        """The states at times between the nodes (k,), s, with a leading axis and velocities as in the dataset.
 
         Steps of the method lead there from the saved node before: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h, so that momenta are as
         exact as at the nodes and the order is the method's. Raises ArgumentError for times outside the run.
         """
         from coadjoint.simulation.dense import at_times
 
-        return self._of_this(at_times(self.plan, self.records, times))
+        return self._at_nodes(at_times(self.plan, self.records, times))
 
     @cached_property
     def records(self) -> State:
         """The saved states, every leaf with a leading axis."""
         return self._of_this(Result.records.func(self))
+
+    def _at_nodes(self, records: State) -> State:
+        return at_nodes(derivation(self.plan.program), self.system, self._of_this(records))
 
     def _of_this(self, records: State) -> State:
         """Records that know of which system's run they are."""
@@ -197,9 +201,13 @@ class Ensemble(_Shown):
 
     @cached_property
     def events(self) -> dict[str, tuple[State, ...]]:
-        """The records at the events, in order, by the names given in `events`: for each member a State."""
-        one = self.one[1]
-        return {name: tuple(stacked_records(rows, one) for rows in found) for name, found in self.crossed.items()}
+        """The states at the events, as those of a `Run`, by the names given in `events`: for each member a State."""
+        one, derive = self.one[1], derivation(self.plan.program)
+
+        def of(index: int, rows: list[State]) -> State:
+            return at_nodes(derive, self.system, stacked_records(rows, one), np.full(len(rows), index))
+
+        return {name: tuple(of(*row) for row in enumerate(found)) for name, found in self.crossed.items()}
 
     def statistics(
         self, variables: str | Sequence[str] | None = None, quantiles: Sequence[float] = (0.05, 0.5, 0.95)

@@ -88,10 +88,10 @@ def simulate(
             of the `co.mechanics.NodeMotion`, held over each step; or a dictionary of these, read as `inputs.name`.
         until: a function of the state to a number, or a `co.Event` with a direction: the run ends where it crosses
             zero, located on the dense output, and `run.event` is that time in s, or None; by default it runs to its
-            end. It is evaluated on records: ξ and ν are those of the step that starts there, μ and π those of the time
-            itself. Needs fixed steps.
-        events: name → function of the state or `co.Event`, by default none; `run.events[name]` are the records
-            where it crosses zero. Needs fixed steps; neither `events` nor `until` of an ensemble goes with `store`.
+            end. It reads the ξ and ν of the node, as `run.final` has them. Needs fixed steps.
+        events: name → function of the state or `co.Event`, by default none; `run.events[name]` are the states
+            where it crosses zero, with ξ and ν of the node. Needs fixed steps; neither `events` nor `until` of an
+            ensemble goes with `store`.
         progress: None, a progress bar on a terminal for runs over a second (the default); False, never.
         backend: "native", machine code, for small systems; "xla", JAX's compiler, for steps that cannot be traced to
             machine code; "auto", native where possible (the default).

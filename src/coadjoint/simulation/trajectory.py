@@ -52,6 +52,7 @@ from coadjoint.simulation.arguments import (
     step_size,
     with_inputs,
 )
+from coadjoint.simulation.derived import after_step
 from coadjoint.simulation.members import require_one_time
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 from coadjoint.simulation.plan import Plan
@@ -64,7 +65,7 @@ class Trajectory:
 
     records: the states at nodes 0, save_every, …, steps, (k,) on a leading axis, as `run.records`; ξ and ν are those of
     the step that starts there. Those of `Stepper.trajectory` are of the start alone. final: the state after the last
-    step, whose ξ and ν are those of that last step. code: 0 if every step converged, otherwise a
+    step, with ξ and ν at the node itself, as `run.final`. code: 0 if every step converged, otherwise a
     `kernels.program.Code`; after a failed step the state stays at the last good node. iterations: Newton's iterations
     over all steps.
     """
@@ -154,7 +155,8 @@ def trajectory(
         plan = Plan(chosen, program, constants, float(h), steps, save_every, False)
         if sentence := unresolved_records(plan, found.records):
             warn(sentence, stacklevel=4)
-    return found
+    record = jax.tree.map(lambda rows: rows[-1], found.records)
+    return replace(found, final=after_step(program, system.parameters, found.final, record))
 
 
 def _kept(program: StepProgram, maker: Any) -> Any:
@@ -178,9 +180,10 @@ def _from_start(
     def found(parameters: Parameters | None, start: State, h: Scalar) -> Trajectory:
         system = replace_parameters(program.skeleton, parameters)
         begun, on = begun_in_trace(system, program.method.begin(system, start, h), known)
-        path = computed(
-            program, Constants(parameters, None), with_ledger(system, begun, False), h, blocks, backend, last=True
-        )
+        constants, begun = Constants(parameters, None), with_ledger(system, begun, False)
+        path = computed(program, constants, begun, h, blocks, backend, last=True)
+        record = program.prepare(constants, path.final, h)
+        path = replace(path, final=after_step(program, parameters, path.final, record))
         return path if on is None else replace(path, code=jnp.where(on, path.code, Code.OFF_CONSTRAINTS))
 
     return traced_by_kinds(found)

@@ -21,6 +21,7 @@ from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics import inverse_legendre, phase_space
 from coadjoint.mechanics.constrained_start import require_on, surveyed
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.restart_checks import going_on
 from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -79,6 +80,7 @@ class Beginning:
         count, many = (1 if self.members is None else self.members), np.ndim(state.t) > 0
         if many and (self.members is None or len(state.t) != count):
             raise ArgumentError(f"Argument `state` must be of {count} members, but is of {len(state.t)}.")
+        state = going_on(state)
         whole = state if many else spread(state, (count,))
         if state.from_velocities:
             # The inputs held at the start are those of the stepper.

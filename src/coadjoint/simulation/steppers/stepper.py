@@ -29,6 +29,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import Each, stacked
+from coadjoint.mechanics.restart_checks import going_on
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import tracing_once
@@ -40,6 +41,7 @@ from coadjoint.methods.step_model import StepModel
 from coadjoint.simulation.accuracy.local_error import PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
 from coadjoint.simulation.arguments import require_kinds
+from coadjoint.simulation.derived import after_step
 from coadjoint.simulation.events import Event, as_event
 from coadjoint.simulation.members import first_member
 from coadjoint.simulation.plan import Plan
@@ -86,8 +88,8 @@ class Stepper(Stepping):
             none.
         until: a function of the state to a number, or a `co.Event` with a direction: a single one stops where it
             crosses zero, and `stepper.event` is that time in s; of many, each stops at the node before. By default
-            none. It reads `stepper.state`: ξ and ν are those of the step that ended there, where
-            `co.simulate` reads those of the step that starts there. Two zeros within one step are not seen.
+            none. It reads the ξ and ν of the node, as `stepper.state` and `co.simulate` have them. Two zeros within one
+            step are not seen.
         changing: names of parameters that `change` may set to any value without compiling: those that are 0 or 1 are
             otherwise compiled in. By default none.
         members: the number stepped together; by default the number that `co.each` gives to parameters or start,
@@ -287,7 +289,8 @@ class Stepper(Stepping):
         n, program = whole(n, "n"), replace(self._program, until=None)
         moved = commanded(program.skeleton.inputs, self._single(state), command)
         constants = self._beginning.fitting(self._constants(parameters), moved)
-        return computed(program, constants, moved, np.float64(self.face.dt), (1, n), backend)
+        found = computed(program, constants, moved, np.float64(self.face.dt), (1, n), backend)
+        return replace(found, final=after_step(program, constants.system, found.final))
 
     def observe(self, state: State, parameters: PyTree = None) -> Table:
         """The observations of a state, name → array, as a pure function."""
@@ -295,7 +298,7 @@ class Stepper(Stepping):
         return dict(zip(self.face.observations.names, found, strict=True))
 
     def _single(self, state: State) -> State:
-        state = self._beginning.carrying(state) if isinstance(state, State) else state
+        state = self._beginning.carrying(going_on(state)) if isinstance(state, State) else state
         if not isinstance(state, State) or state.from_velocities or layout(state) != self._beginning.state:
             raise ArgumentError("Argument `state` must be that of a single member, as `stepper.state` shows it.")
         if any(np.dtype(getattr(leaf, "dtype", float)) != np.float64 for leaf in jax.tree.leaves(state)):
@@ -315,7 +318,7 @@ class Stepper(Stepping):
         backend: Backend = "native" if isinstance(self._engine, NativeEngine) else "xla"
         constants = self._beginning.constants.unpack(self._parameter_rows()[0])
         run = Plan(backend, self._program, constants, self.face.dt, 1, 1, False)
-        state, happens = ending(run, Event(until, direction), self.state, self.steps == 0)
+        state, happens = ending(run, Event(until, direction), self._last, self.steps == 0)
         put(self._buffers.state, np.zeros(1, int), packing.rows(spread(state, (1,)), 1))
         if happens:
             self.event = float(state.t)
@@ -328,11 +331,19 @@ class Stepper(Stepping):
     def state(self) -> State:
         """A copy of the current state, for `restore` and as a start of `co.simulate` and `co.trajectory`.
 
-        Its velocities are those of the step that ended there, from which Newton's iteration goes on; a function of
-        `observe` sees those of the node.
+        ξ and ν are those of the node, as `run.final` and functions of `observe` have them; they are computed when they
+        are read first. Those of a saved stepper are the last unknowns, of the step that ended there.
         """
         with self._turn.reading():
-            return self._beginning.state.unpack(self._of_members(of_lanes(self._buffers.state)))
+            state = self._last
+            rows = np.broadcast_to(self._parameter_rows(), (self.face.count, self.face.parameters.size))
+            constants = self._beginning.constants.unpack(self._of_members(rows.copy()))
+        return after_step(self._program, constants.system, state)
+
+    @property
+    def _last(self) -> State:
+        """The current state with the last unknowns, from which the next step begins, as ξ and ν."""
+        return self._beginning.state.unpack(self._of_members(of_lanes(self._buffers.state)))
 
     def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
         if isinstance(state, State):
