@@ -97,7 +97,9 @@ def number(
     found = _float(value)
     if least <= found <= most and above < found < below and math.isfinite(found):
         return found
-    raise error(f"{subject(name)} must be {_bounds(least, most, above, below)}, but is {shown(value)}.")
+    bounds = _bounds(least, most, above, below)
+    kind = "a positive number" if bounds == "positive" and isinstance(value, str) else bounds
+    raise error(f"{subject(name)} must be {kind}, but is {shown(value)}.")
 
 
 def positive(value: object, name: str, error: Error = ArgumentError) -> float:

@@ -13,8 +13,9 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
 
-from coadjoint.errors import ArgumentError, error_line
+from coadjoint.errors import ArgumentError, error_line, nearest, shown
 
+D = TypeVar("D")
 T = TypeVar("T")
 
 GROUP = "coadjoint"
@@ -24,7 +25,8 @@ GROUP = "coadjoint"
 class Registry(Mapping[str, T]):
     """Entries by name: the package's own, then those of extensions, which are loaded when it is first read.
 
-    kind: the name of the tables in extensions. Raises ArgumentError where a name is given twice.
+    kind: the name of the tables in extensions. Raises ArgumentError where a name is given twice, and for
+    one that is not there.
     """
 
     def __init__(self, kind: str, own: Mapping[str, T] | None = None):
@@ -41,7 +43,17 @@ class Registry(Mapping[str, T]):
         return found
 
     def __getitem__(self, name: str) -> T:
+        if name not in self._entries:
+            near = nearest(name, self._entries)
+            hint = f"did you mean `{near}`?" if near else f"it has {', '.join(sorted(self._entries))}."
+            raise ArgumentError(f"The table {self.kind} has no entry {shown(name)}: {hint}")
         return self._entries[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
+    def get(self, key: str, default: D = None) -> T | D:
+        return self._entries.get(key, default)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)

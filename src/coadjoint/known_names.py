@@ -100,8 +100,14 @@ def known_arguments(what: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        code = unwrap(function).__code__
+        bare = unwrap(function)
+        code, defaults, named = bare.__code__, bare.__defaults__ or (), bare.__kwdefaults__ or {}
         known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        own = known[:1] == ("self",)
+        needed = [
+            *known[own : code.co_argcount - len(defaults)],
+            *(k for k in known[code.co_argcount :] if k not in named),
+        ]
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -114,6 +120,17 @@ def known_arguments(what: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                         else f"it takes {', '.join(k for k in known if k != 'self')}."
                     )
                     raise ArgumentError(f"{what} takes no argument `{name}`: {remedy}")
+            if len(args) > code.co_argcount:
+                places = f" after {', '.join(known[own : code.co_argcount])}" if code.co_argcount > own else ""
+                raise ArgumentError(
+                    f"{what} takes its arguments{places} by name, as in {known[code.co_argcount]}=…, but was given "
+                    f"{shown(args[code.co_argcount])} without one."
+                )
+            missing = [name for name in needed if name not in kwargs and name not in known[: len(args)]]
+            if missing:
+                raise ArgumentError(
+                    f"{what} needs `{'`, `'.join(missing)}`: give {', '.join(f'{k}=…' for k in missing)}."
+                )
             return function(*args, **kwargs)
 
         return call

@@ -279,7 +279,7 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear"], "level": 95}, "between 0 and 1"),
         ({"parameters": ["linear"], "measured": {"speed": lambda state: state.t}}, "no column `speed`"),
         ({"parameters": ["linear"], "level": None}, "`level` must be a number between 0 and 1, but is None"),
-        ({"parameters": ["linear"], "segment": "10"}, "`segment` must be positive, but is '10'"),
+        ({"parameters": ["linear"], "segment": "10"}, "`segment` must be a positive number, but is '10'"),
         ({"parameters": ["linear"], "segment": True}, "`segment` must be positive, but is True"),
         ({"parameters": ["linear"], "dt": "0.05"}, "`dt` must be positive"),
         ({"parameters": ["linear"], "settle": "2"}, "`settle` must be a finite number"),

@@ -101,7 +101,15 @@ def test_the_command_reads_the_figures_of_both_folders(coarse, tmp_path, monkeyp
 def test_angles_are_compared_within_half_a_turn(coarse):
     turned = coarse.dataset.copy(deep=True)
     turned["euler_angles"] = turned.euler_angles + 2 * np.pi
-    assert compare(coarse.dataset, turned).largest["euler_angles"] < 1e-12
+    assert compare(coarse.dataset, turned).largest["euler_angles"] < 1e-7
+
+
+def test_attitudes_are_compared_by_the_angle_between_them(coarse):
+    """Near pitch 90° yaw and roll differ by 1 rad, the attitudes by 0.01 rad."""
+    one, other = coarse.dataset.copy(deep=True), coarse.dataset.copy(deep=True)
+    one["euler_angles"][:] = [0.0, np.pi / 2, 0.0]
+    other["euler_angles"][:] = [1.0, np.pi / 2, 1.01]
+    assert compare(one, other).largest["euler_angles"] == pytest.approx(0.01)
 
 
 @pytest.mark.cases(1)

@@ -30,7 +30,7 @@ def sentence_of(function) -> str:
     [
         ({"dt": -0.01}, "Argument `dt` must be positive, but is -0.01."),
         ({"dt": float("nan")}, "`dt` must be positive"),
-        ({"dt": "fast"}, "`dt` must be positive"),
+        ({"dt": "fast"}, "`dt` must be a positive number"),
         ({"steps": 0}, "Argument `steps` must be a whole number from 1, but is 0."),
         ({"steps": 1.5}, "whole number"),
         ({"steps": None, "duration": 0.015}, "1.5 steps of 0.01 s"),

@@ -43,7 +43,7 @@ def test_changes_are_absolute_where_the_start_is_smaller_than_they_are(level):
 def test_the_change_of_an_energy_near_zero_is_relative_to_the_kinetic_energy(near_zero, level):
     """0.03 of 10 is no error, whatever the energy at the start is; of a step of 0.8 s, it is one."""
     for run in (near_zero, level):
-        change, motion = float(np.ptp(run.extrema["energy"])), float(run.kinetic())
+        change, motion = float(np.ptp(run.extrema["energy"])), float(run._kinetic())
         assert 1e-2 < change < 0.1 and 9 < motion < 11 and run.size("energy") == motion
         assert run.relative_change("energy") == pytest.approx(change / motion, rel=0.1)
         assert "of the largest kinetic energy" in lines(run)["energy"] and run.warnings == []

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, LagrangianError
 from coadjoint.simulation.certificate import fixed_steps, step_sizes
 from coadjoint.simulation.certificate_text import _step_sizes_in_words
 from coadjoint.simulation.dataset import _coordinates, labelled
@@ -44,8 +46,66 @@ def test_a_saved_run_has_its_certificate_and_the_time_of_its_event():
     assert (str(found), repr(found), found.event) == ("steps 4", "<SavedRun of top>", 1.5)
     bare = SavedRun(xarray.Dataset())
     assert (str(bare), repr(bare), bare.event) == ("a run without a certificate", "<SavedRun of a system>", None)
-    with pytest.raises(ArgumentError, match="The records at events are not in the file of a run"):
+    with pytest.raises(ArgumentError, match="`events` is not in the file of a run, which holds accuracy, certificate,"):
         _ = found.events
+    with pytest.raises(ArgumentError, match="`SavedRun` has no `datset`: did you mean `dataset`"):
+        _ = found.datset
+    assert not any(hasattr(found, name) for name in ("events", "at", "method", "nothing")) and found.accuracy is None
+
+
+BODY = co.System(co.SO3(), lambda xi, p: 0.5 * p.m * xi @ xi, parameters={"m": 1.0})
+DRIVEN = BODY.with_forces(lambda motion, p: co.Force(motion.inputs.thrust * jnp.ones(3)))
+
+
+@pytest.fixture(scope="module")
+def run():
+    return co.simulate(BODY, BODY.state(xi=[1.0, 0, 0]), dt=0.1, steps=3)
+
+
+def test_a_run_names_what_is_near(run):
+    for call, words in (
+        (lambda: run.relative_change("enrgy"), "This run has no monitored quantity `enrgy`: did you mean `energy`"),
+        (lambda: run.size("nothing"), "This run has no monitored quantity `nothing`: it knows balance, "),
+        (lambda: run.largest("balanc"), "did you mean `balance`"),
+        (lambda: run.relative_change("balance"), "`balance` is a residual: its largest value is run.largest"),
+        (lambda: run.relativ_change, "`Run` has no `relativ_change`: did you mean `relative_change`"),
+        (lambda: co.simulate(BODY, run, dt=0.1, steps=3), "`start` must be a state, but is a Run: .* `run.final`"),
+        (lambda: co.models.catalogue["heavytop"], "has no entry 'heavytop': did you mean `heavy_top`"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            call()
+    assert not hasattr(run, "nothing") and "heavytop" not in co.models.catalogue
+    assert co.models.catalogue.get("heavytop") is None
+    assert re.fullmatch(r"<Accuracy: local error \S+ at most, median \S+, of \d+ steps>", repr(run.accuracy))
+    assert repr(run.plot).startswith("<figures: energy, ") and "variable, scene" in repr(run.plot)
+    with pytest.raises(AttributeError, match="animation, variable, scene"):
+        _ = run.plot.nothing
+
+
+def test_arguments_without_a_name_or_left_out_are_named():
+    for call, words in (
+        (lambda: co.simulate(BODY, BODY.state(), steps=3), "co.simulate needs `dt`: give dt=…"),
+        (lambda: co.simulate(BODY, dt=0.1), "co.simulate needs `start`: give start=…"),
+        (
+            lambda: BODY.state([1.0, 0, 0]),
+            r"takes its arguments by name, as in g=…, but was given \[1.0, 0, 0\] without",
+        ),
+        (
+            lambda: co.simulate(BODY, BODY.state(), 0.1),
+            "arguments after system, start by name, as in dt=…, but was given 0",
+        ),
+        (lambda: co.attitude.zyx(1, 2), "co.attitude.zyx needs `roll`: give roll=…"),
+        (lambda: co.Parameters([1, 2]), r"Parameters have names: write co.Parameters\(name=\[1, 2\]\)"),
+        (lambda: co.simulate(BODY, BODY.state(), dt="0.1", steps=3), "`dt` must be a positive number, but is '0.1'"),
+        (lambda: co.Suzuki4(co.Midpoint), r"Suzuki4 needs a method, but got a class: write Midpoint\(\)"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            call()  # type: ignore[no-untyped-call]
+
+
+def test_a_function_of_the_time_is_no_function_of_the_motion():
+    with pytest.raises(LagrangianError, match="is given the motion at a node, not the time: read motion"):
+        co.simulate(DRIVEN, BODY.state(), dt=0.1, steps=3, inputs=lambda t: {"thrust": jnp.sin(t)})
 
 
 def test_what_holds_no_run_is_named_by_its_kind(tmp_path):

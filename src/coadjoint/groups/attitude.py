@@ -24,6 +24,7 @@ UNIT = 1e-6
 Angles = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
+@checks.known_arguments("co.attitude.zxz")
 def zxz(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike) -> np.ndarray:
     """The rotation matrix of ZXZ Euler angles, the convention of the paper's Table 2.
 
@@ -36,6 +37,7 @@ def zxz(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike) -> np.ndarray:
     return _about(2, psi) @ _about(0, theta) @ _about(2, phi)
 
 
+@checks.known_arguments("co.attitude.zyx")
 def zyx(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> np.ndarray:
     """The rotation matrix of yaw, pitch and roll, the convention of ships, aircraft and underwater vehicles.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.checks import float64
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.members import Each
 from coadjoint.paths import paths, respelled
 from coadjoint.spaces.named import Named, require_names
@@ -33,7 +33,9 @@ class Parameters(Named):
 
     __slots__ = ()
 
-    def __init__(self, **values: object):
+    def __init__(self, *unnamed: object, **values: object):
+        if unnamed:
+            raise ArgumentError(f"Parameters have names: write co.Parameters(name={shown(unnamed[0])}).")
         super().__init__(**_checked(values))
 
     def replace(self, **values: object) -> Parameters:

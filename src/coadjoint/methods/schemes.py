@@ -15,6 +15,8 @@ class _Scheme(Composition):
 
     def __init__(self, base: Method, start: Start | None = None, negative_substeps: NegativeSubsteps = "refuse"):
         if not isinstance(base, Method) or base.order != 2 or not base.symmetric:
+            if isinstance(base, type):
+                raise ArgumentError(f"{type(self).__name__} needs a method, but got a class: write {base.__name__}().")
             raise ArgumentError(
                 f"{type(self).__name__} needs a symmetric method of order 2, as in co.Suzuki4(co.Midpoint()), "
                 f"but got {base!r}; one of your own says so by `symmetric` and `order`, as co.Variational(symmetric="

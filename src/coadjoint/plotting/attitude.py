@@ -12,7 +12,10 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from coadjoint.plotting.entries import Entry, fewest, require
 from coadjoint.plotting.style import COLUMN, WANTED, canvas, legend, time_axis
 
-_SENTENCE = "There is no attitude to draw: `attitude` needs a group with rotations of space, SO(3) or SE(3)."
+_SENTENCE = (
+    "There is no attitude to draw: `attitude` needs a group with rotations of space, SO(3) or SE(3); "
+    "mechanism.joint_data(run) has the angles of joints."
+)
 
 
 def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:

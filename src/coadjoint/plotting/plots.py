@@ -169,7 +169,7 @@ class Plots:
     def __getattr__(self, name: str) -> Callable[..., Any]:
         """A figure that a package above adds, such as `track` and `animation` of vehicles."""
         if name.startswith("_") or name not in ADDED:
-            raise AttributeError(f"There is no figure `{name}`; there are: {', '.join(figure_names())}.")
+            raise AttributeError(f"There is no figure `{name}`; there are: {', '.join(_all_names())}.")
         from coadjoint.plotting.entries import entries
 
         added = ADDED[name]
@@ -186,6 +186,10 @@ class Plots:
 
         figure.__name__, figure.__doc__ = name, added.doc
         return figure
+
+    def __repr__(self) -> str:
+        there = ", ".join([*available(self.dataset, films=True), *OTHERS])
+        return f"<figures: {there}; run.plot.{OTHERS[0]}(name) draws any variable>"
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *ADDED})
@@ -223,6 +227,14 @@ OWN: dict[str, tuple[str, ...]] = {
 
 FILMS = ("animation",)
 """The films that any dataset has."""
+
+
+OTHERS = ("variable", "scene")
+"""The figure that takes a name, and the page that is no figure."""
+
+
+def _all_names() -> list[str]:
+    return [*figure_names(), *OTHERS]
 
 
 def figure_names(films: bool = True) -> list[str]:

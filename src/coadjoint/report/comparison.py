@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.attitude import zyx
 from coadjoint.texts import Table
 
 CONSERVED = (
@@ -159,10 +160,12 @@ def _spacing(times: np.ndarray) -> str:
 
 
 def _gap(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """|a − b| at each time; angles within half a turn."""
+    """|a − b| at each time; of Euler angles the angle of R_aᵀR_b, rad, 2 asin(‖R_a − R_b‖/√8)."""
     difference = a - b
     if name == "euler_angles":
-        difference = np.angle(np.exp(1j * difference))
+        one, other = (zyx(*np.moveaxis(angles, -1, 0)) for angles in (a, b))
+        chord = np.linalg.norm(one - other, axis=(-2, -1)) / np.sqrt(8.0)
+        difference = 2 * np.arcsin(np.minimum(chord, 1.0))
     return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
 
 

@@ -59,6 +59,10 @@ def require_places(state: State, places: object, name: str) -> None:
 def require_kinds(system: Any, start: PyTree, method: Any) -> None:
     """Raise ArgumentError unless these are a system, a start of it and a method."""
     checks.instance(system, "system", System, "a co.System")
+    if not isinstance(start, State) and isinstance(getattr(start, "final", None), State):
+        raise ArgumentError(
+            f"Argument `start` must be a state, but is a {type(start).__name__}: give its last record, `run.final`."
+        )
     checks.instance(start, "start", State, "a state, system.state(…)")
     require_places(start, system.places, "start")
     checks.expect(isinstance(method, Method), method, "method", "a method such as co.Midpoint()")
@@ -130,10 +134,18 @@ def held_at(system: System, state: State) -> PyTree:
     def first(state):
         return inputs_held(system, state)
 
-    require_float64(first, "The function `inputs`", (state,))
-    with in_words("The function `inputs`"):
-        found = evaluate(first, state)
-        return found if traced(found) else jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), found)
+    try:
+        require_float64(first, "The function `inputs`", (state,))
+        with in_words("The function `inputs`"):
+            found = evaluate(first, state)
+    except LagrangianError as error:
+        if "functools.partial" not in str(error):  # the motion, taken for a number
+            raise
+        raise LagrangianError(
+            "The function `inputs` is given the motion at a node, not the time: read motion.t there, or give "
+            "co.mechanics.Signal(function) of a function of the time."
+        ) from error
+    return found if traced(found) else jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), found)
 
 
 def inputs_held(system: System, s: State) -> Any:

@@ -121,7 +121,7 @@ def _changed(run: Result) -> list[str]:
 def _change_of_energy(run: Result) -> float:
     """The largest change relative to the energy at the start, or to the largest kinetic energy."""
     change = float(run.relative_changes("energy"))
-    return change if run.sizes("energy") > 0 else change / max(float(run.scales("energy")), np.finfo(float).tiny)
+    return change if run.sizes("energy") > 0 else change / max(float(run._scales("energy")), np.finfo(float).tiny)
 
 
 class _Gain(NamedTuple):

@@ -41,6 +41,10 @@ NETCDF = ("", ".nc", ".nc4", ".netcdf")
 """Endings of names that mean netCDF."""
 
 
+class AbsentError(ArgumentError, AttributeError):
+    """A name that a run does not have, so that `hasattr` is False."""
+
+
 class Recording:
     """Anything with a `dataset`."""
 
@@ -66,6 +70,21 @@ class Recording:
         from coadjoint.plotting.player import cell
 
         return cell(self.certificate, self)
+
+    if not TYPE_CHECKING:  # type checkers find wrong names by themselves
+
+        def __getattr__(self, name: str) -> object:
+            """Raises AttributeError, with the nearest name."""
+            if hasattr(type(self), name):
+                return object.__getattribute__(self, name)  # a property that failed: its own error again
+            kind = type(self).__name__
+            if name.startswith("_"):
+                raise AttributeError(f"{kind!r} object has no attribute {name!r}")
+            raise AbsentError(self._absent(name, [known for known in dir(type(self)) if not known.startswith("_")]))
+
+    def _absent(self, name: str, known: list[str]) -> str:
+        """The sentence for a name that is not there."""
+        return checks.unknown(f"`{name}`", f"`{type(self).__name__}`", name, known)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The variables over time as a table of pandas: a row for each node and a column for each number.
@@ -310,11 +329,14 @@ class Result(Recording):
         lead = () if self.members is None else (slice(None),)
         return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
 
-    def kinetic(self) -> np.ndarray:
+    def _require_monitored(self, name: str) -> None:
+        checks.known(name, self.extrema, "monitored quantity", f"This {type(self).__name__.lower()}")
+
+    def _kinetic(self) -> np.ndarray:
         """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| at the saved nodes, one number or (members,)."""
         return kinetic(*self.memory.records)
 
-    def scales(self, name: str) -> np.ndarray:
+    def _scales(self, name: str) -> np.ndarray:
         """|X₀| of a monitored X, one number or (members,); of energies the largest kinetic energy T if T > 2|E₀|.
 
         |E₀| alone would depend on the zero of the potential, and a pendulum that is released level with its pivot has
@@ -323,16 +345,16 @@ class Result(Recording):
         size = np.linalg.norm(self._bounds(name)[2], axis=-1)
         if name not in ENERGIES:
             return size
-        motion = self.kinetic()
+        motion = self._kinetic()
         return np.where(motion > 2 * size, motion, size)
 
     def sizes(self, name: str) -> np.ndarray:
         """The scale to which changes of a monitored X are relative, one number or (members,); 0 if they are larger."""
-        size, change = self.scales(name), np.linalg.norm(_widest(*self._bounds(name)), axis=-1)
+        size, change = self._scales(name), np.linalg.norm(_widest(*self._bounds(name)), axis=-1)
         return np.where(size > change, size, 0.0)
 
     def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| of a monitored X, one number or (members,), over good steps; of energies by `scales`.
+        """max_k |X_k − X₀| / |X₀| of a monitored X, one number or (members,), over good steps; of energies see `size`.
 
         It is absolute where that passes 1.
         """
@@ -342,6 +364,9 @@ class Result(Recording):
 
     def _bounds(self, name: str) -> list[np.ndarray]:
         """The least, the largest and the first value of a monitored X, ([members,] components)."""
+        self._require_monitored(name)
+        if name not in self.ends:
+            raise ArgumentError(f"`{name}` is a residual: its largest value is run.largest({name!r}).")
         lead = () if self.members is None else (self.members,)
         return [np.reshape(x, (*lead, -1)) for x in (*self.extrema[name], self.ends[name][0])]
 

@@ -83,7 +83,7 @@ class _OnDisk(Result):
         self.__dict__.pop("dataset", None)  # It is read again with all warnings.
         return found
 
-    def kinetic(self) -> np.ndarray:
+    def _kinetic(self) -> np.ndarray:
         return np.asarray(self.store.kinetic)
 
     def internal_states(self) -> list[PyTree]:

@@ -153,6 +153,7 @@ class Run(_Shown):
 
     def largest(self, name: str) -> float:
         """The largest value of a monitored scalar over every step."""
+        self._require_monitored(name)
         return float(np.max(self.extrema[name][1]))
 
     def __repr__(self) -> str:

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 from coadjoint import checks
 from coadjoint.disk import require_file
-from coadjoint.errors import ArgumentError, FileError, printable
+from coadjoint.errors import FileError, printable
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.sealed import readable
+from coadjoint.simulation.accuracy.verdict import Accuracy, accuracy_from
 from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.simulation.result import LAST_RECORD, Recording, run_path
+from coadjoint.simulation.run import Run
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
@@ -63,12 +65,22 @@ class SavedRun(Recording):
         return None if found is None else float(found)
 
     @property
-    def events(self) -> dict[str, State]:
-        """Raises ArgumentError: a file holds the dataset of a run, and not the records at its events."""
-        raise ArgumentError(
-            "The records at events are not in the file of a run: take them from the run itself, `run.events[name]`, "
-            "and save what is wanted of them."
-        )
+    def dt(self) -> float:
+        """The step size h, s."""
+        return float(self.dataset.attrs["dt"])
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """How well the steps that were judged resolve the motion, without the errors of each; None if none was."""
+        return accuracy_from(self.dataset.attrs)
+
+    def _absent(self, name: str, known: list[str]) -> str:
+        if hasattr(Run, name) or name in Run.__dataclass_fields__:
+            return (
+                f"`{name}` is not in the file of a run, which holds {', '.join(known)}: take it from the run itself, "
+                "and save what is wanted of it."
+            )
+        return super()._absent(name, known)
 
     @property
     def certificate(self) -> Certificate:

@@ -14,7 +14,7 @@ from coadjoint.simulation.accuracy.local_error import KEPT, Errors, PartsOfSteps
 from coadjoint.texts import Table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Accuracy:
     """The accuracy of a run at the judged steps, one row each.
 
@@ -45,6 +45,11 @@ class Accuracy:
     def resolved(self) -> bool:
         """Whether dt resolves the motion."""
         return not self.reasons
+
+    def __repr__(self) -> str:
+        if not self.resolved:
+            return f"<Accuracy: unresolved: {'; '.join(self.reasons)}; dt = {self.resolving:.2g} would do>"
+        return f"<Accuracy: local error {self.worst:.1e} at most, median {self.median:.1e}, of {self.count} steps>"
 
     def numbers(self) -> Table:
         """The values for a summary and a file, under plain names."""

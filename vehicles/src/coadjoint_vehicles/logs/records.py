@@ -50,7 +50,7 @@ class VehicleRecords:
     def __post_init__(self):
         if not is_vehicle(self.dataset):
             raise ArgumentError(
-                "This is drawn and written of vehicles whose advected parameters are `down` and `north`, such as those "
+                "Tracks and logs are of vehicles whose advected parameters are `down` and `north`, such as those "
                 f"of coadjoint_vehicles, but the run of {self.dataset.attrs.get('system', 'this system')} "
                 f"has {', '.join(sorted(map(str, self.dataset.data_vars)))}."
             )
