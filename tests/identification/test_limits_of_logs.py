@@ -92,7 +92,7 @@ def top() -> tuple[co.System, co.State]:
         ({"segment": 0.0}, "`segment` must be positive, but is 0"),
         ({"segment": INF}, "`segment` must be positive"),
         ({"between": "cubic"}, '`between` must be "held" or "linear", but is \'cubic\''),
-        ({"dt": "a"}, "`dt` must be positive"),
+        ({"dt": "a"}, "`dt` must be a positive number"),
         ({"noise": [1.0]}, "`noise` must be name → value"),
         ({"measured": [1.0]}, "`measured` must be name → value"),
         ({"log": T}, "`log` must be a Log"),
