@@ -13,13 +13,19 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
 
-from coadjoint.errors import ArgumentError, error_line, nearest, shown
+from coadjoint.errors import ArgumentError, error_line, nearest, printable, shown
 
-D = TypeVar("D")
 T = TypeVar("T")
 
 GROUP = "coadjoint"
 """The group of entry points of packages that add to the library."""
+
+
+class UnknownEntryError(ArgumentError, KeyError):
+    """A name that is not in a table."""
+
+    def __str__(self) -> str:
+        return printable(str(self.args[0]))  # KeyError would put it in quotes
 
 
 class Registry(Mapping[str, T]):
@@ -46,14 +52,8 @@ class Registry(Mapping[str, T]):
         if name not in self._entries:
             near = nearest(name, self._entries)
             hint = f"did you mean `{near}`?" if near else f"it has {', '.join(sorted(self._entries))}."
-            raise ArgumentError(f"The table {self.kind} has no entry {shown(name)}: {hint}")
+            raise UnknownEntryError(f"The table {self.kind} has no entry {shown(name)}: {hint}")
         return self._entries[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._entries
-
-    def get(self, key: str, default: D = None) -> T | D:
-        return self._entries.get(key, default)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
