@@ -87,7 +87,7 @@ def test_a_signal_is_bent_where_it_is_neither_a_line_nor_constant_over_most_step
 def watched(change: float, **more: Any) -> Any:
     given: dict[str, Any] = {
         "system": SimpleNamespace(takes=lambda name: False, places=()), "plan": SimpleNamespace(h=0.1),
-        "extrema": {"energy": (0.0, 1.0)}, "relative_changes": lambda name: change, "sizes": lambda name: 1.0,
+        "extrema": {"energy": (1.0, 1.0 + change)}, "ends": {"energy": (1.0, 1.0)}, "_kinetic": lambda: 0.5,
         "accuracy": None,
         "method": SimpleNamespace(claims=SimpleNamespace(energy="bounded")),
     }  # fmt: skip

@@ -24,7 +24,7 @@ CHANGED = 0.01
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
     """|E(t)/E(0) − 1| over time: an error where no force acts, otherwise the change by forces; E(t) if it is large.
 
-    The change itself, |E(t) − E(0)|, where E(0) is less than half of the largest kinetic energy.
+    The change itself, |E(t) − E(0)|, where E(0) is less than a twentieth of the largest kinetic energy.
 
     `definition`: "discrete" is E(t_k) = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
@@ -90,14 +90,14 @@ def relative(values: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, bool]:
 
 
 def motion(run: Entry) -> float:
-    """Half of the largest kinetic energy, ¼|⟨μ, ξ⟩ + ⟨π, ν⟩|: an energy below it is near zero."""
+    """A twentieth of the largest kinetic energy, ½|⟨μ, ξ⟩ + ⟨π, ν⟩|/20: an energy below it is near zero."""
     power = np.zeros(len(run.time))
     for name in map(str, run.dataset.data_vars):
         kind, _, which = name.partition("_")
         velocity = {"mu": "xi", "pi": "nu"}.get(kind, "") + (f"_{which}" if which else "")
         if kind in ("mu", "pi") and velocity in run.dataset:
             power += np.sum((run.values(name) * run.values(velocity)).reshape(len(power), -1), axis=1)
-    return float(np.max(np.abs(power))) / 4
+    return float(np.max(np.abs(power))) / 40
 
 
 def _nowhere(run: Entry) -> float:

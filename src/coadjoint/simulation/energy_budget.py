@@ -119,9 +119,9 @@ def _changed(run: Result) -> list[str]:
 
 
 def _change_of_energy(run: Result) -> float:
-    """The largest change relative to the energy at the start, or to the largest kinetic energy."""
-    change = float(run.relative_changes("energy"))
-    return change if run.sizes("energy") > 0 else change / max(float(run._scales("energy")), np.finfo(float).tiny)
+    """The largest change relative to the larger of the energy at the start and the largest kinetic energy."""
+    size = max(float(run._kinetic()), abs(float(run.ends["energy"][0])), np.finfo(float).tiny)
+    return _widest(run, "energy") / size
 
 
 class _Gain(NamedTuple):

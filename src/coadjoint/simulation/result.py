@@ -337,7 +337,7 @@ class Result(Recording):
         return kinetic(*self.memory.records)
 
     def _scales(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, one number or (members,); of energies the largest kinetic energy T if T > 2|E₀|.
+        """|X₀| of a monitored X, one number or (members,); of energies the largest kinetic energy T if T > 20|E₀|.
 
         |E₀| alone would depend on the zero of the potential, and a pendulum that is released level with its pivot has
         none.
@@ -346,7 +346,7 @@ class Result(Recording):
         if name not in ENERGIES:
             return size
         motion = self._kinetic()
-        return np.where(motion > 2 * size, motion, size)
+        return np.where(motion > NEAR_ZERO * size, motion, size)
 
     def sizes(self, name: str) -> np.ndarray:
         """The scale to which changes of a monitored X are relative, one number or (members,); 0 if they are larger."""
@@ -370,6 +370,9 @@ class Result(Recording):
         lead = () if self.members is None else (self.members,)
         return [np.reshape(x, (*lead, -1)) for x in (*self.extrema[name], self.ends[name][0])]
 
+
+NEAR_ZERO = 20.0
+"""How many times the energy at the start the kinetic energy must be to take its place as the scale of changes."""
 
 ENERGIES = ("energy", "discrete_energy")
 """The monitored energies, which are known but for a constant."""

@@ -139,14 +139,14 @@ class Run(_Shown):
     def size(self, name: str) -> float:
         """|X₀| of a monitored X, to which its changes are relative; 0 if they are larger.
 
-        Of an energy it is the largest kinetic energy, ½⟨μ, ξ⟩ + ½⟨π, ν⟩, where that is more than 2|E₀|.
+        Of an energy it is the largest kinetic energy, ½⟨μ, ξ⟩ + ½⟨π, ν⟩, where that is more than 20|E₀|.
         """
         return float(self.sizes(name))
 
     def relative_change(self, name: str) -> float:
         """max_k |X_k − X₀| / |X₀| over every step, for a monitored X; absolute where `size` is 0.
 
-        The change of an energy is relative to the largest kinetic energy where that is more than 2|E₀|, so that it
+        The change of an energy is relative to the largest kinetic energy where that is more than 20|E₀|, so that it
         does not depend on the zero of the potential.
         """
         return float(self.relative_changes(name))
