@@ -13,11 +13,12 @@ from typing import get_args
 
 import pytest
 
-from coadjoint.checks import unknown, written_out
+from coadjoint.checks import unknown
 from coadjoint.cli import installation
 from coadjoint.cli.main import every_command, main
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.library import digest_of_files
+from coadjoint.known_names import written_out
 from coadjoint.sections import of_section
 
 COMMANDS = {get_args(one)[1].name: get_args(one)[0] for one in get_args(every_command())}

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.control import Bounds, End, Input, Measured, Problem, built, geodesics, optimum, stage, transcription
+from coadjoint.control import Bounds, End, Input, Measured, Problem, built, geodesics, optimum, stage, transcribe
 from coadjoint.control import given as given_numbers
 from coadjoint.control.geodesics import Geodesics
 from coadjoint.control.objective import MappedFunction
@@ -86,7 +86,7 @@ def no_tracing(monkeypatch):
             (built, "transcribe"),
             (built, "solver_of"),
             (evaluate, "jaxpr_of"),
-            (transcription, "traced"),
+            (transcribe, "traced"),
         ):
             monkeypatch.setattr(module, name, refuse)
 
@@ -153,10 +153,10 @@ def test_guesses_go_along_a_geodesic_also_where_the_exponential_has_no_scalar_ex
 
 
 def test_a_program_differentiates_by_the_numbers_alone_that_its_functions_read():
-    at_goal = transcription.transcribe(problem(changing=()))
+    at_goal = transcribe.transcribe(problem(changing=()))
     read = [MappedFunction(getattr(at_goal.functions, name), 8, 0.25).read for name in ("equations", "cost")]
     assert read == [["x", "u", "z"], ["u"]]
-    assert MappedFunction(transcription.transcribe(problem()).functions.cost, 8, None).read == ["u", "p"]
+    assert MappedFunction(transcribe.transcribe(problem()).functions.cost, 8, None).read == ["u", "p"]
 
 
 @pytest.mark.long

@@ -281,7 +281,7 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear"], "level": None}, "`level` must be a number between 0 and 1, but is None"),
         ({"parameters": ["linear"], "segment": "10"}, "`segment` must be a positive number, but is '10'"),
         ({"parameters": ["linear"], "segment": True}, "`segment` must be positive, but is True"),
-        ({"parameters": ["linear"], "dt": "0.05"}, "`dt` must be positive"),
+        ({"parameters": ["linear"], "dt": "0.05"}, "`dt` must be a positive number"),
         ({"parameters": ["linear"], "settle": "2"}, "`settle` must be a finite number"),
         ({"parameters": ["linear"], "delays": ["position"], "longest_delay": "1"}, "`longest_delay` must be a finite"),
         ({"parameters": ["linear"], "noise": 0.1}, "`noise` must be name → value"),

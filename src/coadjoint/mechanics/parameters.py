@@ -22,11 +22,11 @@ class Parameters(Named):
         p = co.Parameters(mass=123.8, inertia=np.diag([5.46, 5.29, 5.72]), rudder=dict(area=0.02))
         p.replace(mass=130.0, rudder=dict(area=0.03))  # the other numbers of the rudder stay
 
-    **values: each a number, an array of any shape, a nested dictionary of these, or `co.each` of them, or a PyTree of
-    them, such as a list of layers of a network: a list of numbers, or of arrays of one shape, is an array, any other
-    list a tuple. Units are those of the Lagrangian that reads them; models and vehicles use SI. They are a PyTree: JAX
-    differentiates by them. Where a name is a text, as in `changing=("rudder.area",)` or on the command line, it is the
-    path with points, and `net[0].weight` within a list.
+    *unnamed: none, all have names. **values: each a number, an array of any shape, a nested dictionary of these, or
+    `co.each` of them, or a PyTree of them, such as a list of layers of a network: a list of numbers, or of arrays of
+    one shape, is an array, any other list a tuple. Units are those of the Lagrangian that reads them; models and
+    vehicles use SI. They are a PyTree: JAX differentiates by them. Where a name is a text, as in
+    `changing=("rudder.area",)` or on the command line, it is the path with points, and `net[0].weight` within a list.
 
     Raises ArgumentError for float32, complex numbers, text and values that are not finite.
     """
