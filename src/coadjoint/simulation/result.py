@@ -379,7 +379,10 @@ ENERGIES = ("energy", "discrete_energy")
 
 
 def kinetic(*parts: State) -> np.ndarray:
-    """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| of records with axes (node, [member,] …): that of ½⟨ξ, Jξ⟩, whatever V is."""
+    """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| of records with axes (node, [member,] …): that of ½⟨ξ, Jξ⟩, whatever V is.
+
+    Returns one number, or shape (members,) for records of members.
+    """
 
     def paired(momenta: Array, velocities: Array, lead: int) -> np.ndarray:
         return np.asarray(momenta * velocities).sum(axis=tuple(range(lead, np.ndim(momenta))))

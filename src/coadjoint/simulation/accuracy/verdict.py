@@ -142,8 +142,8 @@ def whose(members: PyTree, good: np.ndarray, worst: int) -> Any:
 def sentence(dt: Scalar, reasons: PyTree, resolving: float | None) -> str:
     """The text of the warning."""
     return (
-        f"dt = {dt:g} does not resolve this motion: {'; '.join(reasons)}. Take dt = {resolving:.2g} or less. What is "
-        "conserved does not tell."
+        f"dt = {dt:g} does not resolve this motion: {'; '.join(reasons)}. Take dt = {resolving:.2g} or less. "
+        "Conserved quantities cannot show this."
     )
 
 
