@@ -57,6 +57,9 @@ GROUPS: dict[str, Case] = {
 MECHANICS: dict[str, Case] = {
     "a keyword of a system": (lambda: co.System(SO3, lambda xi: xi @ xi, aditional=3), "do you mean `additional`"),
     "a keyword of a state": (lambda: BODY.state(omega=[0, 0, 1]), "System.state takes no argument `omega`: it takes g"),
+    "inputs of members": (
+        lambda: BODY.state(xi=[0, 0, 1], inputs={"u": co.each([1.0, 2.0])}), "`inputs` has one value for all members",
+    ),
     "members in a copy of a state": (
         lambda: BARE.state().replace(mu=co.each(np.eye(3))), "`mu` must be of one member: give co.each to system.state",
     ),

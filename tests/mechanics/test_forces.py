@@ -34,9 +34,9 @@ WRONG = {
     "a name with a blank": ({"bow thruster": lambda motion: GOOD}, "must be a word"),
     "the name of a line of the budget": ({"time": lambda motion: GOOD}, "must be a word"),
     "a dictionary of numbers": ({"drag": 3.0}, "The force `drag` must be a Python function"),
-    "nothing": (lambda motion: None, "must return co.Force(torque=…, force=…), but returned NoneType"),
-    "an array": (lambda motion: jnp.zeros(3), "must return co.Force"),
-    "a pair": (lambda motion: (jnp.zeros(3), jnp.zeros(3)), "must return co.Force"),
+    "nothing": (lambda motion: None, "must return co.Force(torque=…, force=…), but returned None"),
+    "an array": (lambda motion: motion.nu, "but returned an array of shape (3,)"),
+    "a dictionary": (lambda motion: {"torque": motion.nu}, "but returned a dict."),
     "a number as a torque": (lambda motion: co.Force(torque=1.0), "torque of co.Force must have shape (3,)"),
     "a short torque": (lambda motion: co.Force(torque=[0, 0]), "torque of co.Force must have shape (3,)"),
     "a column": (lambda motion: co.Force(force=jnp.zeros((3, 1))), "force of co.Force must have shape (3,)"),
@@ -86,9 +86,12 @@ def test_whole_numbers_are_forces_too(torque):
 
 def test_a_force_that_misses_its_inputs_is_named():
     system = body({"drag": lambda motion: GOOD, "jet": lambda motion: co.Force(torque=motion.inputs.jet)})
+    by_brackets = body({"jet": lambda motion: co.Force(torque=motion.inputs["jet"])})
     start = system.state(q=[0, 0, 0])
-    for integrate in (co.simulate, co.trajectory):
-        with pytest.raises(
-            co.errors.LagrangianError, match="The force `jet` reads `jet` of None, and the run has no inputs"
-        ):
-            integrate(system, start, dt=0.1, steps=1)
+    for integrate, moved, read in (
+        (co.simulate, system, "`jet`"),
+        (co.trajectory, system, "`jet`"),
+        (co.simulate, by_brackets, "an entry"),
+    ):
+        with pytest.raises(co.errors.LagrangianError, match=f"`jet` reads {read} of None, and the run has no inputs"):
+            integrate(moved, start, dt=0.1, steps=1)

@@ -71,3 +71,8 @@ def test_a_network_inside_the_lagrangian_keeps_its_structure_under_grad():
         )
     assert jax.tree.structure(slope) == jax.tree.structure(body.parameters.net)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
+
+
+def test_brackets_are_answered_by_the_attribute_that_reads_the_value():
+    with pytest.raises(TypeError, match=r"read as attributes, as in p\.mass, and not by brackets as \['mass'\]"):
+        co.Parameters(mass=2.0)["mass"]

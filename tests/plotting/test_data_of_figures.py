@@ -274,6 +274,8 @@ def test_figures_are_those_that_the_dataset_has_what_to_draw_for():
     assert "trajectory" in available(bare.assign(q_joint=("time", np.zeros(NODES))))
     with pytest.raises(AttributeError, match="There is no figure `portrait`"):
         _ = Plots(bare).portrait
+    with pytest.raises(TypeError, match=r"as in plot\.energy\(\); there are: .*trajectory"):
+        Plots(bare)()
 
 
 def test_a_figure_is_a_picture_and_a_film_moves():

@@ -68,12 +68,14 @@ def _called(name: str, function: Callable[..., Force], arguments: tuple[PyTree, 
     """The value of a force; missing inputs raise an error that says so."""
     try:
         return function(*arguments)
-    except AttributeError as error:
-        if error.obj is None and arguments[0].inputs is None:
+    except (AttributeError, TypeError) as error:
+        read = f"`{error.name}` of None" if isinstance(error, AttributeError) and error.obj is None else None
+        if str(error) == "'NoneType' object is not subscriptable":
+            read = "an entry of None"
+        if read is not None and arguments[0].inputs is None:
             raise LagrangianError(
-                f"{_whose(name)} reads `{error.name}` of None, and the run has no inputs: if it is an input, give "
-                "`inputs` "
-                "to co.simulate or co.trajectory, or constants to system.state."
+                f"{_whose(name)} reads {read}, and the run has no inputs: if it is an input, give `inputs` to "
+                "co.simulate or co.trajectory, or constants to system.state."
             ) from error
         raise
 
@@ -81,9 +83,7 @@ def _called(name: str, function: Callable[..., Force], arguments: tuple[PyTree, 
 def _checked(places: Places, name: str, returned: object) -> tuple[Array, Array]:
     whose = _whose(name)
     if not isinstance(returned, Force):
-        raise LagrangianError(
-            f"{whose} must return co.Force(torque=…, force=…), but returned {type(returned).__name__}."
-        )
+        raise LagrangianError(f"{whose} must return co.Force(torque=…, force=…), but returned {_shown(returned)}.")
     group, Q, _ = places
     of = "" if name == UNNAMED else f" of `{name}`"
     torque = _covector(group, "torque", returned.torque, group.dim, None, of)
@@ -128,5 +128,9 @@ def _array(what: str, value: object) -> Array:
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
-def _shown(value: object) -> str:
-    return repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"
+def _shown(value: Any) -> str:
+    """A value in words; of an array that JAX traces the shape, not the name of its class."""
+    if hasattr(value, "shape"):
+        return f"an array of shape {value.shape}"
+    text = repr(value)
+    return text if len(text) < 60 and "Tracer" not in text else f"a {type(value).__name__}"

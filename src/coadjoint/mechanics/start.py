@@ -23,7 +23,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import jacobian_solve
 from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
-from coadjoint.mechanics.members import count_members, member_of, stacked
+from coadjoint.mechanics.members import Each, count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.phase_space import linear
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
@@ -101,6 +101,11 @@ def starting_state(
 
 def _held(system: ReducedFunctions, inputs: PyTree, internal: PyTree) -> tuple[PyTree, PyTree]:
     """The inputs and the internal state of a start, checked."""
+    if any(isinstance(leaf, Each) for leaf in jax.tree.leaves(inputs)):
+        raise ArgumentError(
+            "Argument `inputs` has one value for all members, but was given co.each: make the values that differ "
+            "parameters of the system, as in co.Parameters(name=co.each(…))."
+        )
     if isinstance(inputs, dict):
         require_names(inputs)
         inputs = Parameters(**inputs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError
@@ -190,6 +190,11 @@ class Plots:
     def __repr__(self) -> str:
         there = ", ".join([*available(self.dataset, films=True), *OTHERS])
         return f"<figures: {there}; run.plot.{OTHERS[0]}(name) draws any variable>"
+
+    def __call__(self, *unnamed: object, **options: object) -> NoReturn:
+        raise TypeError(
+            f"Each figure is a function of `plot`, as in plot.energy(); there are: {', '.join(_all_names())}."
+        )
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *ADDED})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 import jax
 
@@ -35,6 +35,9 @@ class Named:
             hint = respelled(name, paths(self))
             ending = f": it is `{hint}`" if hint else f"; there is: {known}"
             raise AttributeError(f"There is no `{name}` here{ending}.") from None
+
+    def __getitem__(self, name: object) -> NoReturn:
+        raise TypeError(f"Named values are read as attributes, as in p.{name}, and not by brackets as [{name!r}].")
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"Values cannot be changed in place; make a copy with replace({name}=…).")
