@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.audit import one_step
 from coadjoint.audit.figures import BINS, energy_figure, order_figure
 from coadjoint.audit.findings import Audit, Cell, Finding, reasons
 from coadjoint.audit.long_run import INTERVALS, LongRun, drift
@@ -23,6 +24,17 @@ from coadjoint.errors import FileError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 
 H = 0.5 ** np.arange(8)
+
+
+def test_a_step_goes_as_many_steps_back_as_ahead(monkeypatch):
+    """x⁺ = x + h + |h|³ is off its start by 2·h³ in each of the steps there and back."""
+
+    def run(x: float, h: float, number: int, every: int = 1) -> SimpleNamespace:
+        return SimpleNamespace(final=x + number * every * (h + abs(h) ** 3))
+
+    stepper: Any = SimpleNamespace(begin=lambda h: 0.5, run=run)
+    monkeypatch.setattr(one_step, "distance", lambda x, y: abs(x - y))
+    assert one_step.irreversibility(stepper, 0.1, 7) == pytest.approx(14 * 0.1**3)
 
 
 def order(measured: float, claimed: int = 2, failure: str = "") -> Finding:

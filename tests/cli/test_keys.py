@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from coadjoint.cli.keys import declared_keys, page
+from coadjoint.cli.keys import _shared, declared_keys, page
 from coadjoint.cli.main import main
 from coadjoint.sections import key, read, rows
 from coadjoint.units import TIME
@@ -60,6 +60,12 @@ def test_keys_of_all_kinds_of_a_section_are_listed_once() -> None:
     assert (
         "`until`" in listed["`[sensors, two]` of run files"] and "`late`" not in listed["`[sensors, two]` of run files"]
     )
+
+
+def test_keys_that_all_kinds_share_keep_the_order_of_the_first() -> None:
+    late, second, until = rows(Section)[:3]
+    sections = {"sensors, one": [late, second], "sensors, two": [second, until, late], "run": [late], "water, no": []}
+    assert _shared(sections) == {"sensors": [late, second]}
 
 
 def test_every_key_of_every_file_has_a_meaning() -> None:

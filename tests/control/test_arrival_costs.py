@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from coadjoint.control.arrival_cost import Part, Quadratic, _units, cleaned, least_to, require_finite
 from coadjoint.control.expansion import FLOOR, convex
+from coadjoint.control.horizon_limits import HorizonLimits
+from coadjoint.control.window import Window
 from coadjoint.errors import OptimumError
 
 SCALES = np.array([1.0, 1e3, 1e-2, 50.0])
@@ -51,6 +56,16 @@ def test_a_cost_given_by_its_hessian_has_it_without_its_negative_curvature():
     require_finite(np.ones(2), np.zeros((0, 3)))
 
 
+def test_a_cost_by_directions_is_that_of_the_motion_along_them():
+    random = np.random.default_rng(8)
+    T, J, g = random.normal(size=(3, 2)), random.normal(size=(5, 4)), random.normal(size=4)
+    sizes: Any = cast(Any, SimpleNamespace(nx=3, nu=1))
+    cost = Window._by_directions(sizes, T, J.T @ J, g)
+    for y in random.normal(size=(3, 3)):
+        v = np.append(T @ y[:2], y[2])
+        assert value(cost, y) - value(cost, np.zeros(3)) == pytest.approx(0.5 * v @ J.T @ J @ v + g @ v, rel=1e-12)
+
+
 def test_a_sum_of_costs_is_their_sum_at_every_place():
     random = np.random.default_rng(6)
     whole = Quadratic.of_root(random.normal(size=(5, 4)), random.normal(size=5))
@@ -85,6 +100,23 @@ def test_the_least_cost_of_what_leads_to_a_place_is_that_of_the_place(held):
         gap = value(cost, v) - value(least, theta)
         shift = gap if shift is None else shift
         assert gap == pytest.approx(shift, rel=1e-6, abs=1e-8 * abs(value(cost, v)))
+
+
+def test_bounds_that_exclude_each_other_are_told_by_the_one_that_the_least_cost_violates_most(monkeypatch):
+    pytest.importorskip("casadi")
+    limits: Any = object.__new__(HorizonLimits)
+    limits._solvers, cost = {}, Quadratic.of_root(np.array([[1.0, 0.0]]), np.zeros(1))
+
+    def least(*rows: tuple[list[float], float, float, str]) -> np.ndarray:
+        found = [np.array(column) for column in zip(*rows, strict=True)]
+        monkeypatch.setattr(limits, "_rows", lambda *_: found)
+        return limits.solved(cost, [], None)
+
+    np.testing.assert_allclose(
+        least(([1.0, 1.0], 0.5, 3.0, "a"), ([1.0, 0.0], -1.0, -0.2, "b")), [-0.2, 0.7], atol=1e-6
+    )
+    with pytest.raises(OptimumError, match="violate most b, by 2"):
+        least(([1.0, 0.0], 1.0, np.inf, "a"), ([1.0, 0.0], -np.inf, -2.0, "b"))
 
 
 def test_units_are_the_sizes_of_columns_but_not_far_below_the_largest():

@@ -74,6 +74,16 @@ def test_an_estimator_reads_attitudes_on_their_group_and_weighs_a_wild_one():
     assert ends[1] < 3 * S < ends[0]
 
 
+def test_the_weight_of_what_was_measured_is_one_over_its_deviation_and_of_gaps_zero():
+    vectors = Measured(lambda m: m.xi, [[1.0, np.nan], [2.0, 3.0]], [0.5, 0.25])
+    values, weight = vectors.seen(vectors.space_of(np.zeros(2), "y"), vectors.values, "y")
+    np.testing.assert_array_equal(weight, [[2.0, 2.0], [0.0, 4.0]])
+    assert values[0].tolist() == [1.0, 2.0] and values[1, 1] == 3.0 and np.isfinite(values[1, 0])
+    attitude = Measured(lambda m: m.g, [[0, 0, 0, 1], [np.nan, 0, 0, 1]], S, space=co.SO3(), coordinates="xyzw")
+    _, weight = attitude.seen(attitude.space_of(np.eye(3), "y"), attitude.values, "y")
+    np.testing.assert_array_equal(weight, [[1 / S, 0.0]] * 3)
+
+
 def test_values_that_do_not_fit_their_space_raise_one_sentence():
     y = log()[1]
     for given, says in (

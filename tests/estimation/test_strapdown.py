@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import coadjoint as co
 from coadjoint.estimation import Filter, GaussMarkov, InertialState, Measurement, RandomWalk, StrapdownProcess
 from coadjoint.estimation.engines import FilterEngine
+from coadjoint.estimation.inertial_state import parts_of
 from coadjoint.kernels.trace.evaluate import evaluate
 
 G = 9.81
@@ -54,6 +55,12 @@ def test_a_constant_rate_and_specific_force_are_integrated_exactly(step):
     assert np.allclose(state.position, x[:3], atol=1e-10) and np.allclose(state.velocity, x[3:], atol=1e-10)
     turned = np.asarray(START.rotation) @ co.attitude.from_rotation_vector(2 * omega)
     assert np.allclose(state.rotation, turned, atol=1e-12)
+
+
+def test_an_inertial_unit_is_at_rest_at_the_origin_unless_told_otherwise():
+    parts = parts_of(InertialState())
+    np.testing.assert_array_equal(parts.pop("rotation"), np.eye(3))
+    assert not any(np.any(part) for part in parts.values())
 
 
 def test_a_unit_at_rest_stays_where_it_is():

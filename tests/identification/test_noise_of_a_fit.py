@@ -12,6 +12,7 @@ from coadjoint.identification.fitting import _estimated
 from coadjoint.identification.least_squares import Solution
 from coadjoint.identification.misfit import FEWEST, Feature, _correlated
 from coadjoint.identification.result import _estimates
+from coadjoint.losses import Student
 
 RUNS, SAMPLES, CHANNELS, OWN, SHARED = 2, 5, 2, 2, 3
 
@@ -42,6 +43,9 @@ def test_the_noise_is_over_the_numbers_that_the_fit_left(missing):
     left = np.where(there, 1 - np.diag(hat).reshape(there.shape), 0.0).sum(axis=(0, 1))
     expected = problem.sigma * np.sqrt((residual.reshape(there.shape) ** 2).sum(axis=(0, 1)) / left)
     np.testing.assert_allclose(_estimated(solution, cast(Any, problem), OWN), expected, rtol=1e-9)
+    weights = random.uniform(0.2, 1.0, size=there.shape)
+    robust = _estimated(solution, cast(Any, SimpleNamespace(**vars(problem), weights=weights)), OWN, Student(4.0))
+    np.testing.assert_allclose(robust, expected, rtol=1e-9)  # Σ w d² with d² = r²/w
     # All numbers less all columns: 20 of them less 7.
     assert left.sum() == pytest.approx(RUNS * SAMPLES * CHANNELS - missing - RUNS * OWN - SHARED)
     assert "jacobian" in Solution._fields

@@ -17,6 +17,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
+from coadjoint.identification.fit import Fit
 from coadjoint.identification.problem import setting
 from coadjoint.identification.process_noise import (
     Knots,
@@ -131,14 +132,23 @@ def test_a_strength_at_the_end_of_what_is_sought_has_no_error():
     assert np.isinf(longest.time[1]) and 0.0 < longest.deviation[1] < errors.deviation[1]
 
 
-def test_prediction_errors_are_white():
-    """W (1 + F cov(x) Fᵀ) Wᵀ = 1."""
+def test_prediction_errors_are_white(monkeypatch):
+    """W (1 + F cov(x) Fᵀ) Wᵀ = 1, for a fit too, whose samples depend on its starts and then on the knots."""
     wander, random = Wander(np.array([1.0, 0.5]), np.array([1.0, 2.0])), np.random.default_rng(1)
     F = random.normal(size=(1, 10, KNOTS.size, 3))
     L = KNOTS.spread(KNOTS.roots(wander))
     W = np.stack([prediction_errors(row.reshape(1, 10, 3), F, L.T @ L).ravel() for row in np.eye(30)], 1)
     flat = F[0].swapaxes(1, 2).reshape(30, -1)
     np.testing.assert_allclose(W @ (np.eye(30) + flat @ covariance(wander) @ flat.T) @ W.T, np.eye(30), atol=1e-9)
+    monkeypatch.setattr("coadjoint.identification.fit.whitened", lambda slopes, near, times: slopes)
+    starts, own = np.zeros((1, 10, 2, 3)), 2 + KNOTS.size
+    fit: Any = SimpleNamespace(
+        innovations=lambda found, shared: found, slopes=lambda *_: np.concatenate([starts, F], axis=2), wander=wander,
+        shooting=SimpleNamespace(knots=KNOTS, size=2), own=own, near=None, times=None, sigma=1.0,
+    )  # fmt: skip
+    place: Any = SimpleNamespace(shared=None, own=np.zeros((1, own)))
+    found = Fit.surprise(fit, place, np.eye(30)[3].reshape(1, 10, 3))  # type: ignore[arg-type]
+    np.testing.assert_allclose(found.ravel(), W[:, 3], atol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,10 @@ LANGUAGE = {
     "Cholesky": lambda a, b: jnp.linalg.cholesky(a @ a.T),
     "matrix exponential": lambda a, b: jax.scipy.linalg.expm(a),
     "cross products": lambda a, b: jax.vmap(jnp.cross, (None, 0))(b, a),
-    "scatter": lambda a, b: a.at[0, 1].set(b[0]) + a.at[jnp.array([0, 0, 2])].add(b),
+    "scatter": lambda a, b: (
+        a.at[0, 1].set(b[0]) + a.at[jnp.array([0, 0, 2])].add(b) + a.at[:, jnp.array([2, 0])].add(a[:, :2])
+    ),
+    "scatter to places of values": lambda a, b: a.at[:, jnp.stack([jnp.argmax(b), jnp.argmin(b)])].add(a[:, :2]),
     "gather": lambda a, b: a[:, jnp.array([2, 0, -1])],
     "loop": lambda a, b: jax.lax.fori_loop(0, 3, lambda i, x: x * b[i], 1.0),
     "while": lambda a, b: jax.lax.while_loop(lambda x: x < 10, lambda x: 2 * x, jnp.abs(b[0])),

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import coadjoint as co
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import toda
 
 
@@ -38,6 +39,8 @@ def test_any_number_moves_as_the_factorisation_says(particles: int):
     system = toda.lattice(particles=particles)
     start = toda.start(system, positions=q, momenta=p)
     L0, duration, errors = toda.lax_matrix(start.mu), 1.5, []
+    powers = evaluate(lambda state: [toda.trace(state, power=n) for n in (1, 2, 3)], start)
+    np.testing.assert_allclose(powers, [np.sum(np.linalg.eigvalsh(L0) ** n) for n in (1, 2, 3)], rtol=1e-12)
     Q, R = np.linalg.qr(expm(duration * L0))
     Q = Q * np.sign(np.diag(R))
     for h in (0.1, 0.05):

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import judged
-from executed import Mapping, Places
+from executed import Mapping, Places, append
 from known import Known
 from mutants import Mutant, changed, draw
 
@@ -47,6 +47,7 @@ def arguments(given: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--folders", nargs="*", default=(), help="folders of the package, `.` for files next to them")
     parser.add_argument("--seconds", type=float, default=120.0, help="processor time of tests for an error, s (120)")
     parser.add_argument("--least", type=float, default=0.0, help="share that must be caught, else the status is 1 (0)")
+    parser.add_argument("--processes", type=int, default=1, help="that follow tests, and that judge, at a time (1)")
     parser.add_argument("--survivors", action="store_true", help="judge again only what the last run did not kill")
     parser.add_argument("--list", action="store_true", help="print the sample, and judge nothing")
     parser.add_argument("--root", type=Path, default=judged.ROOT, help="of the repository, with src and tests")
@@ -63,12 +64,13 @@ def equivalent(file: Path = EQUIVALENT) -> dict[tuple[str, str, str], str]:
 class Judge:
     """Judges errors by the tests of `root`, and keeps what it finds in `build/mutation`."""
 
-    def __init__(self, chosen: argparse.Namespace, folder: Path):
-        self.root, self.most = chosen.root.resolve(), chosen.seconds
+    def __init__(self, chosen: argparse.Namespace, folder: Path, number: int = 0):
+        self.root, self.most, self.processes = chosen.root.resolve(), chosen.seconds, chosen.processes
         self.build = self.root / "build" / "mutation" / chosen.package
         self.build.mkdir(parents=True, exist_ok=True)
-        self.record, self.log, self.note = (self.build / name for name in ("tests.jsonl", "log", "note.json"))
-        self.copy = judged.Copy(folder, self.root, chosen.package)
+        names = "tests.jsonl", f"log-{number}", f"note-{number}.json"
+        self.record, self.log, self.note = (self.build / name for name in names)
+        self.copy = judged.Copy(folder / str(number), self.root, chosen.package)
         self.places = Places(self.copy.package)
 
     def follow(self) -> None:
@@ -78,9 +80,15 @@ class Judge:
             return
         print(f"Following the tests of {len(missing)} files once.", flush=True)
         tests, package = self.root / "tests", self.copy.package
-        status = judged.run(self.copy, missing, lambda: Mapping(package, tests, self.record), 10**5, self.log)
-        if status not in (0, 1):
-            raise SystemExit(f"The tests could not be followed; pytest ended with status {status}, see {self.log}.")
+        shares = [missing[k :: self.processes] for k in range(min(self.processes, len(missing)))]
+        logs = [self.build / f"log-{k}" for k in range(len(shares))]
+        started = [
+            judged.start(self.copy, share, lambda: Mapping(package, tests, self.record), 10**5, log)
+            for share, log in zip(shares, logs, strict=True)
+        ]
+        for status, log in zip(map(judged.ended, started), logs, strict=True):
+            if status not in (0, 1, 5):
+                raise SystemExit(f"The tests could not be followed; pytest ended with status {status}, see {log}.")
         known = Known(self.record, self.root)
         for name in [*known.missing, *sorted(known.failed)]:
             print(f"{name} failed without an error, and judges none.")
@@ -130,34 +138,43 @@ def main(given: Sequence[str]) -> int:
     if chosen.root == judged.ROOT:
         judged.load()
     with tempfile.TemporaryDirectory(prefix="coadjoint-mutation-") as folder:
-        judge = Judge(chosen, Path(folder))
-        judge.follow()
-        found = judge_all(judge, sample, judge.build / f"seed-{chosen.seed}.jsonl", chosen.survivors)
+        judges = [Judge(chosen, Path(folder), number) for number in range(chosen.processes)]
+        judges[0].follow()
+        found = judge_all(judges, sample, judges[0].build / f"seed-{chosen.seed}.jsonl", chosen.survivors)
         killers = [verdict.by.split(" — ")[0] for verdict in found.values() if verdict.word == "killed"]
-        wrong = judge.doubtful(killers)
+        wrong = judges[0].doubtful(killers)
     print(summary(found, wrong))
     return int(caught(found) < chosen.least)
 
 
-def judge_all(judge: Judge, sample: Sequence[Mutant], out: Path, again: bool) -> dict[Mutant, Verdict]:
-    """The verdict on each error, also as lines of JSON in `out`. again: those that were killed before stay so."""
-    known = Known(judge.record, judge.root, [mutant.file for mutant in sample])
+def judge_all(judges: Sequence[Judge], sample: Sequence[Mutant], out: Path, again: bool) -> dict[Mutant, Verdict]:
+    """The verdict on each error, also as lines of JSON in `out`. again: those that were killed before stay so.
+
+    Each judge has a process of its own.
+    """
+    known = Known(judges[0].record, judges[0].root, [mutant.file for mutant in sample])
     same, before = equivalent(), _verdicts(out) if again else {}
-    found = {}
-    with out.open("a" if again else "w") as file:
-        for number, mutant in enumerate(sample, 1):
+    if not again:
+        out.write_text("")
+
+    def share(number: int) -> None:
+        for place, mutant in list(enumerate(sample, 1))[number :: len(judges)]:
             last = before.get(mutant.key)
             if mutant.key in same:
                 verdict = Verdict("equivalent", same[mutant.key])
             elif last is not None and last.word == "killed":
                 verdict = last
             else:
-                verdict = judge.judge(mutant, known)
-            found[mutant] = verdict
-            file.write(json.dumps([*mutant.key, verdict.word, verdict.by]) + "\n")
-            file.flush()
-            print(f"{number:4d} {row(mutant)}\n     {verdict.word}: {verdict.by}", flush=True)
-    return found
+                verdict = judges[number].judge(mutant, known)
+            append(out, [*mutant.key, verdict.word, verdict.by])
+            print(f"{place:4d} {row(mutant)}\n     {verdict.word}: {verdict.by}", flush=True)
+
+    if len(judges) == 1:
+        share(0)
+    elif sum(map(judged.ended, [judged.forked(share, k) for k in range(len(judges))])):
+        raise SystemExit("A process that judges errors failed.")
+    verdicts = _verdicts(out)
+    return {mutant: verdicts[mutant.key] for mutant in sample}
 
 
 def _verdicts(out: Path) -> dict[tuple[str, str, str], Verdict]:

@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import sys
+import tempfile
 import threading
 from collections import defaultdict
 from collections.abc import Iterable
@@ -30,6 +31,12 @@ TOOL = 1
 
 def digest(text: str | bytes) -> str:
     return hashlib.sha256(text if isinstance(text, bytes) else text.encode()).hexdigest()[:10]
+
+
+def append(file: Path, entry: object) -> None:
+    """Append a line of JSON by one call, so that lines of several processes stay whole."""
+    with file.open("ab", buffering=0) as out:
+        out.write(json.dumps(entry).encode() + b"\n")
 
 
 def functions(text: str) -> list[tuple[int, int, str]]:
@@ -142,15 +149,13 @@ class Mapping:
     def __init__(self, source: Path, tests: Path, out: Path, wanted: Iterable[str] | None = None):
         self.recorder, self.places, self.tests, self.out = Recorder(source), Places(source), tests, out
         self.wanted = None if wanted is None else set(wanted)
-        self.children = out.parent / "children"
-        self.children.mkdir(exist_ok=True)
+        self.children = Path(tempfile.mkdtemp())
         os.environ[FOLLOWED] = str(self.children)
         self.digests: dict[str, str] = {}
         self.recorder.start()
 
     def _write(self, **entry) -> None:
-        with self.out.open("a") as file:
-            file.write(json.dumps(entry) + "\n")
+        append(self.out, entry)
 
     def _lines(self, collecting: bool = False) -> dict[str, list[int]]:
         lines = self.recorder.take()

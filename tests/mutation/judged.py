@@ -11,9 +11,11 @@ import resource
 import shutil
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -92,16 +94,32 @@ def run(copy: Copy, arguments: Sequence[str], plugin: Callable[[], object], seco
 
     plugin: makes a plugin of pytest in the process. seconds: processor time after which the process ends by SIGXCPU.
     """
+    return ended(start(copy, arguments, plugin, seconds, log))
+
+
+def start(copy: Copy, arguments: Sequence[str], plugin: Callable[[], object], seconds: int, log: Path) -> int:
+    """The process of `run`."""
+    return forked(_tests, copy, arguments, plugin, seconds, log)
+
+
+def forked(function: Callable[..., int | None], *arguments: Any) -> int:
+    """A process that ends with the status that the function returns, 0 for None."""
     sys.stdout.flush()
     process = os.fork()
     if process == 0:
         status = 70
         try:
-            status = _tests(copy, arguments, plugin, seconds, log)
+            status = function(*arguments) or 0
+        except BaseException:
+            traceback.print_exc()
         finally:
             os._exit(status)
-    _, status = os.waitpid(process, 0)
-    return os.waitstatus_to_exitcode(status)
+    return process
+
+
+def ended(process: int) -> int:
+    """The exit status of a process that has ended, negative where a signal ended it."""
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 
 def _tests(copy: Copy, arguments: Sequence[str], plugin: Callable[[], object], seconds: int, log: Path) -> int:

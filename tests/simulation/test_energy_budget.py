@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.energy_budget import budget, momentum_gap
 from systems import RULES, random_system
 
 METHODS = {
@@ -21,6 +25,18 @@ def gap(run) -> float:
     low, high = run.extrema["energy_budget"]
     first = run.ends["energy_budget"][0]
     return float(np.maximum(high - first, first - low))
+
+
+def test_gaps_of_budgets_are_counted_from_the_start_of_the_run():
+    extrema = {"energy": (-1.0, 5.0), "work_drag": (-8.0, 0.0), "energy_budget": (0.5, 4.5)}
+    extrema["kelvin_noether_budget"] = np.array([[0.0, 1.0], [3.0, 5.0]])
+    extrema["kelvin_noether"] = np.array([[-3.0, 0.0], [1.0, 4.0]])
+    ends = {"energy": (2.0, 1.0), "work_drag": (0.0, -7.0), "energy_budget": (1.0, 3.0)}
+    ends["kelvin_noether_budget"] = np.array([[0.0, 5.0], [1.0, 2.0]])
+    system = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces={"drag": lambda motion: co.Force(-motion.xi)})
+    run: Any = SimpleNamespace(ends=ends, extrema=extrema, system=system)
+    assert budget(run) == {"energy_change": -1.0, "work_drag_change": -7.0, "energy_budget_error_max": 3.5 / 8.0}
+    assert momentum_gap(run) == 1.0  # √(3² + 4²) over √(3² + 4²)
 
 
 @pytest.mark.long

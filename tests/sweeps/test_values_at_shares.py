@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError
+from coadjoint.sweeps.file import _written
 from coadjoint.sweeps.numbers import BLOCK, MOST, Number, design, number, read, shares
 
 
@@ -35,6 +36,20 @@ def test_a_normal_number_of_a_file_is_a_mean_and_a_deviation():
     for wrong in (0, -1.0):
         with pytest.raises(ArgumentError, match=r"\[vary\.x\] deviation must be positive"):
             number({"mean": 3, "deviation": wrong}, "x")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"mean": 3.0, "deviation": 0.5},
+        {"values": [1.0, 5.0]},
+        {"from": 1.0, "to": 2.0},
+        {"from": 1.0, "to": 2.0, "scale": "log"},
+        {"from": 1.0, "to": 2.0, "count": 4},
+    ],
+)
+def test_a_number_of_a_file_is_written_in_results_as_in_the_file(given):
+    assert _written([number(given, "x")]) == [given]
 
 
 @pytest.mark.parametrize(

@@ -184,8 +184,14 @@ def test_a_lagrangian_that_is_not_invariant_is_refused():
     spaces = {"additional": co.Defining(), "advected": co.Defining()}
     system = theory.reduce(theory.UnreducedLagrangian(group, upright, **spaces))
     assert system.group_lagrangian is not None
-    with pytest.raises(co.errors.LagrangianError, match="left-invariant"):
-        theory.reduce(theory.UnreducedLagrangian(group, leaning, **spaces))
+
+    def uneven(g, q, g_next, q_next, a0, h):
+        step = q_next - q
+        return upright(g, q, g_next, q_next, a0, h) + 0.5 * step[2] ** 2 / h
+
+    for wrong in (leaning, uneven):
+        with pytest.raises(co.errors.LagrangianError, match="left-invariant"):
+            theory.reduce(theory.UnreducedLagrangian(group, wrong, **spaces))
 
 
 def test_a_curved_space_asks_for_a_point_to_test_invariance_at():

@@ -10,6 +10,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
+from coadjoint.theory import instant
 from discrete import at, velocity
 
 SO3, H, DOWN = co.SO3(), 0.1, [0, 0, 1.0]
@@ -61,6 +62,31 @@ def test_a_part_of_a_step_that_led_to_an_event_has_another_transform_and_is_refu
     records = jax.tree.map(lambda leaf: leaf[:-2], run.records)
     found = theory.discrete_legendre(SMOOTH, co.Midpoint(), records, H)
     np.testing.assert_allclose(found.plus.mu[:-1], records.mu[1:], atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("space", "rail"), [(co.Defining(), co.Nonholonomic(lambda n: [0.0, 0, 0, 0, 1, n[0]])), (co.Sphere(), None)]
+)
+def test_tangents_need_holonomic_constraints_alone_and_a_flat_space(space, rail):
+    constraints = {"height": co.Holonomic(lambda n: n[2] - 0.3), **({"rail": rail} if rail else {})}
+    system = co.System(SO3, lambda xi, n, nu: 0.5 * xi @ xi + nu @ nu, additional=space, constraints=constraints)
+    with pytest.raises(co.errors.ArgumentError, match="need holonomic constraints on a flat space"):
+        theory.off_constraints(system, None, None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "given"),
+    [
+        (lambda xi: 0.5 * xi @ xi, {"forces": {"drag": lambda motion: co.Force(-motion.xi)}}),
+        (lambda xi, *, t: 0.5 * xi @ xi * (1 + t * t), {}),
+        (lambda xi, *, internal: 0.5 * xi @ xi * (1 + internal.x), {"internal": lambda motion, h: {"x": 0.0}}),
+    ],
+    ids=["forces", "time", "internal"],
+)
+def test_steps_that_depend_on_when_they_start_need_an_instant(lagrangian, given):
+    with pytest.raises(co.errors.ArgumentError, match="depend on when they start"):
+        instant.given(co.System(SO3, lagrangian, **given), theory.Instant())
+    assert instant.given(co.System(SO3, lambda xi: 0.5 * xi @ xi), theory.Instant()) == (0.0, None, None)
 
 
 def test_members_are_refused_by_every_function_in_one_sentence(path):

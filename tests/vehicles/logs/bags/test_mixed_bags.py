@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, cast
 import pytest
 
 from coadjoint.errors import FileError
+from coadjoint_vehicles.logs.bags.bag import Bag, BagChannel
 from coadjoint_vehicles.logs.bags.messages import Topic
 from coadjoint_vehicles.logs.bags.reading import _topics
 
@@ -45,3 +46,12 @@ def test_a_topic_without_messages_is_left_out():
 def test_a_topic_whose_type_differs_between_files_raises_file_error():
     with pytest.raises(FileError, match=r"1\.mcap: /depth has messages of another type than in 0\.mcap"):
         _topics([bag("0.mcap", of("Float64", "a")), bag("1.mcap", of("Float32", "b"))])
+
+
+@pytest.mark.parametrize("other", [{"type": "b/B"}, {"text": b"float32 x"}], ids=["type", "definition"])
+def test_a_topic_that_a_file_writes_in_two_ways_raises_file_error(other):
+    one = BagChannel("/depth", "a/A", "cdr", "ros2msg", b"float64 x")
+    assert Bag("0.mcap", {1: one, 2: one}).topic("/depth").definition.name == "a/A"
+    for channels in ({1: one, 2: one._replace(**other)}, {1: one._replace(**other), 2: one}):
+        with pytest.raises(FileError, match=r"0\.mcap: /depth has messages of two types"):
+            Bag("0.mcap", channels).topic("/depth")
