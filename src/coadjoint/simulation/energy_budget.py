@@ -119,9 +119,10 @@ def _changed(run: Result) -> list[str]:
 
 
 def _change_of_energy(run: Result) -> float:
-    """The largest change relative to the larger of the energy at the start and the largest kinetic energy."""
-    size = max(float(run._kinetic()), abs(float(run.ends["energy"][0])), np.finfo(float).tiny)
-    return _widest(run, "energy") / size
+    """The largest change relative to the larger of the energy at the start and, where it then is too much, the largest
+    kinetic energy."""
+    size, change = max(abs(float(run.ends["energy"][0])), np.finfo(float).tiny), _widest(run, "energy")
+    return change / (size if change < TOO_MUCH * size else max(float(run._kinetic()), size))
 
 
 class _Gain(NamedTuple):

@@ -8,7 +8,7 @@ import secrets
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -232,6 +232,8 @@ class Result(Recording):
     accuracy: Accuracy | None = None
     ended: dict[int, State] = field(default_factory=dict)
     taken: tuple[Callable[[Any], Any], ...] = ()
+    _found: tuple[Extrema, int, Table] = field(default_factory=lambda: ({}, 0, {}), init=False)
+    """Numbers that are found once, and the extrema and the count of the nodes of which they are."""
 
     @cached_property
     def outputs(self) -> tuple[xarray.Dataset | None, ...]:
@@ -327,7 +329,9 @@ class Result(Recording):
     def ends(self) -> Extrema:
         """Every monitored scalar at the first and at the last record, of the shape of a row of `monitors`."""
         lead = () if self.members is None else (slice(None),)
-        return {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
+        return self._once(
+            "ends", lambda: {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
+        )
 
     def _require_monitored(self, name: str) -> None:
         checks.known(name, self.extrema, "monitored quantity", f"This {type(self).__name__.lower()}")
@@ -336,21 +340,33 @@ class Result(Recording):
         """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| at the saved nodes, one number or (members,)."""
         return kinetic(*self.memory.records)
 
-    def _scales(self, name: str) -> np.ndarray:
-        """|X₀| of a monitored X, one number or (members,); of energies the largest kinetic energy T if T > 20|E₀|.
+    def _once(self, what: str, find: Callable[[], PyTree]) -> PyTree:
+        """find(), kept under a name until the run goes on."""
+        extrema, count, found = self._found
+        if extrema is not self.extrema or count != self.count:
+            found = {}
+            self._found = self.extrema, self.count, found
+        if what not in found:
+            found[what] = find()
+        return found[what]
 
-        |E₀| alone would depend on the zero of the potential, and a pendulum that is released level with its pivot has
-        none.
+    def _size_and_change(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """The scale of a monitored X and max_k |X_k − X₀|, one number or (members,) each.
+
+        The scale is |X₀|, and of energies the largest kinetic energy T if T > 20|E₀|: |E₀| alone would depend on the
+        zero of the potential, and a pendulum that is released level with its pivot has none.
         """
-        size = np.linalg.norm(self._bounds(name)[2], axis=-1)
-        if name not in ENERGIES:
-            return size
-        motion = self._kinetic()
-        return np.where(motion > NEAR_ZERO * size, motion, size)
+        low, high, first = self._bounds(name)
+        size = np.linalg.norm(first, axis=-1)
+        change = np.linalg.norm(_widest(low, high, first), axis=None if self.members is None else 1)
+        if name in ENERGIES:
+            motion = self._once("largest kinetic energy", self._kinetic)
+            size = np.where(motion > NEAR_ZERO * size, motion, size)
+        return size, change
 
     def sizes(self, name: str) -> np.ndarray:
         """The scale to which changes of a monitored X are relative, one number or (members,); 0 if they are larger."""
-        size, change = self._scales(name), np.linalg.norm(_widest(*self._bounds(name)), axis=-1)
+        size, change = self._once(f"size and change of {name}", partial(self._size_and_change, name))
         return np.where(size > change, size, 0.0)
 
     def relative_changes(self, name: str) -> np.ndarray:
@@ -358,9 +374,8 @@ class Result(Recording):
 
         It is absolute where that passes 1.
         """
-        widest = _widest(*self._bounds(name))
-        change, size = np.linalg.norm(widest, axis=None if self.members is None else 1), self.sizes(name)
-        return change / np.where(size > 0, size, 1.0)
+        size, change = self._once(f"size and change of {name}", partial(self._size_and_change, name))
+        return change / np.where(size > change, size, 1.0)
 
     def _bounds(self, name: str) -> list[np.ndarray]:
         """The least, the largest and the first value of a monitored X, ([members,] components)."""
@@ -384,11 +399,18 @@ def kinetic(*parts: State) -> np.ndarray:
     Returns one number, or shape (members,) for records of members.
     """
 
-    def paired(momenta: Array, velocities: Array, lead: int) -> np.ndarray:
-        return np.asarray(momenta * velocities).sum(axis=tuple(range(lead, np.ndim(momenta))))
-
-    found = (paired(x.mu, x.xi, np.ndim(x.t)) + paired(x.pi, x.nu, np.ndim(x.t)) for x in parts)
+    found = (_paired(x.mu, x.xi) + _paired(x.pi, x.nu) for x in parts)
     return np.fmax.reduce([np.fmax.reduce(np.abs(one) / 2, axis=0) for one in found])
+
+
+def _paired(momenta: Array, velocities: Array) -> np.ndarray:
+    """The sums of products over the last axis, column after column where that is how NumPy adds, slowly, in rows."""
+    if momenta.shape[-1] >= 8:
+        return np.asarray(momenta * velocities).sum(axis=-1)
+    found = np.zeros(momenta.shape[:-1])
+    for i in range(momenta.shape[-1]):
+        found += momenta[..., i] * velocities[..., i]
+    return found
 
 
 def _widest(low: np.ndarray, high: np.ndarray, first: np.ndarray) -> np.ndarray:
