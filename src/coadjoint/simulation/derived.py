@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import Power
-from coadjoint.kernels.trace.evaluate import tabulate, traced
+from coadjoint.kernels.trace.evaluate import Tabulated, tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.members import Each, member_of
@@ -39,7 +39,7 @@ class Derivation:
 
     def __init__(self, skeleton: System, most: int = BATCH):
         self.skeleton, self.most = skeleton, most
-        self._made: dict[Any, Callable[..., PyTree]] = {}
+        self._made: dict[Any, Tabulated] = {}
 
     def __call__(self, parameters: PyTree, records: State, members: np.ndarray | None = None) -> Table:
         """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν, the rotation in g and multipliers, if any, of every record.
@@ -52,14 +52,11 @@ class Derivation:
         shared, own = _split(parameters, members)
         plain = records.replace(memory=kept(records), ledger=None, origin=Origin())
         size, count = self._rows, len(records.t)
-        parts = []
-        for start in range(0, max(count, 1), size):
-            cut = jax.tree.map(lambda leaf, start=start: leaf[start : start + size], (plain, own))
-            rows = len(cut[0].t)
-            filled = jax.tree.map(lambda leaf: np.resize(leaf, (size, *np.shape(leaf)[1:])), cut)
-            found = self._function(self._traced, shared, *filled)(shared, *filled)
-            parts.append(jax.tree.map(lambda leaf, rows=rows: leaf[:rows], found))
-        return jax.tree.map(lambda *found: np.concatenate(found), *parts)
+        first = jax.tree.map(lambda leaf: np.resize(leaf[:size], (size, *np.shape(leaf)[1:])), (plain, own))
+        function = self._function(self._traced, shared, *first)
+        if count > size:
+            return function.of_rows(shared, (plain, own), size)
+        return jax.tree.map(lambda leaf: leaf[:count], function(shared, *first))
 
     def velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
         """(ξ, ν) at the node, (dim G,) and (ambient,), of one state; of many, if state and parameters have an axis
@@ -80,7 +77,7 @@ class Derivation:
         wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
         return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
 
-    def _function(self, function: Callable[..., PyTree], *arguments: object) -> Callable[..., PyTree]:
+    def _function(self, function: Callable[..., PyTree], *arguments: object) -> Tabulated:
         leaves, structure = jax.tree.flatten(arguments)
         key = function.__name__, structure, *(np.shape(leaf) for leaf in leaves)
         if key not in self._made:

@@ -232,8 +232,7 @@ class Result(Recording):
     accuracy: Accuracy | None = None
     ended: dict[int, State] = field(default_factory=dict)
     taken: tuple[Callable[[Any], Any], ...] = ()
-    _found: tuple[Extrema, int, Table] = field(default_factory=lambda: ({}, 0, {}), init=False)
-    """Numbers that are found once, and the extrema and the count of the nodes of which they are."""
+    _found = ({}, 0, {})  # extrema, count of nodes, and what is found of them once; not a field
 
     @cached_property
     def outputs(self) -> tuple[xarray.Dataset | None, ...]:

@@ -6,6 +6,7 @@ For set-up, checks and tests: one evaluation costs about as much as its tracing,
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import jax
 import numpy as np
@@ -50,47 +51,81 @@ def hessian_of(function: Callable[..., PyTree], z: np.ndarray) -> np.ndarray:
     return np.stack([column(z, along) for along in np.eye(len(z))])
 
 
-def tabulate(function: Callable[..., PyTree], *args: object, long: bool = False) -> Callable[..., PyTree]:
+class Tabulated:
+    """A function traced once, for many values of the same shapes."""
+
+    def __init__(self, function: Callable[..., PyTree], args: PyTree, long: bool):
+        args = jax.tree_util.tree_map(_numpy, args)
+        self._function = function
+        self._closed, self._structure = jaxpr_of(function, *args)
+        self._expected = jax.tree_util.tree_structure(args)
+        self._shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
+        self._by_xla: Callable | None = compiled(function) if long else None
+        self._runs = 0
+
+    @cached_property
+    def _straight(self) -> Straight:
+        return Straight(_NUMBERS, self._closed)
+
+    def __call__(self, *values: object) -> PyTree:
+        """The function of these values; ValueError if they have other shapes or structure."""
+        leaves, given = jax.tree_util.tree_flatten(jax.tree_util.tree_map(_numpy, values))
+        if given != self._expected or [leaf.shape for leaf in leaves] != self._shapes:
+            raise ValueError("A tabulated function must be called with the structure and shapes it was traced for.")
+        self._runs += 1
+        # Equation by equation the first time, by a straight-line program from the second on.
+        run = self._interpreted if self._runs == 1 else lambda leaves: self._straight(leaves)
+        return jax.tree_util.tree_unflatten(self._structure, map(np.array, self._outputs(run, leaves)))
+
+    def of_rows(self, first: PyTree, rest: PyTree, size: int) -> PyTree:
+        """function(first, rest) of `size` rows of `rest` and of the result after another, which are filled up.
+
+        What depends on `first` alone is found once.
+        """
+        known, leaves = ([_numpy(leaf) for leaf in jax.tree_util.tree_leaves(part)] for part in (first, rest))
+        count, straight, found = len(leaves[0]), list[Straight](), list[np.ndarray]()
+
+        def run(leaves: list[np.ndarray]) -> list[np.ndarray]:
+            if not straight:
+                straight.append(self._straight.given(known))
+            return straight[0](leaves[len(known) :])
+
+        for start in range(0, count, size):
+            rows = [leaf[start : start + size] for leaf in leaves]
+            if len(rows[0]) < size:
+                rows = [np.resize(leaf, (size, *leaf.shape[1:])) for leaf in rows]
+            outputs = self._outputs(run, [*known, *rows])
+            found = found or [np.empty((count, *x.shape[1:]), x.dtype) for x in outputs]
+            for whole, part in zip(found, outputs, strict=True):
+                whole[start : start + size] = part[: count - start]
+        return jax.tree_util.tree_unflatten(self._structure, found)
+
+    def _interpreted(self, leaves: list[np.ndarray]) -> list[np.ndarray]:
+        return _NUMBERS.run(self._closed, leaves)
+
+    def _outputs(
+        self, run: Callable[[list[np.ndarray]], list[np.ndarray]], leaves: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        """run(leaves), by XLA where the function cannot be traced."""
+        if self._by_xla is None:
+            try:
+                with np.errstate(all="ignore"):
+                    return run(leaves)
+            except Untraceable:
+                self._by_xla = compiled(self._function)
+        require_own_xla()
+        with jax.enable_x64(True):
+            found = self._by_xla(*jax.tree_util.tree_unflatten(self._expected, leaves))
+        return [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(found)]
+
+
+def tabulate(function: Callable[..., PyTree], *args: object, long: bool = False) -> Tabulated:
     """`function` traced once at the shapes of `args`: a callable for many values of the same shapes.
 
     long: whether it has loops of so many trips that XLA's compiling takes less time than they do here. Control flow
-    that depends on values stays alive. ValueError if a later call has other shapes or structure.
+    that depends on values stays alive.
     """
-    args = jax.tree_util.tree_map(_numpy, args)
-    closed, structure = jaxpr_of(function, *args)
-    expected = jax.tree_util.tree_structure(args)
-    shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
-    by_xla: list[Callable] = [compiled(function)] if long else []
-    straight: list[Straight] = []
-    runs = 0
-
-    def run(leaves: list[np.ndarray]) -> list[np.ndarray]:
-        """Equation by equation the first time, by a straight-line program from the second on."""
-        nonlocal runs
-        runs += 1
-        if runs == 1:
-            return _NUMBERS.run(closed, leaves)
-        if not straight:
-            straight.append(Straight(_NUMBERS, closed))
-        return straight[0](leaves)
-
-    def call(*values: object) -> PyTree:
-        values = jax.tree_util.tree_map(_numpy, values)
-        leaves, given = jax.tree_util.tree_flatten(values)
-        if given != expected or [leaf.shape for leaf in leaves] != shapes:
-            raise ValueError("A tabulated function must be called with the structure and shapes it was traced for.")
-        if not by_xla:
-            try:
-                with np.errstate(all="ignore"):
-                    outputs = run(leaves)
-                return jax.tree_util.tree_unflatten(structure, [np.array(o) for o in outputs])
-            except Untraceable:
-                by_xla.append(compiled(function))
-        require_own_xla()
-        with jax.enable_x64(True):
-            return jax.tree_util.tree_map(np.asarray, by_xla[0](*values))
-
-    return call
+    return Tabulated(function, args, long)
 
 
 def compiled(function: Callable) -> Callable:

@@ -109,6 +109,12 @@ def _gather(p: EquationParameters, operand: Array, indices: Array) -> Array:
     d, sizes = p.fields("dimension_numbers"), list(p["slice_sizes"])
     clip = p["mode"] == lax.GatherScatterMode.CLIP
     batching = (d.operand_batching_dims, d.start_indices_batching_dims)
+    if (axis := _taken_along(d, operand.shape, indices, sizes)) is not None:
+        lead = indices.shape[:-1]
+        rows = np.take(operand, indices[..., 0], axis)
+        first = range(axis, axis + len(lead))
+        rows = rows.transpose([*first, *(k for k in range(rows.ndim) if k not in first)])
+        return arranged(d, rows.reshape((*lead, *sizes)), len(lead))
     numbers, inside = _windows("gather", operand.shape, indices, sizes, d.start_index_map, batching, clip)
     inside = np.broadcast_to(inside.reshape((*inside.shape, *(1,) * len(sizes))), numbers.shape)
     values = operand.reshape(-1)[numbers]
@@ -118,6 +124,16 @@ def _gather(p: EquationParameters, operand: Array, indices: Array) -> Array:
         fill = np.nan if p["fill_value"] is None else p["fill_value"]
         values = np.where(inside, values, fill)
     return arranged(d, values, indices.ndim - 1)
+
+
+def _taken_along(d: Any, shape: tuple[int, ...], indices: Array, sizes: list[int]) -> int | None:
+    """The one axis along which a gather takes single places, all of them inside; None of other gathers."""
+    if d.operand_batching_dims or len(d.start_index_map) != 1 or symbolic(indices):
+        return None
+    axis = d.start_index_map[0]
+    alone = sizes == [1 if k == axis else size for k, size in enumerate(shape)]
+    inside = alone and np.all((indices >= 0) & (indices < shape[axis]))
+    return axis if inside else None
 
 
 def arranged(dimensions: Any, windows: Array, lead: int) -> Array:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from functools import reduce
+from functools import cache, reduce
 from typing import Any
 
 import numpy as np
@@ -40,15 +41,20 @@ def round_name(parameters: PyTree) -> str:
 
 def matricize(p: EquationParameters, x: Array, y: Array) -> tuple[Array, Array, tuple[int, ...]]:
     """The factors of a dot_general as stacks (b, m, k) and (b, k, n), and the shape of the result."""
-    (cx, cy), (bx, by) = p["dimension_numbers"]
-    free_x = [axis for axis in range(x.ndim) if axis not in (*cx, *bx)]
-    free_y = [axis for axis in range(y.ndim) if axis not in (*cy, *by)]
-    batch, m, n = ([a.shape[i] for i in axes] for a, axes in ((x, bx), (x, free_x), (y, free_y)))
-    count = int(np.prod([x.shape[i] for i in cx]))
-    stack = int(np.prod(batch))
-    left = x.transpose([*bx, *free_x, *cx]).reshape(stack, int(np.prod(m)), count)
-    right = y.transpose([*by, *cy, *free_y]).reshape(stack, count, int(np.prod(n)))
-    return left, right, (*batch, *m, *n)
+    order_x, order_y, left, right, shape = _stacks(p["dimension_numbers"], x.shape, y.shape)
+    return x.transpose(order_x).reshape(left), y.transpose(order_y).reshape(right), shape
+
+
+@cache
+def _stacks(dimensions: tuple, x: tuple[int, ...], y: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
+    """The orders of the axes of both factors of these shapes, the shapes of their stacks, and that of the result."""
+    (cx, cy), (bx, by) = dimensions
+    free_x = [axis for axis in range(len(x)) if axis not in (*cx, *bx)]
+    free_y = [axis for axis in range(len(y)) if axis not in (*cy, *by)]
+    batch, m, n, k = ([a[i] for i in axes] for a, axes in ((x, bx), (x, free_x), (y, free_y), (x, cx)))
+    stack, rows, columns, count = map(math.prod, (batch, m, n, k))
+    order_x, order_y = (*bx, *free_x, *cx), (*by, *cy, *free_y)
+    return order_x, order_y, (stack, rows, count), (stack, count, columns), (*batch, *m, *n)
 
 
 def _dot(p: EquationParameters, x: Array, y: Array) -> Array:

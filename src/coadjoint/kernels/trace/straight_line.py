@@ -7,6 +7,7 @@ common subexpressions are shared, and unused operations are dropped.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -55,6 +56,21 @@ class Straight:
             _store(values, function(*[values[i] for i in places]), outputs, dtypes, several)
         return [values[i] for i in self._outputs]
 
+    def given(self, first: Sequence[Array]) -> Straight:
+        """The rest of the program where its first inputs are known: that of the others."""
+        rest = copy(self)
+        rest._values, rest._operations, rest._inputs = self._values.copy(), [], self._inputs[len(first) :]
+        for place, value in zip(self._inputs, first, strict=False):
+            rest._values[place] = value
+        for operation in self._operations:
+            function, places, outputs, dtypes, several = operation
+            known = [rest._values[i] for i in places]
+            if any(value is None for value in known):
+                rest._operations.append(operation)
+            else:
+                _store(rest._values, function(*known), outputs, dtypes, several)
+        return rest
+
     def _place(self, value: Array | None = None) -> int:
         self._values.append(value)
         return len(self._values) - 1
@@ -81,6 +97,10 @@ class Straight:
             if equation.name in WRITTEN_OUT or self._has_plain_body(equation):
                 equation.require_known()
                 outputs = self._write(structured.body(equation), given)
+            elif equation.name == "custom_linear_solve":
+                equation.require_known()
+                system = structured.linear_solve(equation)
+                outputs = self._write(system.solve, [*given[system.of_solve], *given[system.constants :]])
             else:
                 outputs = self._operation(equation, given)
             places.update(zip(equation.outputs, outputs, strict=True))
