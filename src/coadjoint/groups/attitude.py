@@ -63,8 +63,8 @@ def zxz_angles(R: ArrayLike) -> Angles:
     phi = np.where(sine > SINGULAR, np.arctan2(R[..., 2, 0], R[..., 2, 1]), 0.0)
     theta = np.arctan2(sine, R[..., 2, 2])
     # ψ is read after φ is turned back, not from R₁₃ and R₂₃: near θ = 0 the errors of ψ and φ then cancel in R.
-    node = np.cos(phi)[..., None] * R[..., :, 0] - np.sin(phi)[..., None] * R[..., :, 1]
-    return np.arctan2(node[..., 1], node[..., 0]), theta, phi
+    x, y = (np.cos(phi) * R[..., k, 0] - np.sin(phi) * R[..., k, 1] for k in (0, 1))
+    return np.arctan2(y, x), theta, phi
 
 
 def zyx_angles(R: ArrayLike) -> Angles:
@@ -80,8 +80,8 @@ def zyx_angles(R: ArrayLike) -> Angles:
     roll = np.where(cosine > SINGULAR, np.arctan2(R[..., 2, 1], R[..., 2, 2]), 0.0)
     pitch = np.arctan2(0.0 - R[..., 2, 0], cosine)
     # As in zxz_angles; and 0 − x, not −x, because a negative zero would make a heading of π read −π.
-    side = np.cos(roll)[..., None] * R[..., :, 1] - np.sin(roll)[..., None] * R[..., :, 2]
-    return np.arctan2(0.0 - side[..., 0], side[..., 1]), pitch, roll
+    x, y = (np.cos(roll) * R[..., k, 1] - np.sin(roll) * R[..., k, 2] for k in (0, 1))
+    return np.arctan2(0.0 - x, y), pitch, roll
 
 
 def zxz_angular_velocity(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike, rates: ArrayLike) -> np.ndarray:
@@ -283,10 +283,14 @@ def _rotation(R: ArrayLike) -> np.ndarray:
     """`R` as rotation matrices, refused where it is none."""
     array = _finite("R", R, 3, 3)
     must = "Argument `R` must be a rotation matrix of shape (3, 3)"
-    defect = np.max(np.abs(np.swapaxes(array, -1, -2) @ array - np.eye(3)), initial=0.0)
+    a, b, c = np.moveaxis(array, (-2, -1), (0, 1))  # entry by entry: NumPy is slow on many small matrices
+    upper = [(i, j) for i in range(3) for j in range(i, 3)]
+    entries = (a[i] * a[j] + b[i] * b[j] + c[i] * c[j] - (i == j) for i, j in upper)
+    defect = max(np.max(np.abs(entry), initial=0.0) for entry in entries)
     if defect > UNIT:
         raise ArgumentError(f"{must}, but RᵀR − I reaches {defect:.2g}; project it first.")
-    if np.any(np.linalg.det(array) < 0):
+    minors = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+    if np.any(a[0] * minors[0] + a[1] * minors[1] + a[2] * minors[2] < 0):
         raise ArgumentError(f"{must}, but its determinant is −1; turn one of its axes round.")
     return array
 
