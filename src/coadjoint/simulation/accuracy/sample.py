@@ -37,7 +37,7 @@ KINDS = (*CHANGING, *(f"largest {field}" for field in MOMENTA))
 BLOCK = 4096
 """Chunks of fewer records, those of all members counted, wait for others."""
 
-TOGETHER = 2048
+TOGETHER = 4096
 """The most records compared together."""
 
 
@@ -126,8 +126,10 @@ class Sampler:
         last = None if held is None else np.concatenate([self._values(held.records, f)[-1].ravel() for f in CHANGING])
         shapes = {field: values.shape[1:] for field, values in parts[0].items()}
         ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
+        room = np.empty((ends[-1], TOGETHER))
         for first, seen, columns in _blocks(parts, last):
-            change = np.abs(columns[:, 1:] - columns[:, :-1])
+            change = room[:, : columns.shape[1] - 1]
+            np.abs(np.subtract(columns[:, 1:], columns[:, :-1], out=change), out=change)
             for field, start, end in zip(CHANGING, ends, ends[1:], strict=False):
                 _widen(found, field, change[start:end], first)
                 if field in MOMENTA:
@@ -217,21 +219,21 @@ def _blocks(parts: list[dict[str, np.ndarray]], last: np.ndarray | None) -> Iter
     """The fields of all records, some records at a time, a row a number: NumPy is slow along an axis of three.
 
     A block (numbers, k) begins with the last record of the one before, if any: the index of its first record, how many
-    of its records were in an earlier one, and its numbers. last: those of the record of index −1.
+    of its records were in an earlier one, and its numbers, until the next one. last: those of the record of index −1.
     """
-    index = 0
+    index, room = 0, np.empty((sum(math.prod(values.shape[1:]) for values in parts[0].values()), TOGETHER + 1))
     for part in parts:
         sizes = [math.prod(values.shape[1:]) for values in part.values()]
         for start in range(0, len(part[CHANGING[0]]), TOGETHER):
             fields = [values[start : start + TOGETHER] for values in part.values()]
             count, seen = len(fields[0]), int(last is not None)
-            columns = np.empty((sum(sizes), seen + count))
+            columns = room[:, : seen + count]
             if last is not None:
                 columns[:, 0] = last
             for end, size, values in zip(np.cumsum(sizes), sizes, fields, strict=True):
                 columns[end - size : end, seen:] = values.reshape(count, size).T
             yield index - seen, seen, columns
-            last = columns[:, -1]
+            last = columns[:, -1].copy()
             index += count
 
 
@@ -245,7 +247,7 @@ def _lengths(columns: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 def _widen(found: dict[str, Largest], kind: str, sizes: np.ndarray, first: int) -> None:
     """Enter the largest of sizes (…, k) of records from the index `first` on, if larger than the one found."""
-    if not sizes.size:
+    if not sizes.size or (kind in found and sizes.max() <= found[kind].size):
         return
     sizes = sizes.reshape(-1, sizes.shape[-1])
     if not np.isfinite((most := sizes.max(axis=0)).max()):
