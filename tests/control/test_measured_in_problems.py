@@ -84,6 +84,23 @@ def test_the_weight_of_what_was_measured_is_one_over_its_deviation_and_of_gaps_z
     np.testing.assert_array_equal(weight, [[1 / S, 0.0]] * 3)
 
 
+@pytest.mark.parametrize(
+    ("count", "times", "says"),
+    [
+        (4, None, "has 4 values, but there are 9 nodes"),
+        (2, [0.1], r"has 2 values, but times of the shape \(1,\)"),
+        (2, [0.1, 0.11], "has two values at one node"),
+        (2, [0.1, 0.9], "was measured outside of the motion from 0 to 0.8 s"),
+        (2, [-0.1, 0.1], "was measured outside of the motion from 0 to 0.8 s"),
+        (3, [0.1, 0.23, 0.4], "was measured at 0.23 s, between two nodes"),
+    ],
+)
+def test_times_that_are_no_nodes_are_told(count, times, says):
+    with pytest.raises(co.errors.ArgumentError, match=says):
+        Measured(lambda m: m.xi, np.zeros(count), S, times=times).nodes("y", 0.0, 0.1, 8)
+    assert Measured(lambda m: m.xi, [1.0, 2.0], S, times=[0.0, 0.8]).nodes("y", 0.0, 0.1, 8).tolist() == [0, 8]
+
+
 def test_values_that_do_not_fit_their_space_raise_one_sentence():
     y = log()[1]
     for given, says in (

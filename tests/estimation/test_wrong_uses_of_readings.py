@@ -13,6 +13,7 @@ import pytest
 import coadjoint as co
 from coadjoint import estimation
 from coadjoint.estimation.filtered import Consistency
+from coadjoint.estimation.timetable import Series, require_readings
 
 Strapdown: Any = estimation.StrapdownProcess
 TIMES = np.arange(0.0, 2.0, 0.02)
@@ -139,6 +140,12 @@ def test_a_gap_between_readings_is_told(hole: slice, told: str):
         again = filter()
         again.predict(0.02, {"imu": REST[0]})
         again.predict(0.02)
+
+
+def test_what_ends_before_the_log_is_held_up_to_its_end():
+    nodes, readings = np.array([0.0, 0.5, 1.0, 5.0, 9.0]), np.linspace(0.0, 1.0, 11)
+    with pytest.warns(UserWarning, match="no reading of `imu` from 1 s to 9 s"):
+        require_readings("imu", Series(readings, readings[:, None]), nodes, 0.1, True)
 
 
 def test_a_pause_of_an_hour_between_readings_is_refused():

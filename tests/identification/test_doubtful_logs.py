@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, merged, synthetic_log
 from coadjoint.identification.commands import with_current
+from coadjoint.spaces import Named
 from coadjoint_vehicles import Craft, load
 from coadjoint_vehicles.logs import read_log, write_log
 from coadjoint_vehicles.water import UniformWater
@@ -50,6 +52,12 @@ def test_a_current_that_the_model_lacks_is_sought_as_well(drift, table):
     assert "a current of 0.18 m/s" in note and "water.velocity[0] and water.velocity[1] are estimated as well" in note
     sinking = replace(log, current={**log.current, "down": log.current["down"] + 0.05})
     assert with_current(craft.system, sinking, ["hull"], [])[0][-1] == "water.velocity[2]"
+
+
+def test_a_level_current_of_the_model_is_one_without_a_part_downwards():
+    log = Log(np.arange(3.0), {"u": np.ones(3)}, current={"north": np.full(3, 0.2), "east": np.full(3, 0.1)})
+    system: Any = SimpleNamespace(parameters=Named(water=Named(velocity=np.array([0.2, 0.1]))))
+    assert with_current(system, log, ["drag"], []) == (["drag"], [])
 
 
 def test_a_current_that_is_not_steady_is_an_error_which_says_how_to_seek_it(drift, table):

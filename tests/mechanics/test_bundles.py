@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +26,7 @@ from bundles import (
     turned_system,
 )
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.bundle import reconstructed, reduced
+from coadjoint.mechanics.bundle import _in_pieces, reconstructed, reduced
 from stepping import Stepper
 from systems import GROUPS, RULES
 
@@ -76,6 +79,14 @@ def test_sigma_is_e_exactly_on_horizontal_steps(name):
     assert apart(matrices(group, reduced(connection, lift, x)), evaluate(group.matrix, e)) <= 20 * ROUND_OFF
     steps = matrices(group, reduced(connection, g, x)) - evaluate(group.matrix, e)
     assert np.all(np.max(np.abs(steps), axis=(1, 2)) > 1e-2)
+
+
+def test_a_piece_of_a_horizontal_lift_is_exact_for_shapes_that_turn_by_a_cubic():
+    """Gauss' two nodes; on a commutative group the lift is a quadrature."""
+    planar: Any = SimpleNamespace(group=co.SO2(), velocity=lambda x, v: jnp.stack([x**3 * v]))
+    turned = evaluate(lambda: co.SO2().exp(jnp.array([0.25])))
+    found = _in_pieces(planar, lambda t: t, np.array([0.0, 1.0]), 1)
+    np.testing.assert_allclose(np.ravel(found), np.ravel(turned), atol=1e-15)
 
 
 @pytest.mark.cases(1)

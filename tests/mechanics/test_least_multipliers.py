@@ -21,6 +21,9 @@ def test_redundant_rows_share_the_least_multipliers_with_the_reaction_of_the_ind
     found = evaluate(lambda M, s: _spread(jnp.asarray(M), s, independent), A / masses @ A.T, strength)
     np.testing.assert_allclose(A.T @ found, A.T @ strength, atol=1e-12)
     np.testing.assert_allclose(found, np.linalg.pinv(A.T) @ (A.T @ strength), atol=1e-12)
+    held = np.isin(np.arange(5), independent).astype(float)
+    traced = evaluate(lambda M, s, held: _spread(jnp.asarray(M), s, held), A / masses @ A.T, strength, held)
+    np.testing.assert_allclose(traced, found, atol=1e-12)
 
 
 def test_without_redundant_rows_multipliers_stay():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import coadjoint as co
 from c_library import built, needs_compiler, structure, written_while_it_runs
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.lanes import of_lanes
+from coadjoint.simulation.steppers.c_library import sources
 
 YOSHIDA = co.methods.Yoshida4(co.Midpoint(), negative_substeps="allow")
 
@@ -23,6 +26,13 @@ def exported(tmp_path_factory, request):
     top = made(method=request.param)
     top.step({"torque": [0.1, 0.0, -0.2]}, n=3)
     return top.export_c(tmp_path_factory.mktemp("c") / "top", units={"mu": "N m s"}), top
+
+
+@pytest.mark.parametrize(("members", "says"), [(3, "has 3 members"), (None, "runs by XLA")])
+def test_a_stepper_that_is_no_library_is_told_why(members, says):
+    stepper: Any = SimpleNamespace(face=SimpleNamespace(members=members), _engine=None, _buffers=None)
+    with pytest.raises(ArgumentError, match=f"{says} is no C library"):
+        sources(stepper, "top", {})
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,10 +10,27 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.methods.renewal import ALL_HELD
+from coadjoint.simulation.dense import holding
 
 BODY = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.inertia * xi), parameters={"inertia": [1.0, 2.0, 3.0]})
 START = BODY.state(xi=[0.3, -0.2, 2.0])
 RUN: dict[str, Any] = {"dt": 0.05, "steps": 23, "accuracy": False, "progress": False}
+
+
+@dataclass(frozen=True)
+class Constants:
+    renewal: Any
+
+
+@dataclass(frozen=True)
+class Plan:
+    constants: Constants
+
+
+def test_steps_that_hold_what_a_state_holds_renew_neither_inputs_nor_internal_state():
+    for given, held in (("renewed", ALL_HELD), (None, None)):
+        assert holding(Plan(Constants(given))).constants.renewal is held  # type: ignore[arg-type]
 
 
 def spin(state: co.State) -> Any:

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from coadjoint.sweeps.numbers import Number, design, shares
-from coadjoint.sweeps.reduction import Reduction
+from coadjoint.sweeps.reduction import Reduction, _are_rotations
 from coadjoint.sweeps.sketch import Sketch, merged
+
+
+def test_rotations_are_orthogonal_and_right_handed():
+    a = np.radians(25)
+    R = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    assert _are_rotations(np.stack([R, R @ R, 2 * R, -R, R * np.nan])).tolist() == [True, True, False, False, False]
 
 
 @pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])

@@ -8,9 +8,10 @@ import pytest
 from equations import Equations, Still
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.newton.solver import Root
+from coadjoint.kernels.newton.solver import Root, parts_of, sizes_of
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend, xla
+from coadjoint.kernels.trace.evaluate import evaluate
 
 MATRIX, RIGHT = np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([3.0, 5.0])
 
@@ -41,6 +42,12 @@ class Counted(Equations):
 
     def carry(self, after, carried):
         return after.at[-1].set(carried)
+
+
+def test_each_block_of_unknowns_has_the_size_of_its_largest_entry():
+    vector = np.array([1.0, -3.0, 2.0, 0.5, -0.25])
+    assert evaluate(lambda x: sizes_of(x, parts_of((2, 0, 3))), vector).tolist() == [3.0, 2.0]
+    assert evaluate(lambda x: sizes_of(x, parts_of(())), vector).tolist() == [3.0]
 
 
 def test_a_step_is_solved_by_the_structure_that_its_stage_states_and_carries_what_that_leaves():

@@ -34,6 +34,13 @@ def test_no_other_file_knows_the_inside_of_jax():
     assert knowing == {"kernels/trace/jaxprs.py"}
 
 
+def test_a_setting_of_jax_that_changes_traces_changes_their_context():
+    plain = jaxprs.trace_context()
+    with jax.default_matmul_precision("highest"):
+        assert jaxprs.trace_context() != plain
+    assert jaxprs.trace_context() == plain
+
+
 @jax.custom_jvp
 def own_tangent(x, y):
     return jnp.sin(x) * y
