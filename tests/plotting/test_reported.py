@@ -40,6 +40,7 @@ def test_the_caption_tells_which_way_z_points_and_what_a_change_of_energy_is():
     assert "points down" not in caption("trajectory", [dataset(**VEHICLE)])
     assert "Forces act" in caption("energy", [dataset()])
     assert "no force acts" in caption("energy", [dataset(energy_budget=None)])
+    assert "Forces act" in caption("energy", [dataset(energy_budget=None), dataset()])
 
 
 def test_a_figure_that_is_none_is_refused():

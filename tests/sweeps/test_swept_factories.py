@@ -7,11 +7,14 @@ import importlib
 import shutil
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 import coadjoint as co
 from coadjoint.sweeps import store
+from coadjoint.sweeps import task as tasks
 from coadjoint.sweeps.file import Sweep, read_sweep
 from coadjoint.sweeps.sweep import execute
 from coadjoint.sweeps.task import Task, compute
@@ -102,6 +105,16 @@ def test_a_sweep_does_not_go_on_where_the_trace_is_another(sweep, begun, monkeyp
         execute(sweep, begun, workers=1, progress=False)
 
 
+@pytest.mark.parametrize("differs", [{"equations": "others"}, {"jax": "0.1"}])
+def test_a_worker_whose_model_or_library_differs_refuses_its_task(monkeypatch, differs):
+    known = {"equations": "these", "jax": "0.9"}
+    monkeypatch.setattr(tasks, "swept", lambda _: (None, known))
+    given: Any = SimpleNamespace(identity={**known, **differs})
+    with pytest.raises(co.errors.ArgumentError, match="The model of a worker differs"):
+        compute(given)
+
+
+@pytest.mark.long
 def test_a_worker_with_another_model_refuses_its_task(sweep, begun):
     text = hashlib.sha256((begun / "run.toml").read_bytes()).hexdigest()
     rows = sweep.rows(slice(0, 2))
