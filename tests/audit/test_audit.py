@@ -145,6 +145,7 @@ def test_an_approximate_tangent_of_the_map_breaks_momentum_and_two_form():
     assert found["momentum"].shown
 
 
+@pytest.mark.long
 def test_a_map_with_a_wrong_closed_form_makes_an_audit_fail():
     """Its system refuses it, and what is refused everywhere is not passed over, whatever the other maps show."""
     maps = {**CAYLEY, "truncated": wrong.Truncated()}

@@ -63,6 +63,7 @@ def test_a_run_is_read_at_the_nodes_of_the_filter():
     assert np.array_equal(one.nees(run.at(one.t))[0], nees) and nees[0] > 0.2
 
 
+@pytest.mark.long
 def test_a_run_of_another_mass_has_the_momenta_of_its_velocities_in_the_model_of_the_filter():
     run, one = simulated(mass=3.0), found()
     assert one.nees(run)[0] == pytest.approx(by_hand(one, run.records.q[::2, 0], run.records.pi[::2, 0] / 3), rel=1e-9)

@@ -24,7 +24,7 @@ from coadjoint_vehicles.files.file import read_vehicle
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a time limit by signals")
 
-SOME = {"run": 6, "vehicle": 6, "mission": 2, "csv": 20, "netcdf": 2, "zarr": 2}
+SOME = {"run": 4, "vehicle": 4, "mission": 1, "csv": 12, "netcdf": 1, "zarr": 1}
 MANY = {"run": 1300, "vehicle": 900, "mission": 600, "csv": 1200, "netcdf": 500, "zarr": 500}
 
 

@@ -132,6 +132,7 @@ def found_in(rule, name, off, seeds) -> list[Any]:
     return found
 
 
+@pytest.mark.long
 def test_the_lag_of_an_actuator_is_found_with_default_segments():
     (found,) = found_in(lagging, "lag", 1.3, 1)
     for name in ("lag", "drag"):

@@ -196,6 +196,7 @@ def test_the_step_at_which_a_momentum_is_largest_is_judged_though_it_changes_lea
         assert 150 < largest < 170 and largest in run.accuracy.steps
 
 
+@pytest.mark.long
 def test_the_dt_named_for_a_force_of_a_lagging_actuator_is_the_largest_power_of_two_that_resolves():
     """u̇ = −10u and a force u³: a step takes the force at the mean of u, which depends on its length."""
 

@@ -166,6 +166,7 @@ def test_saved_runs_keep_reactions_and_continue_bitwise(plain, tmp_path):
     assert np.array_equal(*on)
 
 
+@pytest.mark.long
 def test_a_stepper_takes_the_steps_of_a_run(plain):
     system = pinned()
     stepper = co.Stepper(system, start(system), dt=0.01)
@@ -281,6 +282,7 @@ ALWAYS = ("constrained", "around", "kept", "redundancy")
 """What asks whether a system has constraints."""
 
 
+@pytest.mark.long
 def test_a_free_body_runs_none_of_the_code_of_constraints(monkeypatch):
     def refused(*given, **named):
         raise AssertionError

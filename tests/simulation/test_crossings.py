@@ -50,6 +50,7 @@ def test_every_crossing_is_collected_at_its_time_with_its_state_and_direction(wa
     assert "both: 19, rising: 9, falling: 10" in watched.certificate.long()
 
 
+@pytest.mark.long
 def test_events_change_nothing_else(watched):
     plain = simulate(save_every=100)
     for name in ("mu", "g", "t", "xi"):
@@ -73,6 +74,7 @@ def test_a_run_that_goes_on_from_an_event_comes_to_the_next_one(backend):
     np.testing.assert_allclose(np.diff(times), np.pi / 1.5, rtol=0.03)
 
 
+@pytest.mark.long
 def test_the_first_of_two_crossings_in_one_step_ends_the_run():
     def twice(state):
         return jnp.cos(4.0 * (state.t - 0.05)) - jnp.cos(4.0 * 0.0214)

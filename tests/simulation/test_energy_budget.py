@@ -129,6 +129,7 @@ def test_without_forces_nothing_is_accounted():
     assert co.trajectory(forced, start, dt=0.01, steps=5).final.ledger is None
 
 
+@pytest.mark.long
 def test_a_run_that_goes_on_from_a_record_begins_a_new_budget():
     system, start = pendulum("drag")
     first = co.simulate(system, start, dt=0.01, steps=50)
@@ -147,6 +148,7 @@ def test_both_backends_keep_the_same_ledger():
     np.testing.assert_allclose(native.final.ledger[0], xla.final.ledger[0], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_every_member_of_an_ensemble_has_its_own_budget():
     system, start = pendulum("drag", "motor")
     fleet = co.simulate(system.replace(drag=co.each([0.1, 0.2])), start, dt=0.01, steps=100)
@@ -184,6 +186,7 @@ def test_the_figure_of_a_budget(tmp_path):
         co.simulate(unforced, start, dt=0.01, steps=5).plot.budget()
 
 
+@pytest.mark.long
 def test_a_ledger_of_a_million_steps_has_the_rounding_of_one():
     """A mass that is pushed: h f enters at each step; added up without the rest, 1e-11 of the sum would be lost."""
     body = co.System(

@@ -32,11 +32,12 @@ def deep(state):
     return state.q[2] - DEPTH
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "method", [co.LeftRectangle(), co.Midpoint(), co.methods.KahanLi6(co.methods.LeftRight())], ids=repr
 )
-@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
+@pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_dive_ends_at_its_depth(vehicle, method, backend):
     if backend == "xla" and not isinstance(method, co.Midpoint):
         pytest.skip("one method is enough for the second path")
@@ -159,10 +160,11 @@ def _rows(records):
     return [jax.tree.map(lambda leaf, i=i: leaf[i], records) for i in range(len(records.t))]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "method",
-    [co.Midpoint(co.Exponential()), pytest.param(co.Suzuki4(co.methods.LeftRight()), marks=pytest.mark.long)],
+    [co.Midpoint(co.Exponential()), co.Suzuki4(co.methods.LeftRight())],
     ids=repr,
 )
 def test_dense_output_has_the_order_of_the_method(top, method):

@@ -164,7 +164,8 @@ def test_quantities_and_observations_see_the_node(backend):
         np.testing.assert_allclose(stepper.observation["xi"], run.dataset.xi[1], atol=1e-15)
 
 
-@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("backend", ["native", "xla"])
 def test_events_are_where_the_velocities_of_the_nodes_cross(backend):
     """Where ω₁ vanishes so does μ₁ = I₁ω₁, and not half a step earlier."""
     functions = {"velocity": lambda s: s.xi[0], "momentum": lambda s: s.mu[0]}

@@ -120,6 +120,7 @@ def test_a_dead_thruster_goes_on_as_a_vehicle_that_was_built_without_it(under_wa
     assert np.linalg.norm(under_way.state.nu) < 0.7 * speed
 
 
+@pytest.mark.long
 def test_a_front_of_current_carries_the_vehicle_away(under_way, moving):
     still = under_way.clone()
     under_way.change(water={"velocity": [0.0, 0.5, 0.0]})

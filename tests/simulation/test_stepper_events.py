@@ -144,6 +144,7 @@ def test_what_is_no_event_is_refused():
         co.Event(first_momentum, "up")  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.long
 def test_a_pinned_body_stops_where_the_function_of_its_event_vanishes():
     system = pinned()
     stepper = co.Stepper(system, start_pinned(system), dt=0.01, until=lambda state: state.q[0])

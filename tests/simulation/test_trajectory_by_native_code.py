@@ -8,6 +8,7 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native
+from coadjoint.simulation.native_trajectory import on_host
 from paper_vehicle import start, system
 
 VEHICLE = system()
@@ -37,6 +38,18 @@ def test_a_plain_trajectory_compiles_one_kernel(monkeypatch):
     monkeypatch.setattr(native, "load", lambda *arguments: made.append(1) or load(*arguments))
     co.trajectory(VEHICLE, start(VEHICLE), dt=0.05, steps=2)
     assert len(made) == 1
+
+
+def test_numbers_pass_to_the_host_and_back_with_all_their_digits():
+    x, like = np.array([1 / 3, np.pi, -1e-300]), (np.zeros((3,)), np.zeros((1, 2)), np.zeros(()))
+
+    def function(tree):
+        return tree["x"][::-1], tree["y"] * np.array([[1.0, 2.0]]), tree["x"] @ tree["x"]
+
+    with co.float64():
+        found = jax.jit(lambda x: on_host(function, {"x": x, "y": x[1]}, like))(x)
+    for one, expected in zip(found, (x[::-1], [[np.pi, 2 * np.pi]], x @ x), strict=True):
+        np.testing.assert_array_equal(one, expected)
 
 
 class Spring:

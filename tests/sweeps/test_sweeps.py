@@ -79,6 +79,7 @@ def test_statistics_are_those_of_the_members(swept):
     np.testing.assert_allclose(table.sel(statistic="50%"), np.quantile(values, 0.5, axis=0), rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_sweep_that_was_killed_computes_what_is_missing_to_the_same_bits(swept, tmp_path, monkeypatch):
     file = written(tmp_path)
     sweep = read_sweep(file)
