@@ -20,8 +20,9 @@ from coadjoint.simulation.events import Event
 Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
-CAPACITY = 8192
-"""The most records of a chunk by machine code, enough that the cost of a call is negligible."""
+CAPACITY, WATCHED_CAPACITY = 65_536, 8192
+"""The most records of a chunk by machine code, enough that the cost of a call is negligible; and where events are looked
+for after each chunk, beyond which the steps are lost."""
 
 
 @dataclass
@@ -127,7 +128,7 @@ class Plan:
     def capacity(self, state: State) -> int:
         """The most records of a chunk from such a state."""
         if self.members is None and self.backend == "native":
-            return CAPACITY
+            return WATCHED_CAPACITY if self.events else CAPACITY
         return xla.capacity(state, together=self.members is not None)
 
     def constants_of(self, member: int = 0) -> Constants:
