@@ -51,12 +51,9 @@ class Derivation:
             return {}
         shared, own = _split(parameters, members)
         plain = records.replace(memory=kept(records), ledger=None, origin=Origin())
-        size, count = self._rows, len(records.t)
+        size = self._rows
         first = jax.tree.map(lambda leaf: np.resize(leaf[:size], (size, *np.shape(leaf)[1:])), (plain, own))
-        function = self._function(self._traced, shared, *first)
-        if count > size:
-            return function.of_rows(shared, (plain, own), size)
-        return jax.tree.map(lambda leaf: leaf[:count], function(shared, *first))
+        return self._function(self._traced, shared, *first).of_rows(shared, (plain, own), size)
 
     def velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
         """(ξ, ν) at the node, (dim G,) and (ambient,), of one state; of many, if state and parameters have an axis

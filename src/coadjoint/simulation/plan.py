@@ -21,8 +21,8 @@ Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 CAPACITY, WATCHED_CAPACITY = 65_536, 8192
-"""The most records of a chunk by machine code, enough that the cost of a call is negligible; and where events are looked
-for after each chunk, beyond which the steps are lost."""
+"""The most records of a chunk by machine code, enough that the cost of a call is negligible; and where events are
+looked for after each chunk, beyond which the steps are lost."""
 
 
 @dataclass
