@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,8 @@ import pytest
 
 import coadjoint as co
 from coadjoint.control import Bounds, End, Input, Problem, Profile
+from coadjoint.control.solve import answer
+from coadjoint.errors import Interrupted, OptimumError
 
 SYSTEM = co.System(
     co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0},
@@ -233,3 +237,19 @@ def test_a_copy_with_another_step_says_how_to_keep_the_duration_or_the_steps():
     with pytest.raises(co.errors.ArgumentError, match=r"they are 0.5 s and 5 with dt = 0.05 s.* give steps=None too"):
         dataclasses.replace(problem, dt=0.05)
     assert dataclasses.replace(problem, dt=0.05, steps=None).count == 10
+
+
+@pytest.mark.parametrize(
+    ("stopped", "error", "says"),
+    [
+        (RuntimeError("in f:\nKeyboardInterrupt"), Interrupted, "Interrupted in the solver"),
+        (RuntimeError("in f:\nno memory"), OptimumError, "The solver stopped: no memory"),
+    ],
+)
+def test_a_solver_that_stops_is_told_apart_from_one_that_is_interrupted(stopped, error, says):
+    def solver(**given):
+        raise stopped
+
+    program: Any = SimpleNamespace(limits=(0, 0), bounds=(0, 0))
+    with pytest.raises(error, match=says):
+        answer(solver, program, np.zeros(1), None)

@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify
 from coadjoint.identification.diagnostics import gaps, missed
-from coadjoint.identification.sampling import samples
+from coadjoint.identification.sampling import samples, steps_between
 
 T = np.arange(5.0)
 NAN, INF = np.nan, np.inf
@@ -142,3 +142,15 @@ def test_short_segments_ask_for_seconds_only_where_samples_are_farther_apart_tha
         with pytest.raises(ArgumentError, match="hold fewer than four samples") as error:
             samples(Log(time, {"yaw": time}), np.array([False]), 0.1, 1.0, between="held")
         assert ("are times in seconds?" in str(error.value)) is asks
+
+
+def test_steps_over_a_gap_are_those_of_the_grid_and_no_more_than_a_thousand():
+    flat = Log(np.arange(4.0), {"u": np.ones(4)}, inputs={"command": np.ones(4)})
+    cut: Any = SimpleNamespace(
+        h=0.1, starts=np.array([0.0, 10.0, 210.0]), steps_away=np.full((3, 1), 10), after_gap=np.arange(3) > 0
+    )
+    begins, lengths, means, places = steps_between(flat, cut, "held")
+    assert places.tolist() == [0, 10 + 90, 10 + 90 + 10 + 1000]
+    np.testing.assert_allclose(lengths, [0.1] * 110 + [0.199] * 1000)
+    np.testing.assert_allclose(begins, np.cumsum([0.0, *lengths[:-1]]))
+    np.testing.assert_allclose(means, 1.0)

@@ -46,6 +46,7 @@ LANGUAGE = {
     ),
     "scatter to places of values": lambda a, b: a.at[:, jnp.stack([jnp.argmax(b), jnp.argmin(b)])].add(a[:, :2]),
     "gather": lambda a, b: a[:, jnp.array([2, 0, -1])],
+    "gather from outside": lambda a, b: jnp.take(a, jnp.array([1, 7, -9]), axis=0, mode="clip"),
     "loop": lambda a, b: jax.lax.fori_loop(0, 3, lambda i, x: x * b[i], 1.0),
     "while": lambda a, b: jax.lax.while_loop(lambda x: x < 10, lambda x: 2 * x, jnp.abs(b[0])),
     "a while for each row": lambda a, b: jax.vmap(

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.plotting.attitude import _broken, _set_points, attitude
 from coadjoint.plotting.budget import budget
 from coadjoint.plotting.components import component_labels, momenta, variable, velocities
-from coadjoint.plotting.conservation import _changes, relative
+from coadjoint.plotting.conservation import _changes, _finish, relative
 from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.plots import Plots, _ending, available
@@ -281,3 +281,13 @@ def test_figures_are_those_that_the_dataset_has_what_to_draw_for():
 def test_a_figure_is_a_picture_and_a_film_moves():
     assert [_ending("energy", e) for e in ("png", "pdf", "gif", "html")] == ["png", "pdf", "png", "png"]
     assert [_ending("animation", e) for e in ("png", "pdf", "gif", "html")] == ["gif", "gif", "gif", "html"]
+
+
+def test_an_axis_of_errors_holds_all_curves_but_no_round_off_of_the_largest():
+    for heights, limits in (((1e-3, 1e-9), (5e-10, 2e-3)), ((1e-3, 1e-30), (2e-20, 2e-3)), ((1.0, 0.9), (0.2, 2.0))):
+        figure = canvas(2, 2)
+        axes = figure.subplots()
+        for height in heights:
+            axes.plot([0.0, 1.0], [height, height], label=str(height))
+        _finish(figure, axes, runs(dataset(NODES)), "error")
+        assert axes.get_ylim() == pytest.approx(limits)

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from coadjoint.sweeps import reduction
 from coadjoint.sweeps.numbers import Number, design, shares
-from coadjoint.sweeps.reduction import Reduction, _are_rotations
+from coadjoint.sweeps.reduction import Observer, Reduction, _are_rotations
 from coadjoint.sweeps.sketch import Sketch, merged
 
 
@@ -16,6 +17,15 @@ def test_rotations_are_orthogonal_and_right_handed():
     a = np.radians(25)
     R = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
     assert _are_rotations(np.stack([R, R @ R, 2 * R, -R, R * np.nan])).tolist() == [True, True, False, False, False]
+
+
+def test_angles_are_those_of_rotations_and_others_need_none(monkeypatch):
+    monkeypatch.setattr(reduction, "variables", lambda plain, records, more, derive: made | derive(None))
+    one, made = SimpleNamespace(_plain=None), {reduction.ANGLES: (("time", "angle"), np.ones((2, 3)))}
+    assert Observer._without(one, None, {"x": 1.0}) == {**made, "x": 1.0}  # type: ignore[arg-type]
+    found = Observer._without(one, None, {"rotation": np.stack([np.eye(3), 2 * np.eye(3)])})  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found[reduction.ANGLES][1], [[1.0] * 3, [np.nan] * 3])
+    np.testing.assert_array_equal(found["rotation"], [np.eye(3)] * 2)
 
 
 @pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])

@@ -73,6 +73,16 @@ def flat_numbers(tree):
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(tree)])
 
 
+@pytest.mark.parametrize("fill", [None, 2.0])
+def test_numbers_that_fill_places_outside_of_an_array_are_left_to_xla(fill):
+    def function(a, b):
+        return jnp.take(b, jnp.array([1, 7]), mode="fill", fill_value=fill) + a[0, 0]
+
+    with pytest.raises(Untraceable, match="it reads outside its array"):
+        traced(function, A, B)
+    np.testing.assert_allclose(evaluate(function, A, B), [B[1] + A[0, 0], (fill or np.nan) + A[0, 0]])
+
+
 @pytest.mark.parametrize("name", [name for name in LANGUAGE if name not in UNKNOWN])
 def test_expressions_have_the_values_of_their_function(name):
     _, roots, _, given = traced(LANGUAGE[name], A, B)

@@ -119,7 +119,7 @@ def _gather(p: EquationParameters, operand: Array, indices: Array) -> Array:
     inside = np.broadcast_to(inside.reshape((*inside.shape, *(1,) * len(sizes))), numbers.shape)
     values = operand.reshape(-1)[numbers]
     if not np.all(inside):
-        if p["fill_value"] is None and symbolic(operand):
+        if symbolic(operand):
             raise Untraceable("gather", "it reads outside its array")
         fill = np.nan if p["fill_value"] is None else p["fill_value"]
         values = np.where(inside, values, fill)
