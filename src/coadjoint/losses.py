@@ -14,7 +14,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erfc, gammainccinv
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
@@ -62,6 +61,8 @@ class Huber(Loss):
 
     def reach(self, m: int) -> float:
         """k of values of m numbers."""
+        from scipy.special import erfc, gammainccinv
+
         return float(np.sqrt(2 * gammainccinv(m / 2, erfc(self.threshold / np.sqrt(2)))))
 
     def weight(self, square: np.ndarray, m: int) -> np.ndarray:
@@ -73,6 +74,8 @@ class Huber(Loss):
 
     def scale(self, squares: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Proposal 2 of Huber: Σ ψ²/E ψ², ψ = wd, of normal noise."""
+        from scipy.special import erfc
+
         k = self.threshold
         beyond, density = erfc(k / np.sqrt(2)), np.exp(-(k**2) / 2) / np.sqrt(2 * np.pi)
         return np.sum(weights**2 * squares, axis=-1) / (1 - beyond - 2 * k * density + k**2 * beyond)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 import pytest
 
 import coadjoint as co
 import coadjoint_vehicles as vehicles
+from coadjoint.kernels.trace.identity import identity
 from coadjoint_vehicles import Craft
+from coadjoint_vehicles.controllers import Cruise, design
+from coadjoint_vehicles.files.registry import vehicle_names
 from coadjoint_vehicles.water import UniformWater
 
 CURRENT = (0.05, 0.1, 0.0)
@@ -50,3 +56,47 @@ def test_five_vehicles_dive_turn_and_surface_by_their_own_controllers(name):
         limit, moved = part.parameters().get("limit"), f"internal_{part.name}"
         if limit is not None and np.ndim(limit) == 0:
             assert np.abs(made[moved].values).max() <= limit + 1e-12
+
+
+def test_gains_that_come_with_a_vehicle_are_used_and_ignored_once_it_is_changed(monkeypatch):
+    def design_begins(*_):
+        raise AssertionError("designed")
+
+    monkeypatch.setenv("COADJOINT_CACHE", "")
+    monkeypatch.setattr(design, "designed_gains", design_begins)
+    vehicle: Any = vehicles.load("remus_100")
+    assert vehicle.controller.fitted(vehicle).depth_gains[0] > 0
+    heavier = dataclasses.replace(vehicle, mass=vehicle.mass + 1e-12)
+    for controller, one in ((vehicle.controller, heavier), (Cruise(speed=1.4), vehicle)):
+        with pytest.raises(AssertionError, match="designed"):
+            controller.fitted(one)
+
+
+def cruising() -> dict[str, Any]:
+    """The vehicles that are shipped with a cruise controller, by name."""
+    shipped = {name: vehicles.load(name) for name in vehicle_names()}
+    return {name: one for name, one in shipped.items() if isinstance(one.controller, Cruise)}
+
+
+def test_gains_come_with_every_vehicle_that_has_a_cruise_controller():
+    """`python .ci/gains.py` writes them anew after a change of a vehicle or of the design."""
+    digests: Any = {name: identity("cruise", one.controller, one) for name, one in cruising().items()}
+    assert {found.digest for found in digests.values()} == {*design.shipped_gains()}
+
+
+@pytest.mark.long
+@pytest.mark.cases(2)
+@pytest.mark.parametrize(
+    "name", ["kvlcc2", "lrauv_raanan", "lrauv_tethys", "nps_auv_ii", "remus_100", "remus_100_sgarioto"]
+)
+def test_gains_that_come_with_a_vehicle_are_those_that_are_designed_for_it(name: str):
+    vehicle: Any = cruising()[name]
+    known: Any = identity("cruise", vehicle.controller, vehicle)
+    shipped, designed = (
+        design.shipped_gains()[known.digest],
+        design.designed_gains(vehicle.controller, vehicle),
+    )
+    assert shipped["names"] == designed["names"] and shipped["chosen"].keys() == designed["chosen"].keys()
+    np.testing.assert_allclose(shipped["matrix"], designed["matrix"], rtol=1e-9, atol=1e-12)
+    for key, value in designed["chosen"].items():
+        np.testing.assert_allclose(shipped["chosen"][key], value, rtol=1e-9)

@@ -7,7 +7,7 @@ current files of the library is not stored.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,8 +31,19 @@ def name(*parts: object) -> str | None:
     return store.key(_FORM, *processor(), here, own.digest)
 
 
-def recalled(parts: tuple[object, ...], find_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """The result that the library computes from these parts: from the cache, or computed now and stored."""
+def recalled(
+    parts: tuple[object, ...],
+    find_out: Callable[[], dict[str, Any]],
+    shipped: Callable[[], Mapping[str, dict[str, Any]]] = dict,
+) -> dict[str, Any]:
+    """The result that the library computes from these parts: from the cache, or computed now and stored.
+
+    shipped: results that come with the library, by the digest of their parts (`kernels.trace.identity`); those of any
+    other parts are ignored.
+    """
+    own = identity(*parts)
+    if own is not None and own.digest in (ready := shipped()):
+        return _read(_write(ready[own.digest]))
     known = name(*parts)
     found = find(known)
     if found is None:

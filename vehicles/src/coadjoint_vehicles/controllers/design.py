@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from functools import cache
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +30,8 @@ PLANES = {"roll": (0, 3, 1), "pitch": (1, 4, 2), "heading": (2, 5, 1)}
 """The column of the allocation, and the rows of the torque and of the slip, of a turn."""
 WELL_DAMPED = 0.7
 """The damping ratio that is enough for any mode."""
+SHIPPED = files(str(__package__)) / "data" / "cruise_gains.json"
+"""What `propose` finds for shipped vehicles, as `python .ci/gains.py` writes it."""
 
 
 def propose(controller: Controller, vehicle: object) -> Any:
@@ -39,12 +44,20 @@ def propose(controller: Controller, vehicle: object) -> Any:
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
     Speed: m u̇ = a u + b n gets PI with the same poles, and feed-forward of the trimmed thrust.
     """
-    return _with(controller, disk_cache.recalled(("cruise", controller, vehicle), lambda: _gains(controller, vehicle)))
+    parts = ("cruise", controller, vehicle)
+    return _with(controller, disk_cache.recalled(parts, lambda: designed_gains(controller, vehicle), shipped_gains))
+
+
+@cache
+def shipped_gains() -> dict[str, dict[str, Any]]:
+    """The results of `propose` that come with the library, by the digest of controller and vehicle."""
+    found = json.loads(SHIPPED.read_text(encoding="utf-8"))
+    return {one["digest"]: {name: one[name] for name in ("matrix", "names", "chosen")} for one in found.values()}
 
 
 def _with(controller: Any, found: dict[str, PyTree], **more: Any) -> Any:
     """The controller with its allocation and the proposed values of missing fields."""
-    mixed = Allocation(found["matrix"], tuple(found["names"]))
+    mixed = Allocation(np.asarray(found["matrix"]), tuple(found["names"]))
     return replace(controller, allocation=mixed, **found["chosen"], **more)
 
 
@@ -54,7 +67,7 @@ def _found(controller: Any, mixed: Allocation, given: dict[str, PyTree]) -> dict
     return {"matrix": mixed.matrix, "names": list(mixed.names), "chosen": chosen}
 
 
-def _gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
+def designed_gains(controller: Any, vehicle: Any) -> dict[str, PyTree]:
     with prefixed(
         f"The controller `{controller.kind}` is designed for its `speed`, {controller.speed:g} m/s", ArgumentError
     ):
