@@ -164,6 +164,7 @@ def test_no_two_classes_of_a_storey_have_one_name():
     [
         ("simulation.simulate", ("xarray", "pandas", "scipy", "matplotlib", "zarr", "h5py", "dask")),
         ("vehicles.missions.file", ("xarray", "pandas", "scipy", "zarr", "h5py", "dask")),
+        ("simulation.resume", ("pandas", "scipy", "matplotlib", "zarr", "dask")),
         ("vehicles.sensors.imu", ("xarray", "pandas", "scipy", "zarr", "h5py", "dask")),
         ("cli.commands", ("jax", "numpy", "xarray", "pandas", "scipy", "matplotlib", "zarr", "h5py", "dask")),
     ],

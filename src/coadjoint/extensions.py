@@ -66,7 +66,7 @@ def extensions() -> list[str]:
     """The modules in `coadjoint.EXTENSIONS`, and those that installed packages name, each once."""
     import coadjoint
 
-    return list(dict.fromkeys([*coadjoint.EXTENSIONS, *_installed()]))
+    return list(dict.fromkeys([*coadjoint.EXTENSIONS, *sorted(module for _, module in _installed())]))
 
 
 def added(name: str) -> ModuleType | None:
@@ -74,10 +74,9 @@ def added(name: str) -> ModuleType | None:
 
     Raises AttributeError for the vehicles where they are not installed.
     """
-    from importlib.metadata import entry_points
-
-    for point in entry_points(group=GROUP, name=name):
-        return import_module(point.value.partition(".")[0])
+    for named, module in _installed():
+        if named == name:
+            return import_module(module.partition(".")[0])
     if name == "vehicles":
         raise AttributeError(absent("`coadjoint.vehicles`"))
     return None
@@ -89,10 +88,11 @@ def absent(what: str) -> str:
 
 
 @cache
-def _installed() -> tuple[str, ...]:
+def _installed() -> tuple[tuple[str, str], ...]:
+    """The entry points of installed packages, name and module: a search of all packages, made once."""
     from importlib.metadata import entry_points
 
-    return tuple(sorted(point.value for point in entry_points(group=GROUP)))
+    return tuple((point.name, point.value) for point in entry_points(group=GROUP))
 
 
 def _loaded(module: str) -> ModuleType:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+import zarr
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.simulation import energy_budget
 from coadjoint.simulation.accuracy.time_dependence import PARTS, _table_at, _unseen, bent, unseen_pulses
 from coadjoint.simulation.run import _angles, _rows, statistics
-from coadjoint.simulation.zarr_writer import _filled, _read
+from coadjoint.simulation.zarr_reader import arrays
+from coadjoint.simulation.zarr_writer import _filled, _read, array_metadata, group_metadata
 
 H = 1.0
 
@@ -170,9 +174,8 @@ def test_rows_of_a_stored_array_have_their_nodes_first():
     class Stored:
         """An array of members × time, or of time alone."""
 
-        def __init__(self, values: np.ndarray, *names: str):
-            self.values, self.shape = values, values.shape
-            self.metadata = SimpleNamespace(dimension_names=names)
+        def __init__(self, values: np.ndarray, *dims: str):
+            self.values, self.shape, self.dims = values, values.shape, dims
 
         def __getitem__(self, at: Any) -> np.ndarray:
             return self.values[at]
@@ -183,3 +186,34 @@ def test_rows_of_a_stored_array_have_their_nodes_first():
     filled = _filled(np.ones((2, 1)), (3, 2), np.dtype(float))
     assert np.array_equal(filled[:2, :1], np.ones((2, 1))) and np.isnan(filled).sum() == 4
     assert _filled(np.ones(1, int), (2,), np.dtype(int)).tolist() == [1, -1]
+
+
+def test_parts_of_stored_arrays_are_those_of_their_numbers_also_for_zarr(tmp_path: Path) -> None:
+    """Chunks of 3 × 2 numbers, the last ones not full; integers, steps, and slices backwards and without numbers."""
+    values = np.arange(35.0).reshape(7, 5)
+    files = {"zarr.json": group_metadata({"order": ["x"]})}
+    files["x/zarr.json"] = array_metadata((7, 5), (3, 2), values.dtype, ("time", "axis"), {"units": "m"})
+    for i, j in np.ndindex(3, 3):
+        data = _filled(values[3 * i : 3 * i + 3, 2 * j : 2 * j + 2], (3, 2), values.dtype).tobytes()
+        files[f"x/c.{i}.{j}"] = data + checksum(data)
+    manifest = Manifest(tmp_path, {"kind": "records"})
+    for name, data in files.items():
+        path = tmp_path / "records.zarr" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        manifest.files[f"records.zarr/{name}"] = entry(data)
+    ours, theirs = arrays(manifest, "records.zarr")["x"], zarr.open_array(tmp_path / "records.zarr" / "x", mode="r")
+    for key in (
+        slice(None),
+        4,
+        (slice(1, 6, 2), 3),
+        (-1, slice(4, 0, -3)),
+        (slice(5, 2), slice(None)),
+        (slice(2, 4), 2),
+    ):
+        np.testing.assert_array_equal(ours[key], values[key])
+    np.testing.assert_array_equal(theirs[...], values)
+    (tmp_path / "records.zarr" / "x" / "c.2.1").write_bytes(bytes(len(files["x/c.2.1"])))
+    assert ours[5, 1] == values[5, 1] and ours[6, 4] == values[6, 4]
+    with pytest.raises(FileError, match=r"c\.2\.1 of the run is damaged"):
+        ours[5:, 2]

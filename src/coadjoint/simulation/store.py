@@ -23,9 +23,6 @@ from typing import Any
 
 import jax
 import numpy as np
-import zarr
-from zarr.codecs import Crc32cCodec
-from zarr.storage import MemoryStore
 
 from coadjoint import disk
 from coadjoint.arrays import PyTree
@@ -43,8 +40,7 @@ from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.plan import AnyPosition
 from coadjoint.simulation.result import Result, kinetic
 from coadjoint.simulation.zarr_reader import RECORDS
-from coadjoint.simulation.zarr_writer import Chunks, unset
-from coadjoint.texts import Table
+from coadjoint.simulation.zarr_writer import Chunks, array_metadata, group_metadata
 
 _log = logger(__name__)
 
@@ -113,23 +109,17 @@ class Store:
         found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._of_first)}
         known = meanings(found, self.system)
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
-        made: Table = {}
-        group = zarr.create_group(MemoryStore(made), zarr_format=3, attributes={"order": list(found)})
+        self.put(f"{RECORDS}/zarr.json", group_metadata({"order": list(found)}))
         for name, (dims, values) in found.items():
             lead = () if self.members is None or name in ("time", "step") else (self.members,)
-            group.create_array(
-                name,
+            made = array_metadata(
                 shape=(*lead, self.plan.nodes, *values.shape[1:]),
                 chunks=(*(across for _ in lead), length, *values.shape[1:]),
                 dtype=values.dtype,
-                compressors=[Crc32cCodec()],
-                chunk_key_encoding={"name": "default", "separator": "."},
-                fill_value=unset(values.dtype),
-                dimension_names=(*("member" for _ in lead), *dims),
+                dims=(*("member" for _ in lead), *dims),
                 attributes={**known.get(name, {})},
             )
-        for key, data in made.items():
-            self.put(f"{RECORDS}/{key}", data.to_bytes())
+            self.put(f"{RECORDS}/{name}/zarr.json", made)
         self._open()
 
     def _blocks(self, size: int) -> tuple[int, int]:

@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 import xarray
+from xarray.backends import BackendArray, BackendEntrypoint
+from xarray.core import indexing
 
 from coadjoint.disk import reading, require_folder
 from coadjoint.errors import FileError
 from coadjoint.manifest import DAMAGED, MANIFEST, Manifest, as_written
 from coadjoint.simulation import configuration
 from coadjoint.simulation.dataset import coordinates_of, labelled
-from coadjoint.simulation.zarr_reader import RECORDS, along_time, arrays, verified
+from coadjoint.simulation.zarr_reader import RECORDS, StoredArray, along_time, arrays
 from coadjoint.texts import Table
 
 CONFIGURATION = "configuration.npz"
@@ -33,6 +35,26 @@ _AGAIN = 20
 """How often reading a folder is tried while a run there replaces the file that is read."""
 
 
+class _Lazy(BackendArray):
+    """An array that xarray reads when its values are used."""
+
+    def __init__(self, array: StoredArray):
+        self.array, self.shape, self.dtype = array, array.shape, array.dtype
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> np.ndarray:
+        basic = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, basic, self.array.__getitem__)
+
+
+class _Backend(BackendEntrypoint):
+    """Makes a lazy dataset of arrays by their names."""
+
+    def open_dataset(self, filename_or_obj: Any, *, drop_variables: object = None) -> xarray.Dataset:
+        lazy = {name: indexing.LazilyIndexedArray(_Lazy(array)) for name, array in filename_or_obj.items()}
+        made = {name: (array.dims, lazy[name], dict(array.attrs)) for name, array in filename_or_obj.items()}
+        return xarray.Dataset(made)
+
+
 def stored_dataset(
     manifest: Manifest, count: int, attributes: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None
 ) -> xarray.Dataset:
@@ -40,15 +62,11 @@ def stored_dataset(
 
     `coordinates` are those of an ensemble's members.
     """
-    store = verified(manifest, RECORDS)
-    # Opened with the times, xarray would read all of them, including times not yet written.
-    options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
-    found = xarray.open_zarr(store, drop_variables=["time"], **options)
     opened = arrays(manifest, RECORDS)
     _require_held(manifest, opened, count)
-    time = opened["time"]
-    order = [name for name in found.attrs["order"] if name != "time"]
-    found = found[order].set_coords("step").isel(time=slice(0, count))
+    time = opened.pop("time")
+    found: xarray.Dataset = xarray.open_dataset(opened, engine=_Backend)  # pyright: ignore[reportArgumentType]
+    found = found.set_coords("step").isel(time=slice(0, count))
     found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
     found.attrs = {name: np.array(value) if isinstance(value, list) else value for name, value in attributes.items()}
     return labelled(found, {})

@@ -1,8 +1,8 @@
 """Reads arrays of a run's folder: lazily, only the files that its manifest lists, and only if they are unchanged.
 
-No array is passed to zarr before its metadata have been compared with the manifest and found plain: zarr format 3,
-numbers of a fixed size, regular chunks, and codecs from a list. Therefore no other codec is ever looked up or run, and
-an array takes no more memory than its files take on disk.
+No array is read before its metadata have been compared with the manifest and found plain: zarr format 3, numbers of a
+fixed size, regular chunks, and the codecs `bytes` and `crc32c`. An array therefore takes no more memory than its files
+take on disk, and numbers are read without the library zarr, whose import takes longer than a short run.
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from typing import Any, TypeGuard
 
 import numpy as np
-import zarr
-from zarr.storage import LocalStore
 
+from coadjoint.disk import reading
 from coadjoint.errors import FileError, rephrased
 from coadjoint.manifest import DAMAGED, Manifest, sums_up
 from coadjoint.texts import Table
@@ -46,64 +47,95 @@ _ARRAY = _GROUP - {"consolidated_metadata"} | {
 }  # fmt: skip
 
 
-class Verified(LocalStore):
-    """Files of the folder `place`, as the manifest lists them; raises FileError that names a file that differs.
+@dataclass(frozen=True)
+class StoredArray:
+    """An array of the folder `place`, of which parts are read by integers and slices; metadata: those of its zarr.json.
 
-    whole: if true, every chunk was written; otherwise a chunk that the manifest lacks held only its fill value.
+    Reading raises FileError that names a file that differs from the manifest.
     """
 
-    def __init__(self, root: Path | str, *, manifest: Manifest, place: str, whole: bool = True, **options: Any):
-        super().__init__(root, **options)
-        self.manifest, self.place, self.whole = manifest, place, whole
+    manifest: Manifest
+    place: str
+    basename: str
+    metadata: Table
 
-    def with_read_only(self, read_only: bool = False) -> Verified:
-        own = {"manifest": self.manifest, "place": self.place, "whole": self.whole}
-        return Verified(self.root, read_only=read_only, **own)
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """The names of the dimensions."""
+        return tuple(self.metadata["dimension_names"])
 
-    async def get(self, key: str, *rest: Any, **options: Any) -> Any:
-        return self._checked(key, await super().get(key, *rest, **options)) if self._is_there(key) else None
+    @property
+    def attrs(self) -> Table:
+        """Unit and meaning."""
+        return self.metadata["attributes"]
 
-    def get_sync(self, key: str, *rest: Any, **options: Any) -> Any:
-        return self._checked(key, super().get_sync(key, *rest, **options)) if self._is_there(key) else None
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers along each dimension."""
+        return tuple(self.metadata["shape"])
 
-    def _is_there(self, key: str) -> bool:
-        """Whether the manifest has a file, which then must be a file of its size: pipes and devices are not read."""
-        name = f"{self.place}/{key}"
-        if name in self.manifest.files:
-            self.manifest.require_size(name)
-            return True
-        if (self.root / key).exists() or (self.whole and "/c." in key):
-            raise FileError(f"The file {self.root / key} is not among those of the manifest: {DAMAGED}.")
-        return False
+    @cached_property
+    def chunks(self) -> tuple[int, ...]:
+        """Numbers of a chunk along each dimension."""
+        return tuple(self.metadata["chunk_grid"]["configuration"]["chunk_shape"])
 
-    def _checked(self, key: str, found: Any) -> Any:
-        data = None if found is None else found.to_bytes()
-        self.manifest.require(f"{self.place}/{key}", data)
-        if data is not None and "/c." in key and not sums_up(data):
-            raise FileError(f"The file {self.root / key} does not have the checksum with which it ends: {DAMAGED}.")
-        return found
+    @cached_property
+    def dtype(self) -> np.dtype:
+        """The type of the numbers, little-endian."""
+        return np.dtype(self.metadata["data_type"]).newbyteorder("<")
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        given = key if isinstance(key, tuple) else (key,)
+        given = [*given, *[slice(None)] * (len(self.shape) - len(given))]
+        ranges = [_places(one, n) for one, n in zip(given, self.shape, strict=True)]
+        box = [(min(span, default=0), max(span, default=-1) + 1) for span in ranges]
+        found = np.empty([end - begin for begin, end in box], self.dtype)
+        blocks = [range(begin // n, -(-end // n)) for (begin, end), n in zip(box, self.chunks, strict=True)]
+        for index in product(*blocks):
+            here = [(i * n, (i + 1) * n) for i, n in zip(index, self.chunks, strict=True)]
+            both = [
+                (max(*low), min(*high))
+                for low, high in (zip(*pair, strict=True) for pair in zip(box, here, strict=True))
+            ]
+            into = tuple(slice(low - begin, high - begin) for (low, high), (begin, _) in zip(both, box, strict=True))
+            of = tuple(slice(low - begin, high - begin) for (low, high), (begin, _) in zip(both, here, strict=True))
+            found[into] = self._chunk(index)[of]
+        steps = zip(given, ranges, strict=True)
+        return found[tuple(slice(None, None, span.step) if isinstance(one, slice) else 0 for one, span in steps)]
+
+    def _chunk(self, index: tuple[int, ...]) -> np.ndarray:
+        """The numbers of a chunk, which must be listed and unchanged."""
+        name = f"{self.place}/{self.basename}/c{''.join(f'.{i}' for i in index)}"
+        self.manifest.require_size(name)
+        path = self.manifest.path(name)
+        with reading(path):
+            data = path.read_bytes()
+        self.manifest.require(name, data)
+        if not sums_up(data):
+            raise FileError(f"The file {path} does not have the checksum with which it ends: {DAMAGED}.")
+        if len(data) != math.prod(self.chunks) * self.dtype.itemsize + 4:
+            raise _strange(self.manifest, name, "has not the bytes of a chunk")
+        return np.frombuffer(data[:-4], self.dtype).reshape(self.chunks)
 
 
-def verified(manifest: Manifest, place: str, whole: bool = True) -> Verified:
-    """The store of the folder `place`; raises FileError unless all of it is plain."""
+def _places(index: Any, n: int) -> range:
+    """The places of an integer or a slice among n."""
+    found: Any = range(n)[index]
+    return found if isinstance(found, range) else range(found, found + 1)
+
+
+def arrays(manifest: Manifest, place: str) -> dict[str, StoredArray]:
+    """The arrays of the folder `place` by their names, in the order in which they were declared.
+
+    Values are checked when they are read. Raises FileError unless all of it is plain.
+    """
     group = _metadata(manifest, place, "group", _GROUP)
     order = group["attributes"].get("order")
     if group.get("consolidated_metadata") is not None:
         raise _strange(manifest, place, "has consolidated metadata")
     if not isinstance(order, list) or not all(_is_name(name) for name in order) or len({*order}) != len(order):
         raise _strange(manifest, place, "does not list its arrays")
-    for name in order:
-        _require_plain(manifest, f"{place}/{name}")
-    return Verified(manifest.folder / place, manifest=manifest, place=place, whole=whole, read_only=True)
-
-
-def arrays(manifest: Manifest, place: str) -> Table:
-    """The arrays of the folder `place` by their names; values are checked when they are read."""
-    store = verified(manifest, place)
-    # zarr has errors of all kinds
-    with rephrased(f"The arrays in {manifest.folder / place} cannot be opened", Exception, then=DAMAGED):
-        group: Any = zarr.open_group(store, mode="r", zarr_format=3)
-        return {name: group[name] for name in group.attrs["order"]}
+    return {name: StoredArray(manifest, place, name, _plain(manifest, f"{place}/{name}")) for name in order}
 
 
 def require_chunks(manifest: Manifest, place: str, whole: bool) -> None:
@@ -148,8 +180,8 @@ def _metadata(manifest: Manifest, place: str, kind: str, known: set[str]) -> Tab
     return found
 
 
-def _require_plain(manifest: Manifest, place: str) -> None:
-    """Raise FileError for an array that the library does not write."""
+def _plain(manifest: Manifest, place: str) -> Table:
+    """The metadata of an array; raises FileError for one that the library does not write."""
     made = _metadata(manifest, place, "array", _ARRAY)
     codecs = [(one.get("name"), one.get("configuration") or {}) for one in _tables(made.get("codecs"))]
     little = all(given in ({}, {"endian": "little"}) for _, given in codecs)
@@ -168,6 +200,7 @@ def _require_plain(manifest: Manifest, place: str) -> None:
         raise _strange(manifest, place, "does not name its dimensions")
     if not isinstance(made.get("fill_value"), (bool, int, float, str, list)):
         raise _strange(manifest, place, "has no fill value")
+    return made
 
 
 def _strange(manifest: Manifest, place: str, what: str) -> FileError:
@@ -209,14 +242,14 @@ RECORDS = "records.zarr"
 """The folder of the records of a run."""
 
 
-def along_time(array: Any) -> int:
+def along_time(array: StoredArray) -> int:
     """The axis of an array that counts the nodes: 1 if members come first."""
-    return array.metadata.dimension_names.index("time")
+    return array.dims.index("time")
 
 
-def chunk_names(array: Any, index: int) -> list[str]:
+def chunk_names(array: StoredArray, index: int) -> list[str]:
     """The files of the chunks of an array with the block of nodes `index`: one, or one for each block of members."""
     axis = along_time(array)
     blocks = np.ndindex(*(-(-array.shape[i] // array.chunks[i]) for i in range(axis)))
-    rest = [0] * (array.ndim - axis - 1)
+    rest = [0] * (len(array.shape) - axis - 1)
     return [f"{RECORDS}/{array.basename}/c.{'.'.join(map(str, (*block, index, *rest)))}" for block in blocks]

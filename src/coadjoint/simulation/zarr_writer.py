@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from coadjoint import disk
 from coadjoint.manifest import Manifest, checksum, entry
-from coadjoint.simulation.zarr_reader import RECORDS, along_time, arrays, chunk_names
+from coadjoint.simulation.zarr_reader import CODECS, RECORDS, StoredArray, along_time, arrays, chunk_names
 from coadjoint.texts import Table
 
 
@@ -23,7 +24,7 @@ class Chunks:
 
     def __init__(self, manifest: Manifest):
         self.manifest, self.count = manifest, 0
-        self._arrays: Table = {}
+        self._arrays: dict[str, StoredArray] = {}
         self._block: dict[str, np.ndarray] = {}
         self._unsettled: set[Path] = set()
 
@@ -107,6 +108,38 @@ class Chunks:
         self._unsettled |= {path.parent} if counted else {path, path.parent}
 
 
+def group_metadata(attributes: Table) -> bytes:
+    """The zarr.json of a group (zarr format 3)."""
+    return _json({"attributes": attributes, "zarr_format": 3, "node_type": "group"})
+
+
+def array_metadata(
+    shape: Sequence[int], chunks: Sequence[int], dtype: np.dtype, dims: Sequence[str], attributes: Table
+) -> bytes:
+    """The zarr.json of an array of numbers of a fixed size, whose chunks end with their CRC-32C (zarr format 3)."""
+    fill = {"f": "NaN", "c": [-1.0, 0.0], "b": True}.get(dtype.kind, -1)
+    to_bytes, to_sum = CODECS
+    return _json(
+        {
+            "shape": list(shape),
+            "data_type": dtype.name,
+            "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(chunks)}},
+            "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
+            "fill_value": fill,
+            "codecs": [{"name": to_bytes, "configuration": {"endian": "little"}}, {"name": to_sum}],
+            "attributes": attributes,
+            "dimension_names": list(dims),
+            "zarr_format": 3,
+            "node_type": "array",
+            "storage_transformers": [],
+        }
+    )
+
+
+def _json(found: Table) -> bytes:
+    return json.dumps(found, indent=2).encode()
+
+
 def unset(dtype: Any) -> Any:
     """The value of rows that are not written yet, which is never shown."""
     return np.nan if np.dtype(dtype).kind == "f" else -1
@@ -121,6 +154,6 @@ def _filled(values: np.ndarray, shape: tuple[int, ...], dtype: Any) -> np.ndarra
     return whole
 
 
-def _read(array: Any, begin: int, end: int) -> np.ndarray:
+def _read(array: StoredArray, begin: int, end: int) -> np.ndarray:
     """Rows of an array, nodes first."""
     return np.swapaxes(array[:, begin:end], 0, 1) if along_time(array) else array[begin:end]

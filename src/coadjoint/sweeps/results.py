@@ -18,11 +18,12 @@ from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED, Manifest
 from coadjoint.report.folder import SUMMARY, held_manifest
 from coadjoint.sealed import readable
-from coadjoint.simulation.zarr_reader import require_chunks, verified
+from coadjoint.simulation.zarr_reader import require_chunks
 from coadjoint.sweeps.reduction import KINDS
 from coadjoint.sweeps.sketch import merged
 from coadjoint.sweeps.store import MEMBERS, STATISTICS, statistics
 from coadjoint.sweeps.task import REFUSED
+from coadjoint.sweeps.verified import verified
 from coadjoint.texts import LARGEST_SUMMARY, Table, text_of
 
 if TYPE_CHECKING:
