@@ -6,6 +6,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.simulation.arguments import _rate
 from paper_vehicle import PARAMETERS, lagrangian, start, system
 
 VEHICLE = system()
@@ -463,3 +464,11 @@ def test_the_card_says_that_a_start_by_velocities_costs_the_second_order():
     card = str(simulate(method=co.Midpoint(start="velocity")))
     assert "order 1, because it starts by velocities" in card
     assert "order 2" in str(simulate())
+
+
+def test_the_rate_of_damping_is_the_fastest_decay_and_zero_where_nothing_decays():
+    """Of v̇ = M⁻¹(∂F/∂v)v: 3 of drags 1 and 6 on masses 1 and 2, and none of a turn, of round-off, of no mass."""
+    mass, turn = np.diag([1.0, 2.0]), np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert _rate(np.diag([-1.0, -6.0]), mass) == pytest.approx(3.0)
+    for slope, given in ((turn, mass), (turn - 1e-12 * mass, np.eye(2)), (-mass, 0 * mass), (np.nan * mass, mass)):
+        assert _rate(slope, given) == 0.0

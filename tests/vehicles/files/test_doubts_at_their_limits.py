@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import coadjoint_vehicles as vehicles
+from coadjoint.errors import FileError
 from coadjoint_vehicles.files import checks
+from coadjoint_vehicles.files.added_masses import _matrix
 
 MASS, G = 100.0, 9.81
 SOUND = replace(
@@ -100,3 +103,11 @@ def test_water_and_gravity_are_those_of_the_earth():
         assert bool(said(checks._surroundings, fluid_density=density)) == doubted
     for gravity, doubted in ((9.69, True), (9.7, False), (9.9, False), (9.91, True), (0.0, False)):
         assert bool(said(checks._surroundings, gravity=gravity)) == doubted
+
+
+def test_the_least_number_on_the_diagonal_of_an_added_mass_is_named():
+    section: Any = SimpleNamespace(
+        quantity=lambda *_, **__: ([1.0, 2.0, -1.0, 3.0, -5.0, 1.0], None), fail=lambda told: FileError(told)
+    )
+    with pytest.raises(FileError, match="-5 on its diagonal, row 5: the kinetic energy of water is positive"):
+        _matrix(section, 1000.0, None)

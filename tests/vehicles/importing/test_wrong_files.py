@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from coadjoint.cli.main import main
-from coadjoint.errors import CoadjointError
+from coadjoint.errors import CoadjointError, FileError
+from coadjoint.models.descriptions.frames import numbers
 from coadjoint_vehicles.importing import import_vehicle
 
 HERE = Path(__file__).parent / "descriptions"
@@ -178,3 +181,11 @@ def test_a_text_in_utf_8_is_read_as_that_whatever_it_says(encoding: str, tmp_pat
     (tmp_path / "torpedo.sdf").write_text(f'<?xml version="1.0" encoding="{encoding}"?>{rest}')
     found = import_vehicle(tmp_path / "torpedo.sdf", forward="-x")
     assert found.vehicle.name == "Schraübe"
+
+
+def test_one_number_beyond_all_bounds_is_told():
+    element: Any = SimpleNamespace(fail=lambda told: FileError(told))
+    assert numbers(element, "1 -1e15", (2,), "xyz").tolist() == [1.0, -1e15]
+    for text in ("1 2e30", "inf 1", "nan 1"):
+        with pytest.raises(FileError, match="xyz must be finite"):
+            numbers(element, text, (2,), "xyz")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray
 
+from coadjoint_vehicles.missions import results
 from coadjoint_vehicles.missions.results import astray, left_water, tilted
+from coadjoint_vehicles.missions.sections import MissionOutputSection
 from coadjoint_vehicles.missions.summary import mission_summary, spread
 
 
@@ -129,3 +133,12 @@ def test_a_set_point_that_is_far_off_for_most_of_a_mission_has_a_warning(changes
     calm = turned.copy()
     calm["internal_rudder"] = turned.internal_rudder.copy(data=np.full(turned.sizes["time"], 0.1))
     assert any("larger gains of the controller may hold it" in one for one in astray(calm))
+
+
+def test_figures_of_very_many_members_hold_the_first_the_last_and_even_ones_between(monkeypatch):
+    monkeypatch.setattr(results, "available", lambda dataset: ())
+    monkeypatch.setattr(results, "save_figures", lambda datasets, *_: datasets)
+    members = xarray.Dataset(coords={"member": np.arange(10 * results.MOST_DRAWN)})
+    (drawn,) = results.figures(MissionOutputSection(figures=True), Path("out"), members)
+    assert drawn.member.values[[0, -1]].tolist() == [0, 10 * results.MOST_DRAWN - 1]
+    assert len(drawn.member) == results.MOST_DRAWN and set(np.diff(drawn.member)) <= {10, 11}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -130,3 +131,7 @@ def test_a_grid_with_too_many_nodes_is_refused_before_it_is_read(tmp_path: Path,
     monkeypatch.setattr(xarray.DataArray, "load", None)
     with pytest.raises(CoadjointError, match="3,321 nodes, more than 3,000"):
         Bottom.from_netcdf(netcdf(tmp_path / "x.nc"))
+
+
+def test_the_height_above_a_flat_bottom_is_its_depth_less_that_of_the_body():
+    assert water.altitude(40.0)(SimpleNamespace(q=np.array([3.0, 7.0, 15.0]))) == 25.0  # type: ignore[arg-type]
