@@ -9,6 +9,7 @@ import pytest
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_map
+from coadjoint.difference_maps.difference_map import _measured
 from coadjoint.groups.overrides import members
 from coadjoint.kernels.trace.evaluate import evaluate
 from own_members import broken, changed, flipped, result_scaled, scaled, sentence_of, short
@@ -74,6 +75,7 @@ def test_a_fit_of_ones_own_does_not_replace_that_of_the_base():
             return group.exp((1 + 0.3 * jnp.sum(xi)) * xi)
 
     assert "is not a group difference map" in sentence_of(lambda: begin(Lopsided()))
+    assert _measured(Lopsided(), co.Translation(2))["asymmetry"] > 1e-2  # though most of its matrix is that of e
 
 
 def test_a_map_that_lacks_tau_is_told():

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,7 +14,7 @@ import coadjoint_vehicles as vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.models import rigid_body
 from coadjoint.models.paper_form import start
-from coadjoint.stability import steady_motion, step_modes
+from coadjoint.stability import integrals, steady_motion, step_modes
 from coadjoint_vehicles.hydrodynamics import ellipsoid
 from coadjoint_vehicles.trim import SteadyFlight
 
@@ -65,3 +69,27 @@ def test_a_motion_that_a_symmetry_carries_has_no_modes_under_steps():
     guess = rigid_body.start(body, angular_velocity=(0.3, 0, 1.0))
     with pytest.raises(ArgumentError, match="without symmetries"):
         step_modes(steady_motion(body, guess, symmetries=[lambda s: s.mu[2]]), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("slope", "says"),
+    [
+        ([0.0, 0.0, 1.0], None),
+        ([1.0, 0.0, 1.0], "`C`, integral 1 of those given, is not an integral of the motion: it changes along the"),
+        ([0.0, 1.0, 0.0], "it depends on ignorable variables"),
+    ],
+)
+def test_an_integral_stays_along_the_motion_and_along_ignorable_variables_that_are_reached(monkeypatch, slope, says):
+    """ẏ = 2e₁, e₂ is ignorable, and so is e₄, which no coordinate reaches."""
+
+    def C(state):
+        return 0.0
+
+    y_z, rate = np.eye(4)[:, :3], 2 * np.eye(4)[0]
+    monkeypatch.setattr(integrals, "tabulate", lambda *_: lambda state: (np.array([slope]), y_z, rate))
+    scales = SimpleNamespace(z=np.ones(3), y=np.ones(4))
+    reduced: Any = SimpleNamespace(
+        sizes=[3], symmetries=(), near=None, around=[None], scales=scales, ignorable=np.eye(4)[:, [1, 3]]
+    )
+    with nullcontext() if says is None else pytest.raises(ArgumentError, match=says):
+        integrals.require_conserved(reduced, [C])

@@ -18,6 +18,7 @@ XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12))
 DOUBLED = "".join(f'<xacro:property name="a{i}" value="${{a{i - 1}}}${{a{i - 1}}}"/>' for i in range(1, 60))
 TWICE = '<xacro:macro name="m" params=""><xacro:m/><xacro:m/></xacro:macro><xacro:m/>'
+BLOCK = '<xacro:property name="p"><xacro:insert_block name="p"/></xacro:property><xacro:insert_block name="p"/>'
 CHAIN = "".join(f'<xacro:property name="a{i}" value="${{a{i - 1}}}"/>' for i in range(1, 3000))
 NESTED = "(" * 40 + "1" + ")" * 40
 
@@ -46,6 +47,7 @@ WHOLE = {
         "more",
     ),
     "a chain": (f'<robot {XACRO}>{CHAIN}<b c="${{a2999}}"/></robot>', "more than 64 properties"),
+    "a block in itself": (f"<robot {XACRO}>{BLOCK}</robot>", "more than 64 elements, macros"),
     "macros in macros": (f"<robot {XACRO}>{TWICE}</robot>", "more than 64 elements, macros"),
     "outside": (f'<robot {XACRO}><xacro:include filename="../../etc/passwd"/></robot>', "outside of the folder"),
     "root of the disk": (f'<robot {XACRO}><xacro:include filename="/etc/passwd"/></robot>', "outside of the folder"),

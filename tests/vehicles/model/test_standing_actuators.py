@@ -8,10 +8,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_state import Course
 from coadjoint_vehicles.model.faults import BARELY, Fault, latched, require_faults
+from coadjoint_vehicles.model.start import through_water
 from coadjoint_vehicles.parts import Fin, Thrusters
 from coadjoint_vehicles.parts.force_curves import Linear
 
@@ -110,3 +112,9 @@ def test_faults_of_a_craft_are_of_its_actuators_and_have_names_of_their_own():
     refused("must be a fault such as", require_faults, [3], GIVEN)
     refused("no actuator `fin`: it knows .*rudder", require_faults, Fault("fin", time=1.0), GIVEN)
     refused("Two faults are named `rudder`", require_faults, [one, cast(Any, one)], GIVEN)
+
+
+def test_a_speed_is_one_ahead_of_each_member():
+    found = through_water(co.each([1.5, 2.0]), None)
+    assert np.asarray(found.values).tolist() == [[1.5, 0.0, 0.0], [2.0, 0.0, 0.0]]
+    assert through_water(1.5, None).tolist() == [1.5, 0.0, 0.0]
