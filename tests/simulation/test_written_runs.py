@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 
+import h5py
 import jax
 import numpy as np
 import pytest
+import xarray
 
 import coadjoint as co
+from coadjoint.simulation import netcdf
 
 BODY = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, name="body")
 
@@ -98,20 +101,46 @@ def test_what_is_no_path_is_said_in_a_sentence(run, path):
             act(path)
 
 
-def test_a_file_that_was_not_written_as_it_should_be_takes_no_name(tmp_path, monkeypatch):
-    import xarray
+def test_a_file_that_was_not_written_as_it_should_be_takes_no_name(run, tmp_path, monkeypatch):
+    write = netcdf.write
 
-    body = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi)
-    run = co.simulate(body, body.state(xi=[0.3]), dt=0.1, steps=5, progress=False)
-    write = xarray.Dataset.to_netcdf
+    def spoiled(dataset, path):
+        write(dataset.assign(xi=dataset.xi + 1e-12), path)
 
-    def spoiled(self, *given, **more):
-        return write(self.assign(xi=self.xi + 1e-16 * (self.xi > 0) + 1e-12), *given, **more)
-
-    monkeypatch.setattr(xarray.Dataset, "to_netcdf", spoiled)
+    monkeypatch.setattr(netcdf, "write", spoiled)
     with pytest.raises(co.errors.FileError, match=r"could not be written .*: what was read again of `xi` is not what"):
         run.save(tmp_path / "run.nc")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_netcdf_is_read_as_the_one_that_xarray_writes(run, tmp_path):
+    """Numbers of every kind, texts, axes with and without a variable or numbers, attributes of one and of several."""
+    attributes = {"n": [1, 2], "half": 0.5, "words": ["a", "bc"], "é": "ž"}
+    made = run.dataset.assign(
+        held=("time", run.dataset.xi.values[:, 2] > 0),
+        words=(("two", "algebra"), [["a", "bcd", "é"], ["", "x", "y"]]),
+        none=(("zero", "algebra"), np.zeros((0, 3))),
+        single=("time", run.dataset.xi.values[:, 0].astype("f4"), attributes),
+        one=((), 3),
+        member=("member", [1, 2]),
+    )
+    netcdf.write(made, tmp_path / "ours.nc")
+    made.to_netcdf(tmp_path / "theirs.nc", engine="h5netcdf")
+    ours, theirs = (xarray.load_dataset(tmp_path / name, engine="h5netcdf") for name in ("ours.nc", "theirs.nc"))
+    xarray.testing.assert_identical(ours, theirs)
+    assert {name: one.dtype for name, one in ours.variables.items()} == {
+        name: one.dtype for name, one in theirs.variables.items()
+    }
+    with h5py.File(tmp_path / "ours.nc") as opened:
+        assert [scale.name for scale in opened["xi"].dims[1].values()] == ["/algebra"]
+
+
+def test_what_a_user_compresses_is_written_by_xarray(run, tmp_path):
+    dataset = run.dataset.copy()
+    dataset["xi"].encoding["zlib"] = True
+    netcdf.write(dataset, tmp_path / "small.nc")
+    with h5py.File(tmp_path / "small.nc") as opened:
+        assert opened["xi"].compression == "gzip"
 
 
 def test_a_file_in_a_folder_of_results_is_compared_with_its_manifest(tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
@@ -26,6 +26,8 @@ HEADS = ("key", "unit", "default", "meaning")
 @dataclass(frozen=True)
 class Keys:
     """List the keys of files with unit, default and meaning: `coadjoint keys`, `coadjoint keys run`."""
+
+    BEGINS: ClassVar[str] = "Reading the sections of all files."
 
     section: Annotated[tyro.conf.Positional[str], called("[SECTION]")] = ""
     """A section, such as `run` or `output`; without it all sections of all kinds of files."""

@@ -27,6 +27,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.plotting.plots import Plots
 from coadjoint.sealed import seal
+from coadjoint.simulation import netcdf
 from coadjoint.simulation.accuracy.verdict import Accuracy
 from coadjoint.simulation.certificate_forms import Certificate
 from coadjoint.simulation.plan import Extrema, Plan
@@ -124,7 +125,7 @@ class Recording:
                     temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
                 else:
                     whole = self.dataset.assign(self._last_record())
-                    whole.to_netcdf(temporary.absolute(), engine="h5netcdf")
+                    netcdf.write(whole, temporary)
                     _require_equal(temporary, whole)
                     seal(temporary)
                 disk.settle(temporary)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import radians
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Serve:
     """Serve a vehicle over UDP: `coadjoint serve bluerov2_heavy_blue --ardupilot`, or plain JSON without it."""
+
+    BEGINS: ClassVar[str] = "Reading {vehicle}."
 
     vehicle: Annotated[tyro.conf.Positional[str], called("VEHICLE")]
     """A vehicle that is shipped, or a TOML file of your own."""

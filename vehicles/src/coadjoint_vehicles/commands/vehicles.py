@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -25,6 +25,8 @@ class Vehicles:
     `coadjoint vehicles show remus_100`, `coadjoint vehicles mission remus_100 > dive.toml`, `coadjoint vehicles mission
     remus_100 --manoeuvre zigzag_20 > zigzag.toml`.
     """
+
+    BEGINS: ClassVar[str] = "Reading the vehicles."
 
     action: Annotated[
         tyro.conf.Positional[Literal["list", "show", "mission", "new"]], called("[{list,show,mission,new}]")
