@@ -140,4 +140,4 @@ def compiled(function: Callable) -> Callable:
 
 def _numpy(leaf: object) -> np.ndarray:
     array = np.asarray(leaf)
-    return array.astype(np.float64) if array.dtype.kind == "f" else array
+    return array.astype(np.float64, copy=False) if array.dtype.kind == "f" else array

@@ -58,8 +58,21 @@ def _stacks(dimensions: tuple, x: tuple[int, ...], y: tuple[int, ...]) -> tuple[
 
 
 def _dot(p: EquationParameters, x: Array, y: Array) -> Array:
+    if not (x.ndim and y.ndim):
+        return x * y + 0  # the zeros of a sum are positive
     left, right, shape = matricize(p, x, y)
     return np.matmul(left, right).reshape(shape)
+
+
+def _sum(p: EquationParameters, x: Array) -> Array:
+    """Along a short last axis entry after entry, which is NumPy's order there, for all rows together."""
+    axes = tuple(p["axes"])
+    if axes != (x.ndim - 1,) or x.dtype != np.float64 or not 0 < x.shape[-1] < 8 or x.ndim < 2:
+        return np.sum(x, axis=axes)
+    total = x[..., 0] + 0.0
+    for k in range(1, x.shape[-1]):
+        total += x[..., k]
+    return total
 
 
 def _reduction(function: Callable) -> Rule:
@@ -131,7 +144,8 @@ def _triangular(p: EquationParameters, a: Array, b: Array) -> Array:
     size = a.shape[-1]
     for i in range(size) if lower else reversed(range(size)):
         known = slice(0, i) if lower else slice(i + 1, size)
-        x[..., i, :] -= np.einsum("...k,...kj->...j", a[..., i, known], x[..., known, :])
+        if known.start < known.stop:
+            x[..., i, :] -= np.einsum("...k,...kj->...j", a[..., i, known], x[..., known, :])
         if not p["unit_diagonal"]:
             x[..., i, :] /= a[..., i, i, None]
     return x if p["left_side"] else np.swapaxes(x, -1, -2)
@@ -189,7 +203,7 @@ NUMERIC: dict[str, Rule] = {
     "reduce_min": _extremum(np.min, lowest=False),
     "reduce_or": _reduction(np.any),
     "reduce_prod": _reduction(np.prod),
-    "reduce_sum": _reduction(np.sum),
+    "reduce_sum": _sum,
     "round": lambda p, x: UNARY[round_name(p)](x),
     "rsqrt": lambda p, x: 1.0 / np.sqrt(x),
     "select_n": _select,
