@@ -339,8 +339,7 @@ def named_extrema(kernel: Kernel, extrema: np.ndarray) -> dict[str, tuple[np.nda
     shapes = {**kernel.monitor_shapes, **dict.fromkeys(kernel.certificates, ())}
     for name, shape in shapes.items():
         end = start + math.prod(shape)
-        part = extrema[start:end].reshape((*shape, *extrema.shape[1:]))
-        low, high = np.moveaxis(part, len(shape), 0)
+        low, high = (extrema[start:end, side].reshape((*shape, *extrema.shape[2:])) for side in (0, 1))
         found[name] = low.copy(), high.copy()
         start = end
     return found

@@ -160,9 +160,9 @@ class Sampler:
         """Keep each of the records that are wanted once, in their order, as one part."""
         steps = np.concatenate([kept.steps for kept in self._kept])
         rows = np.concatenate([kept.rows for kept in self._kept])
-        extreme = [largest.step for largest in self._largest.values()]
+        wanted = {*self._wanted.tolist(), *self._extremes()}
         once, index = np.unique(steps, return_index=True)
-        index = index[np.isin(once, np.concatenate([self._wanted, extreme]))]
+        index = index[[step in wanted for step in once.tolist()]]
         self._kept = [Kept(steps[index], rows[index])]
 
     def chosen(self, limit: int) -> Kept | None:
@@ -172,13 +172,17 @@ class Sampler:
             return None
         self._drop()
         steps, rows = self._kept[0]
-        extreme = [largest.step for largest in self._largest.values()]
-        always = np.isin(steps, np.concatenate([self._first, extreme]))
+        first = {*self._first.tolist(), *self._extremes()}
+        always = np.array([step in first for step in steps.tolist()], bool)
         others = np.flatnonzero(~always)
         room = min(max(limit - int(always.sum()), 0), len(others))
         some = others[np.linspace(0, len(others) - 1, room).astype(int)] if room else others[:0]
         index = np.sort(np.concatenate([np.flatnonzero(always), some]))
         return Kept(steps[index], rows[index])
+
+    def _extremes(self) -> list[int]:
+        """The steps of the records with the largest changes and momenta."""
+        return [largest.step for largest in self._largest.values()]
 
     @property
     def changing(self) -> list[int]:
