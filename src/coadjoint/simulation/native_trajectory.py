@@ -18,8 +18,9 @@ from jax.flatten_util import ravel_pytree
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.run import gradient, native
-from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.packing import flattened
+from coadjoint.kernels.run import gradient
+from coadjoint.kernels.trace.primitives import host_call, linear_primitive
 from coadjoint.methods.program import StepProgram
 
 Blocks = tuple[int, int]
@@ -27,26 +28,20 @@ Blocks = tuple[int, int]
 
 
 def native_trajectory(
-    program: StepProgram, arguments: object, blocks: Blocks, by_xla: Callable[[PyTree], PyTree]
+    program: StepProgram, arguments: tuple[PyTree, PyTree, Any], blocks: Blocks, by_xla: Callable[[PyTree], PyTree]
 ) -> Any:
     """(records, final, code, iterations) of `arguments` = (constants, state, h), differentiable both ways.
 
     `by_xla` computes the same, (records, final) of the arguments, by operations that JAX can push tangents through.
     """
     arguments = jax.tree.map(jnp.asarray, arguments)
-    shapes = jax.eval_shape(by_xla, arguments)
-    number = jax.ShapeDtypeStruct((), np.float64)
+    shapes, number = jax.eval_shape(by_xla, arguments), jax.ShapeDtypeStruct((), np.float64)
+    native_run = gradient.NativeRun(program, *arguments[:2], *blocks)
+    end = native_run.state.size
 
-    def run_on_host(arguments):
-        constants, state, h = arguments
-        chunk = native.run(program, constants, state, float(h), blocks[0], blocks[1], monitors=False)
-        whole = jax.tree.map(partial(_padded, rows=blocks[0]), chunk.records)
-        return whole, chunk.final, np.float64(chunk.code), np.float64(chunk.iterations)
-
-    def pull_on_host(given):
-        (constants, state, h), cotangents = given
-        found = gradient.pullback(program, constants, state, float(h), blocks[0], blocks[1])(*cotangents)
-        return found.parameters, found.state, found.h
+    def pull_on_host(numbers):
+        given, bars = np.split(numbers, [native_run.size])
+        return native_run.pulled(given, bars[:-end], bars[-end:])
 
     @jax.custom_jvp
     def pullback(arguments, cotangents):
@@ -56,51 +51,27 @@ def native_trajectory(
     def _(primals, tangents):
         raise _second_derivatives()
 
-    @jax.custom_jvp
-    def run(arguments):
-        return on_host(run_on_host, arguments, (*shapes, number, number))
+    def by_native_code(taped):
+        run = partial(native_run.value, taped=taped)
+        return jax.custom_jvp(lambda given: on_host(run, given, (*shapes, number, number)))
 
-    @run.defjvp
+    alone, differentiated = by_native_code(taped=False), by_native_code(taped=True)
+
+    @alone.defjvp
+    @differentiated.defjvp
     def _(primals, tangents):
         pushed = _tangent_map(by_xla, pullback, primals[0], tangents[0], shapes)
-        return run(*primals), (*pushed, jnp.zeros(()), jnp.zeros(()))
+        return differentiated(*primals), (*pushed, jnp.zeros(()), jnp.zeros(()))
 
-    return run(arguments)
+    return alone(arguments)
 
 
-def on_host(function: Callable[[PyTree], PyTree], argument: object, like: object) -> PyTree:
-    """function(argument) by NumPy on the host: float64 PyTrees in and out, the result shaped as `like`.
-
-    Numbers are passed as pairs of 32-bit words: JAX calls back on its own threads, where the float64 scope of the
-    caller does not apply and float64 numbers would be rounded to float32.
-    """
-    words, structure = _words(argument)
+def on_host(function: Callable[[np.ndarray], np.ndarray], argument: object, like: object) -> PyTree:
+    """function(argument) by NumPy on the host, of the float64 numbers of PyTrees end to end; a result as `like`."""
     leaves, result = jax.tree.flatten(like)
     sizes = [int(np.prod(leaf.shape)) for leaf in leaves]
-
-    def call(words):
-        found = jax.tree.leaves(function(structure(np.asarray(words))))
-        flat = np.concatenate([np.ravel(np.asarray(leaf, np.float64)) for leaf in found])
-        return flat.view(np.uint32).reshape(-1, 2)
-
-    total = jax.ShapeDtypeStruct((sum(sizes), 2), np.uint32)
-    back = jax.lax.bitcast_convert_type(jax.pure_callback(call, total, words, vmap_method="sequential"), np.float64)
-    parts = jnp.split(back, np.cumsum(sizes)[:-1])
+    parts = jnp.split(host_call(function, flattened(argument), sum(sizes)), np.cumsum(sizes)[:-1])
     return result.unflatten([part.reshape(leaf.shape) for part, leaf in zip(parts, leaves, strict=True)])
-
-
-def _words(tree: PyTree) -> tuple[Any, Callable[[np.ndarray], PyTree]]:
-    """A float64 PyTree as words (n, 2), and how to read it back from them in NumPy."""
-    leaves, structure = jax.tree.flatten(tree)
-    shapes = [np.shape(leaf) for leaf in leaves]
-    ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
-    flat = jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
-
-    def read(words: np.ndarray) -> PyTree:
-        numbers = np.ascontiguousarray(words).view(np.float64).reshape(-1)
-        return structure.unflatten([numbers[ends[i] : ends[i + 1]].reshape(s) for i, s in enumerate(shapes)])
-
-    return jax.lax.bitcast_convert_type(flat, np.uint32), read
 
 
 def _tangent_map(by_xla, pullback, arguments: object, tangents: object, shapes: PyTree) -> Any:
@@ -124,13 +95,4 @@ def _second_derivatives() -> ArgumentError:
     return ArgumentError('Second derivatives of a trajectory need backend="xla" in co.trajectory.')
 
 
-_tangent = jaxprs.linear_primitive("native_trajectory_tangent", _second_derivatives)
-
-
-def _padded(values: np.ndarray, rows: int) -> np.ndarray:
-    """A failed run's records, its last good one repeated to the length that JAX expects."""
-    missing = rows - len(values)
-    if not missing:
-        return values
-    last = values[-1:] if len(values) else np.zeros((1, *values.shape[1:]))
-    return np.concatenate([values, np.repeat(last, missing, axis=0)])
+_tangent = linear_primitive("native_trajectory_tangent", _second_derivatives)

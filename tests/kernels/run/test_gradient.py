@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 
+from coadjoint.kernels.packing import pack
 from coadjoint.kernels.program import Code
-from coadjoint.kernels.run import gradient, xla
+from coadjoint.kernels.run import gradient, tapes, xla
+from coadjoint.kernels.run.tapes import Tapes
 
 H, RECORDS, EVERY = 0.01, 3, 5
 
@@ -89,16 +91,73 @@ def test_a_run_that_fails_has_no_derivative(end):
     assert all(np.all(np.isnan(leaf)) for leaf in jax.tree.leaves(tuple(pull(None, chunk.final))))
 
 
-def test_a_pullback_goes_forward_twice(monkeypatch):
-    """Once for the checkpoints, once for the tape."""
+def counted(monkeypatch):
+    """The steps that each later call of the machine takes."""
     launch, steps = gradient.native.launch, []
 
-    def counted(kernel, p, h, s, records, save_every):
+    def counting(kernel, p, h, s, records, save_every, rows=None):
         steps.append(records * save_every)
-        return launch(kernel, p, h, s, records, save_every)
+        return launch(kernel, p, h, s, records, save_every, rows)
 
-    chunk = gradient.native.run(VehicleProgram(), PAPER, start(H), H, 1, 400)
-    monkeypatch.setattr(gradient.native, "launch", counted)
+    monkeypatch.setattr(gradient.native, "launch", counting)
+    return steps
+
+
+def of_state(chunk, pull):
+    return pack(pull(None, chunk.final).state)[1]
+
+
+def test_only_numbers_that_have_not_run_go_forward_again(monkeypatch):
+    """A pullback takes the tape of its run, however often, and not that of another one."""
+    monkeypatch.setattr(gradient, "_tapes", Tapes())
+    steps = counted(monkeypatch)
+    chunk, pull = gradient.vjp(VehicleProgram(), PAPER, start(H), H, 5, 8)
+    first = of_state(chunk, pull)
+    assert steps == [40]
+    for other in (gradient.vjp(VehicleProgram(), PAPER, start(H), s * H, 5, 8)[1] for s in (1.0, 2.0, 3.0)):
+        of_state(chunk, other)
+    steps.clear()
+    np.testing.assert_array_equal(of_state(chunk, pull), first)  # the memory of its tape serves another run now
+    np.testing.assert_array_equal(of_state(chunk, pull), first)
+    assert steps == [40]
+
+
+def test_a_pullback_needs_no_run_before_it():
+    final = gradient.native.run(VehicleProgram(), PAPER, start(H), H, 2, 3, monitors=False).final
+    numbers = np.concatenate([pack(PAPER)[1], pack(start(H))[1], [H]])
+    alone = gradient.NativeRun(VehicleProgram(), PAPER, start(H), 2, 3).pulled(numbers, None, pack(final)[1])
+    expected = gradient.vjp(VehicleProgram(), PAPER, start(H), H, 2, 3)[1](None, final)
+    np.testing.assert_array_equal(alone, pack(tuple(expected))[1])
+
+
+def test_without_room_for_a_tape_a_pullback_goes_forward_twice(monkeypatch):
+    """Once for the checkpoints, once for the tape; the cotangents are the same."""
+    chunk, pull = gradient.vjp(VehicleProgram(), PAPER, start(H), H, 80, 5)
+    records_bar = jax.tree.map(np.cos, chunk.records)
+    expected = pack(pull(records_bar, chunk.final))[1]
     monkeypatch.setattr(gradient, "STRETCH", 1)
-    gradient.pullback(VehicleProgram(), PAPER, start(H), H, 1, 400)(None, chunk.final)
+    monkeypatch.setattr(gradient, "ROOM", 0)
+    steps = counted(monkeypatch)
+    np.testing.assert_array_equal(pack(pull(records_bar, chunk.final))[1], expected)
     assert sum(steps) == 400 + 380
+
+
+def test_a_run_with_its_tape_is_the_run_to_the_bit(optimised):
+    for records, every in ((1, 40), (8, 5), (40, 1)):
+        taped = gradient.vjp(VehicleProgram(), PAPER, start(H), H, records, every)[0]
+        alone = gradient.native.run(VehicleProgram(), PAPER, start(H), H, records, every, monitors=False)
+        for found, expected in ((taped.records, alone.records), (taped.final, alone.final)):
+            np.testing.assert_array_equal(pack(found)[1], pack(expected)[1])
+        assert (taped.steps, taped.iterations) == (alone.steps, alone.iterations)
+
+
+def test_tapes_leave_when_others_need_their_room(monkeypatch):
+    monkeypatch.setattr(tapes, "ROOM", 2 * 8 * 12)
+    kept, (a, b, c) = Tapes(), (np.full((4, 3), x) for x in (1.0, 2.0, 3.0))
+    kept.keep("a", a)
+    kept.keep("b", b, pulled=True)
+    assert kept.room((4, 2)) is not b
+    kept.keep("c", c)
+    assert (kept.taken("a"), kept.taken("b"), kept.taken("c")) == (a, None, c)
+    kept.keep("b", b, pulled=True)
+    assert kept.room((4, 3)) is b and kept.taken("b") is None

@@ -246,12 +246,12 @@ def run(
     try:
         result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
     except Cut as cut:
-        raise Cut(_chunk(kernel, shape_s, cut.result, records, save_every)) from None
-    chunk = _chunk(kernel, shape_s, result, records, save_every)
-    return replace(chunk, records=result.records[: chunk.steps, :, 0]) if substeps else chunk
+        raise Cut(chunk(kernel, cut.result, shape_s, records, save_every)) from None
+    found = chunk(kernel, result, shape_s, records, save_every)
+    return replace(found, records=result.records[: found.steps, :, 0]) if substeps else found
 
 
-def _chunk(kernel: Kernel, state: Layout, result: PyTree, records: int, save_every: int) -> Chunk:
+def chunk(kernel: Kernel, result: PyTree, state: Layout, records: int, save_every: int) -> Chunk:
     """A single run that the machine wrote."""
     steps, code, iterations, iterations_max = map(int, result.status[:, 0])
     valid = min(-(-steps // save_every), records)
@@ -267,8 +267,18 @@ def _chunk(kernel: Kernel, state: Layout, result: PyTree, records: int, save_eve
     )
 
 
-def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> LaneArrays:
+def launch(
+    kernel: Kernel,
+    p: np.ndarray,
+    h: np.ndarray,
+    s: np.ndarray,
+    records: int,
+    save_every: int,
+    rows: np.ndarray | None = None,
+) -> LaneArrays:
     """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes), in pieces of about 0.1 s.
+
+    rows: where the records go, (records, size, lanes), by default to new memory.
 
     Raises Cut with the steps that were done where Python is interrupted meanwhile.
     """
@@ -277,7 +287,7 @@ def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records:
     extrema[:, 0], extrema[:, 1] = np.inf, -np.inf
     result = LaneArrays(
         state=np.array(s, np.float64, order="C"),
-        records=np.empty((records, kernel.record.size, lanes)),
+        records=np.empty((records, kernel.record.size, lanes)) if rows is None else rows,
         monitors=np.empty((records, kernel.monitor_size, lanes)),
         extrema=extrema,
         status=np.zeros((4, lanes), np.int64),

@@ -1,8 +1,8 @@
 """JAX's internals as far as the library uses them: the form of jaxprs, and the meaning of the parameters of primitives.
 
-No other file imports `jax.core`, `jax.extend` or `jax.interpreters`. It holds for JAX 0.10, 0.11 and 0.12, whose jaxprs
-differ: counts of carried values therefore come from the inputs and outputs of a body, not from parameters. A form that
-is unknown here raises UnknownVersion, so that the program runs by XLA.
+No other file than this and `primitives.py` imports `jax.core`, `jax.extend` or `jax.interpreters`. It holds for JAX
+0.10, 0.11 and 0.12, whose jaxprs differ: counts of carried values therefore come from the inputs and outputs of a body,
+not from parameters. A form that is unknown here raises UnknownVersion, so that the program runs by XLA.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax._src import config, xla_bridge
-from jax.core import ShapedArray
 from jax.core import Tracer as Tracer
 from jax.extend import core
-from jax.interpreters import ad, batching, mlir, partial_eval
+from jax.interpreters import partial_eval
 
-from coadjoint.arrays import Array, PyTree
+from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.parameters import unknown_parameters
 from coadjoint.kernels.untraceable import UnknownVersion
 
@@ -199,52 +198,6 @@ class Equation:
             value = self.parameters[name]
             if not (value is None or value is False or value == ()):
                 raise unknown(self.name, f"a parameter `{name}`, which coadjoint does not know")
-
-
-def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Callable[..., list[PyTree]]:
-    """A family of linear maps whose transpose is given: (constants, x, push, pull, shapes) ↦ push(constants, x).
-
-    `pull`(constants, y) is the transpose, `shapes` are those of push. Members of a batch go one after another. Its
-    derivative by the constants raises `no_derivative`().
-    """
-    primitive = core.Primitive(name)
-    primitive.multiple_results = True
-
-    def apply(*operands: object, push: Callable, **_: object) -> Sequence[PyTree]:
-        return push(operands[:-1], operands[-1])
-
-    def transpose(cotangents: Any, *operands: object, push: Callable, pull: Callable, shapes: PyTree) -> list[PyTree]:
-        pairs = zip(cotangents, shapes, strict=True)
-        full = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
-        return [*[None] * (len(operands) - 1), pull(operands[:-1], full)]
-
-    def batch(operands: Any, axes: PyTree, **parameters: PyTree) -> tuple[Any, tuple[int, ...]]:
-        pairs = list(zip(operands, axes, strict=True))
-        moving = [jnp.moveaxis(operand, axis, 0) for operand, axis in pairs if axis is not None]
-
-        def one(members: PyTree) -> tuple[PyTree, ...]:
-            members = iter(members)
-            return tuple(primitive.bind(*(x if axis is None else next(members) for x, axis in pairs), **parameters))
-
-        found = jax.lax.map(one, tuple(moving))
-        return found, (0,) * len(found)
-
-    def refuse(*_: object, **__: object) -> Any:
-        raise no_derivative()
-
-    primitive.def_impl(apply)
-    primitive.def_abstract_eval(lambda *_, shapes, **__: [ShapedArray(s.shape, s.dtype) for s in shapes])
-    ad.primitive_jvps[primitive] = refuse
-    ad.primitive_transposes[primitive] = transpose
-    batching.primitive_batchers[primitive] = batch
-    mlir.register_lowering(primitive, mlir.lower_fun(apply, multiple_results=True))
-
-    def bind(
-        constants: Sequence[object], x: Array, push: Callable, pull: Callable, shapes: Sequence[object]
-    ) -> list[PyTree]:
-        return primitive.bind(*constants, x, push=push, pull=pull, shapes=tuple(shapes))
-
-    return bind
 
 
 def traced_by_kinds(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
