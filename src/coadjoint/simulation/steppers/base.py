@@ -27,6 +27,8 @@ from coadjoint.simulation.steppers.interface import (
 )
 from coadjoint.simulation.steppers.judging import StepperWarnings
 
+STOPPED = int(Code.STOPPED)
+
 
 class StepperBase(StepperWarnings):
     """The memory of a stepper and all that can be done without a step. Knows NumPy and an engine only.
@@ -76,23 +78,23 @@ class StepperBase(StepperWarnings):
     @property
     def t(self) -> PyTree:
         """The time, s: a number, or one for each member."""
-        return self._of_members(of_lanes(self._buffers.state[:, [self.face.time]])[:, 0])
+        return self._number(self._buffers.state, self.face.time)
 
     @property
     def steps(self) -> PyTree:
         """The number of good steps since the last reset or restore."""
-        return self._of_members(of_lanes(self._buffers.status[:, [0]])[:, 0])
+        return self._number(self._buffers.status, 0)
 
     @property
     def status(self) -> PyTree:
         """How the last step ended: 0 if well, otherwise a `kernels.program.Code`."""
-        return self._of_members(of_lanes(self._buffers.status[:, [1]])[:, 0])
+        return self._number(self._buffers.status, 1)
 
     @property
     def failed(self) -> PyTree:
         """Whether a step failed."""
         code = self.status
-        return (code != 0) & (code != Code.STOPPED)
+        return (code != 0) & (code != STOPPED)
 
     @property
     def ended(self) -> PyTree:
@@ -303,6 +305,10 @@ class StepperBase(StepperWarnings):
     def _of_members(self, rows: np.ndarray) -> PyTree:
         """Rows of the members alone; the row of a single one."""
         return rows[: self.face.count] if self.face.members is not None else rows[0]
+
+    def _number(self, grouped: np.ndarray, place: int) -> PyTree:
+        """A copy of one number of all members, from (groups, size, lanes)."""
+        return self._of_members(grouped[:, place].flatten())
 
     def _which(self, mask: object) -> np.ndarray:
         """The members that a mask means."""

@@ -44,10 +44,6 @@ class Actions:
         return up, np.zeros(0) if np.array_equal(up, down) else up - down
 
     @cached_property
-    def _ones(self) -> np.ndarray:
-        return np.ones(self.size)
-
-    @cached_property
     def places(self) -> dict[str, slice]:
         """Which numbers of an action each command is."""
         ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes.values()])
@@ -68,11 +64,12 @@ class Actions:
         if given.shape != (*lead, self.size):
             what = shown(actions) if given.shape == () else f"shape {given.shape}"
             raise ArgumentError(f"Argument `action` must be numbers of shape {(*lead, self.size)}, but is {what}.")
-        total = given.sum() if lead else given @ self._ones  # not finite where a number is not
+        total = np.add.reduce(given, None) if lead else sum(given.tolist())  # not finite where a number is not
         if not math.isfinite(total) and not np.all(np.isfinite(given)):
             raise ArgumentError("Argument `action` must be finite, but has a number that is not.")
         a, (up, uneven) = np.minimum(np.maximum(given, -1.0), 1.0), self._scales
-        found = self.middle + a * up
+        found = a * up
+        found += self.middle
         return found + np.maximum(-a, 0.0) * uneven if len(uneven) else found
 
     def __str__(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -178,6 +179,6 @@ def _three(value: object, name: str) -> np.ndarray:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         found = np.asarray(None)
-    fits = found.shape == (3,) and np.all(np.isfinite(found))
+    fits = found.shape == (3,) and all(map(math.isfinite, found.tolist()))
     checks.expect(fits, value, f"`{name}` of a start", "three finite numbers")
     return found

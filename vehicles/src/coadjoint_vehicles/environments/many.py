@@ -120,10 +120,14 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         self._periods += 1
         rows, failed = simulated.rows, self.stepper.failed
         rewards, ended = rows[:, width].copy(), rows[:, width + 1 :] > 0.5
+        late = self._periods >= simulated.most
+        again, *over = (np.logical_or.reduce(which, None) for which in (before, failed, ended, late))
+        if not (again or any(over)):
+            return self._seen(), rewards, failed, late, {}
         rewards[failed] -= simulated.task.penalty
         terminated = failed | ended.any(axis=1)
-        truncated = (self._periods >= simulated.most) & ~terminated
-        if before.any():  # these members have just been reset: their last steps count for nothing
+        truncated = late & ~terminated
+        if again:  # these members have just been reset: their last steps count for nothing
             rewards[before], terminated[before], truncated[before] = 0.0, False, False
         self._over = terminated | truncated
         infos = self._infos(ended, failed & ~before) if self._over.any() else {}
