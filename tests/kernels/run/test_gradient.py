@@ -89,6 +89,11 @@ def test_a_run_that_fails_has_no_derivative(end):
     chunk, pull = gradient.vjp(VehicleProgram((Ending(end=end),)), PAPER, start(H), H, 5, 5)
     assert (chunk.code, chunk.steps) == (Code.BEYOND_CHART, round(end / H))
     assert all(np.all(np.isnan(leaf)) for leaf in jax.tree.leaves(tuple(pull(None, chunk.final))))
+    numbers = np.concatenate([pack(PAPER)[1], pack(start(H))[1], [H]])
+    for taped in (False, True):
+        found = gradient.NativeRun(VehicleProgram((Ending(end=end),)), PAPER, start(H), 5, 5).value(numbers, taped)
+        assert found[-2] == Code.BEYOND_CHART
+        np.testing.assert_array_equal(found[:5], [*chunk.records.t, *[chunk.records.t[-1] if end else 0.0] * 5][:5])
 
 
 def counted(monkeypatch):
@@ -142,6 +147,14 @@ def test_without_room_for_a_tape_a_pullback_goes_forward_twice(monkeypatch):
     assert sum(steps) == 400 + 380
 
 
+def test_records_of_some_steps_pull_as_those_of_all_do():
+    chunk, pull = gradient.vjp(VehicleProgram(), PAPER, start(H), H, 3, 5)
+    bar = jax.tree.map(np.cos, chunk.records)
+    every = jax.tree.map(lambda rows: np.insert(rows, np.repeat([1, 2, 3], 4), 0.0, axis=0), bar)
+    expected = gradient.vjp(VehicleProgram(), PAPER, start(H), H, 15, 1)[1](every, None)
+    np.testing.assert_array_equal(pack(tuple(pull(bar, None)))[1], pack(tuple(expected))[1])
+
+
 def test_a_run_with_its_tape_is_the_run_to_the_bit(optimised):
     for records, every in ((1, 40), (8, 5), (40, 1)):
         taped = gradient.vjp(VehicleProgram(), PAPER, start(H), H, records, every)[0]
@@ -155,6 +168,7 @@ def test_tapes_leave_when_others_need_their_room(monkeypatch):
     monkeypatch.setattr(tapes, "ROOM", 2 * 8 * 12)
     kept, (a, b, c) = Tapes(), (np.full((4, 3), x) for x in (1.0, 2.0, 3.0))
     kept.keep("a", a)
+    assert kept.room((4, 3)) is not a
     kept.keep("b", b, pulled=True)
     assert kept.room((4, 2)) is not b
     kept.keep("c", c)
