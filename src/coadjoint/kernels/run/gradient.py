@@ -133,14 +133,14 @@ class NativeRun:
     def launch(self, given: np.ndarray, taped: bool) -> tuple[native.Kernel, native.LaneArrays]:
         """The output of the machine code; `taped`: its tape stays for `pulled` of the same numbers, if it fits."""
         p, s, h = self.parts(given)
-        if not taped or not self._fits(given):
+        code = self._adjoint(given) if taped else None
+        if code is None or not self._fits(code):
             kernel = self._kernel(given)
             return kernel, native.launch(kernel, p[:, None], h, s[:, None], self.records, self.save_every)
-        code = self._adjoint(given)
         room = _tapes.room((self.steps, code.width))
         found = native.launch(code.forward, p[:, None], h, s[:, None], self.steps, 1, room[:, :, None])
         if not found.status[1, 0]:
-            _tapes.keep(self._key(given), room)
+            _tapes.keep(self._key(code, given), room)
         saved = room[:: self.save_every, : code.record.size, None].copy()
         return code.forward._replace(record=code.record), found._replace(records=saved)
 
@@ -149,26 +149,27 @@ class NativeRun:
 
         None stands for zero. NaN for a run that fails.
         """
-        found, record = np.zeros(given.size), self._adjoint(given).record
+        found, code = np.zeros(given.size), self._adjoint(given)
         self.parts(found)[1][:] = final_bar
-        bars = np.zeros((self.records, record.size)) if records_bar is None else self._rows(records_bar, record)
+        rows = (self.records, code.record.size)
+        bars = np.zeros(rows) if records_bar is None else self._rows(records_bar, code.record)
         try:
-            self._back(given, bars, found)
+            self._back(code, given, bars, found)
         except _Failed:
             found[:] = np.nan
         return found
 
-    def _back(self, given: np.ndarray, bars: np.ndarray, found: np.ndarray) -> None:
+    def _back(self, code: _Adjoint, given: np.ndarray, bars: np.ndarray, found: np.ndarray) -> None:
         """Stretch by stretch from the last to the first; `found` has the cotangent of the final state."""
-        (p, s, h), code = self.parts(given), self._adjoint(given)
+        p, s, h = self.parts(given)
 
         def back(tape: np.ndarray, first: int) -> None:
             arrays = (p, h, tape, bars, *self.parts(found))
             at_p, at_h, rows, rows_of_bars, p_bar, s_bar, h_bar = (a.ctypes.data for a in arrays)
             code.function(at_p, at_h, rows, first, len(tape), rows_of_bars, self.save_every, p_bar, h_bar, s_bar)
 
-        if self._fits(given):
-            key = self._key(given)
+        if self._fits(code):
+            key = self._key(code, given)
             tape = _tapes.taken(key)
             if tape is None:
                 tape = _tapes.room((self.steps, code.width))
@@ -194,12 +195,12 @@ class NativeRun:
             start += self.records * size
         return np.concatenate(parts, axis=1)
 
-    def _fits(self, given: np.ndarray) -> bool:
+    def _fits(self, code: _Adjoint) -> bool:
         """Whether the tape is kept."""
-        return 8 * self.steps * self._adjoint(given).width <= ROOM
+        return 8 * self.steps * code.width <= ROOM
 
-    def _key(self, given: np.ndarray) -> tuple[object, ...]:
-        return self._adjoint(given), self.steps, given.tobytes()
+    def _key(self, code: _Adjoint, given: np.ndarray) -> tuple[object, ...]:
+        return code, self.steps, given.tobytes()
 
     def _adjoint(self, given: np.ndarray) -> _Adjoint:
         p, s, _ = self.parts(given)
