@@ -89,6 +89,19 @@ def test_a_trajectory_inside_a_transformation_traces_its_steps_once():
     assert again <= 2 < min(first, reads())
 
 
+def test_a_trajectory_by_machine_code_is_differentiated_ahead_and_back_inside_a_trace():
+    spring = Spring()
+
+    def energy(k):
+        made = spring.system.replace(stiffness=k)
+        return co.trajectory(made, spring.start, dt=0.1, steps=3, backend="native").final.n[0] ** 2
+
+    with co.float64():
+        for function in (jax.grad(energy), lambda k: jax.jvp(energy, (k,), (1.0,))[1]):
+            slope = jax.eval_shape(function, 2.0)
+            assert slope.shape == () and slope.dtype == np.float64
+
+
 @pytest.mark.long
 def test_the_gradient_by_the_start_of_an_advected_system_by_machine_code_compiles():
     """∂μ₁/∂w of a heavy top, whose transposed call of the host XLA cannot compile within a compiled call."""
