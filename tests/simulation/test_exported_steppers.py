@@ -35,6 +35,13 @@ def test_a_stepper_that_is_no_library_is_told_why(members, says):
         sources(stepper, "top", {})
 
 
+@pytest.mark.parametrize(("name", "says"), [(None, "`folder`"), ("9 lives", "`name`")])
+def test_a_library_whose_name_c_does_not_allow_names_the_argument_that_gave_it(tmp_path, name, says):
+    unused: Any = None
+    with pytest.raises(ArgumentError, match=says):
+        co.Stepper.export_c(unused, tmp_path / "9 lives", name=name)
+
+
 @pytest.mark.long
 def test_the_header_names_the_numbers_of_the_stepper(exported):
     text = (exported[0] / "top.h").read_text()

@@ -144,3 +144,10 @@ def test_what_tasks_print_is_no_answer(capfd):
     found = {}
     local.run(lambda _: functools.partial(print, "no answer"), [0, 1], found.__setitem__, 2)
     assert found == {0: None, 1: None} and "no answer" in capfd.readouterr().err
+
+
+def test_tasks_in_this_process_are_done_in_order_and_timed():
+    done, began = [], time.perf_counter()
+    times = local.run(lambda number: lambda: {"seconds": number}, [3, 1], lambda *one: done.append(one), 1)
+    assert done == [(3, {"seconds": 3}), (1, {"seconds": 1})]
+    assert times["starting_seconds"] == 0.0 <= times["computing_seconds"] <= time.perf_counter() - began
