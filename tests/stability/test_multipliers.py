@@ -11,10 +11,11 @@ import pytest
 
 import coadjoint as co
 import coadjoint_vehicles as vehicles
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.models import rigid_body
 from coadjoint.models.paper_form import start
 from coadjoint.stability import integrals, steady_motion, step_modes
+from coadjoint.stability.reduced import Reduced
 from coadjoint_vehicles.hydrodynamics import ellipsoid
 from coadjoint_vehicles.trim import SteadyFlight
 
@@ -93,3 +94,13 @@ def test_an_integral_stays_along_the_motion_and_along_ignorable_variables_that_a
     )
     with nullcontext() if says is None else pytest.raises(ArgumentError, match=says):
         integrals.require_conserved(reduced, [C])
+
+
+@pytest.mark.parametrize("where", range(3))
+def test_slopes_of_a_motion_that_are_not_finite_are_told(where):
+    parts = [np.zeros(2), np.eye(2), np.eye(2)]
+    reduced: Any = SimpleNamespace(_tabulated=lambda state: ((np.ones(2), parts[0]), (parts[1], parts[2])))
+    assert Reduced.slopes(reduced, None).y_z is parts[1]  # type: ignore[arg-type]
+    parts[where] = parts[where] * np.nan
+    with pytest.raises(LagrangianError, match="are not finite at the motion"):
+        Reduced.slopes(reduced, None)  # type: ignore[arg-type]
