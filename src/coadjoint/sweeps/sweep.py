@@ -24,6 +24,7 @@ from coadjoint.report.summary import to_json, versions
 from coadjoint.runs.identity import IDENTITY, require_same
 from coadjoint.runs.runnable import Runnable
 from coadjoint.sealed import seal
+from coadjoint.simulation import netcdf
 from coadjoint.simulation.dataset import meanings
 from coadjoint.simulation.progress import Progress
 from coadjoint.sweeps import cluster, local, store
@@ -229,7 +230,7 @@ def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: Table, spent: Ma
     for name in map(str, made.data_vars):
         of = name.partition("_")[2] if name.partition("_")[0] in KINDS else name
         made[name].attrs.update(meant(name, plan["meanings"][of]))
-    made.to_netcdf((stage / store.STATISTICS).absolute(), engine="h5netcdf")
+    netcdf.write(made, stage / store.STATISTICS)
     seal(stage / store.STATISTICS)
     summary: Table = {
         "system": plan["system"], "method": plan["method"], "dt": plan["dt"], "steps": plan["steps"],
