@@ -183,6 +183,10 @@ def test_other_spaces_that_ship_satisfy_it_too(space, group):
     require_space(space, GROUPS[group])
 
 
+def test_right_members_of_a_curved_space_are_taken():
+    require_space(co.Sphere(), co.SO3())
+
+
 def test_a_curved_space_without_a_point_that_can_be_found_is_told():
     space = changed(co.Sphere, "defect", lambda right, self, group, x: 1 + x @ x)
     assert "No point of Wrong" in sentence_of(lambda: on(space))
