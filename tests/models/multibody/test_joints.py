@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -196,3 +197,13 @@ def test_the_lowest_point_of_a_ball_is_below_its_centre_and_that_of_a_disk_turns
         bond = Bond("wheel", "rolling", -1, 0, 0, axes, ball=ball)
         gap = evaluate(lambda n, E, bond=bond: bond.gap(n, SimpleNamespace(pose=E), p), (turn.T @ q)[None], turn[None])
         assert gap[-1] == pytest.approx(0.7 - lowest, abs=1e-14)
+
+
+def test_the_point_of_a_joint_is_kept_in_the_axes_of_each_body():
+    places = {"rod": (co.attitude.zyx(0.3, 0.2, 0.1), np.array([1.0, 2.0, 3.0])), "ground": (np.eye(3), np.zeros(3))}
+    mechanism: Any = SimpleNamespace(reference=places.get)
+    for first, second in (("rod", "ground"), ("ground", "rod")):
+        numbers = Mechanism._numbers(mechanism, hinge(first, second, at=(2.0, -1.0, 0.5)))
+        for name, point in ((first, numbers["first"]), (second, numbers["second"])):
+            R, x = places[name]
+            np.testing.assert_allclose(R @ point + x, [2.0, -1.0, 0.5], atol=1e-14)
