@@ -227,7 +227,7 @@ def toy(tmp_path_factory):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text)
     command = [sys.executable, str(Path(__file__).parent), "--root", str(root), "--package", "toy", "--count", "5"]
-    command += ["--least", "0.9"]
+    command += ["--least", "0.9", "--processes", "2"]
     quick = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     done = subprocess.run(command, capture_output=True, text=True, env=quick, check=False)
     assert done.returncode == 1, done.stdout + done.stderr  # fewer are caught
