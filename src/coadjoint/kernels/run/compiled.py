@@ -23,6 +23,7 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import plans, store
+from coadjoint.kernels.run.xla_function import PREFIX, ready
 from coadjoint.kernels.trace.library import edited
 
 MANY_SMALL = (("xla_cpu_use_fusion_emitters", False),)
@@ -30,7 +31,8 @@ MANY_SMALL = (("xla_cpu_use_fusion_emitters", False),)
 which takes two thirds of the time to compile and as long to run. JAX 0.12 has no such option."""
 
 LAPACK = "lapack_"
-"""The only functions outside of an executable that another process has at its disposal, when JAX has loaded LAPACK."""
+"""Functions outside of an executable that another process has at its disposal when JAX has loaded LAPACK; the others
+are the library's own machine code."""
 _CALLED = re.compile(r"custom_call @(\w+)")
 
 Key = tuple[Program, PyTree, tuple[tuple[str, tuple[int, ...]], ...], tuple[tuple[str, Any], ...]]
@@ -40,10 +42,14 @@ KEPT = 32
 
 
 class _Kept(NamedTuple):
-    """An executable as it is stored: the leaves of its result are numbered in `result`."""
+    """An executable as it is stored: the leaves of its result are numbered in `result`.
+
+    called: the names of machine code of the library that it calls.
+    """
 
     executable: bytes
     result: PyTree
+    called: tuple[str, ...] = ()
 
 
 class Compiled:
@@ -91,12 +97,14 @@ class Compiled:
         alone = jax.jit(partial(self.function, program, **keywords), compiler_options=dict(_options(program)))
         lowered = alone.lower(*args)
         made = lowered.compile()
-        if edited() or not all(called.startswith(LAPACK) for called in _CALLED.findall(lowered.as_text())):
+        called = set(_CALLED.findall(lowered.as_text()))
+        if edited() or not all(name.startswith((LAPACK, PREFIX)) for name in called):
             return made
         with suppress(Exception):  # constants that it holds, or an object without a form in a file
             executable, _, structure = serialize(made)
             numbered = jax.tree.unflatten(structure, range(structure.num_leaves))
-            store.keep(name, pickle.dumps(_Kept(executable, numbered)))
+            own = tuple(sorted(name for name in called if name.startswith(PREFIX)))
+            store.keep(name, pickle.dumps(_Kept(executable, numbered, own)))
         return made
 
 
@@ -119,6 +127,8 @@ def _loaded(name: str, args: tuple) -> Callable[..., PyTree] | None:
     try:
         _load_lapack()
         kept = pickle.loads(content)
+        if not all(map(ready, kept.called)):
+            return None
         return deserialize_and_load(kept.executable, jax.tree.structure((args, {})), jax.tree.structure(kept.result))
     except Exception:
         return None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from coadjoint.kernels.trace import jaxprs, structured, while_loops
@@ -12,6 +14,9 @@ from coadjoint.kernels.untraceable import Untraceable
 
 MAX_TRIPS = 2_000
 """A longer unrolled loop of expressions would take minutes to compile; it goes to XLA instead."""
+
+PLAIN: dict[str, Callable] = {}
+"""Name → the function in JAX of machine code that XLA's programs call by this name."""
 
 
 def _call(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
@@ -112,6 +117,14 @@ def _custom_jvp(interpreter: Interpreter, equation: Equation, inputs: list[Array
     return _call(interpreter, equation, inputs)
 
 
+def _machine_code(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
+    """A function that XLA's programs call by its name, as the same function in JAX."""
+    plain = PLAIN.get(equation.parameters["target_name"])
+    if plain is None:
+        raise Untraceable(equation.name)
+    return interpreter.run(jaxprs.jaxpr_of(plain, *inputs)[0], inputs)
+
+
 CONTROL: dict[str, Rule] = {
     **dict.fromkeys(CALLS, _call),
     "custom_jvp_call": _custom_jvp,
@@ -119,5 +132,6 @@ CONTROL: dict[str, Rule] = {
     "scan": _scan,
     "while": _while,
     "platform_index": _platform,
+    "ffi_call": _machine_code,
     "custom_linear_solve": _linear_solve,
 }

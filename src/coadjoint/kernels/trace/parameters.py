@@ -43,6 +43,7 @@ _PARAMETERS = {
     "pad": "padding_config",
     "platform_index": "platforms",
     "reshape": "new_sizes dimensions",
+    "ffi_call": "target_name",
     "rev": "dimensions",
     "round": "rounding_method",
     "scan": "jaxpr length reverse unroll num_consts num_carry ft_in ft_out linear _split_transpose",
