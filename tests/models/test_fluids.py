@@ -10,6 +10,7 @@ import scipy.special
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.run.xla_function import PREFIX, ready
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import fluids
 from coadjoint.models.fluids.harmonics import legendre, on_diagonal
@@ -36,6 +37,24 @@ def test_the_laplacian_has_the_eigenvalues_of_the_sphere_and_is_inverted():
     mean = np.trace(omega.reshape(size, size)) / size * np.eye(size).ravel()
     np.testing.assert_allclose(evaluate(lambda w: laplacian(size, w), psi), omega - mean, atol=1e-12)
     assert abs(np.trace(psi.reshape(size, size))) < 1e-14
+
+
+@pytest.mark.parametrize("size", [2, 9])
+def test_machine_code_inverts_the_laplacian_as_a_dense_solution_does(size):
+    """For one function and for several, whose numbers are the same bits."""
+    import jax
+
+    assert ready(f"{PREFIX}sweep")
+    columns = [np.asarray(evaluate(lambda w: laplacian(size, w), w)) for w in np.eye(size**2)]
+    several = generator("dense", size).normal(size=(3, size**2))
+    mean = np.eye(size).ravel() / size
+    centred = several - np.outer(several @ np.eye(size).ravel(), mean)
+    expected = np.linalg.lstsq(np.transpose(columns), centred.T)[0].T  # the least solution has no mean
+    with jax.enable_x64(True):
+        solve = jax.jit(lambda w: inverse_laplacian(size, w))
+        found, together = np.array([solve(w) for w in several]), np.asarray(jax.vmap(solve)(several))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+    assert np.array_equal(found, together)
 
 
 def test_the_energy_has_the_stream_function_as_its_gradient():

@@ -10,6 +10,8 @@ import numpy as np
 from jax import lax
 
 from coadjoint.arrays import Array
+from coadjoint.kernels.run.xla_function import XlaFunction
+from coadjoint.models.fluids.laplacian_sweep import emit_sweep
 
 
 def tridiagonal(size: int, m: int) -> tuple[np.ndarray, np.ndarray]:
@@ -56,9 +58,9 @@ def straight(columns: Array) -> Array:
     return twice[size:].reshape(size, 2 * size - 1)[:, :size]
 
 
-def _solved(rows: Array) -> Array:
+def _swept(rows: Array, lower: Array, inverse: Array, above: Array) -> tuple[Array]:
+    """ψ by rows (N, N) of ω by rows (N, N) and of `_factors`, by one loop forward over all diagonals and one back."""
     size = rows.shape[0]
-    lower, inverse, above = _factors(size)
     right = skewed(rows)
     right = right - np.eye(1, size) * jnp.mean(right[:, 0])
 
@@ -73,7 +75,15 @@ def _solved(rows: Array) -> Array:
     nothing = jnp.zeros(size)
     _, found = lax.scan(forward, nothing, (right, lower))
     _, found = lax.scan(backward, nothing, (found, above, inverse), reverse=True)
-    return straight(found - np.eye(1, size) * jnp.mean(found[:, 0]))
+    return (straight(found - np.eye(1, size) * jnp.mean(found[:, 0])),)
+
+
+_sweep = XlaFunction("sweep", emit_sweep, _swept)
+
+
+def _solved(rows: Array) -> Array:
+    factors = _factors(rows.shape[0])
+    return (_sweep if rows.dtype == float else _swept)(rows, *factors)[0]
 
 
 def _applied(rows: Array) -> Array:
