@@ -14,7 +14,8 @@ from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power, SOn, SUn, Un
 from coadjoint.groups.group import Element
-from coadjoint.groups.unitary import ComplexMatrix, product, sum_of_parts
+from coadjoint.groups.unitary import ComplexMatrix, product
+from coadjoint.methods import isospectral_products
 
 
 class Algebra(abc.ABC):
@@ -52,6 +53,11 @@ class Algebra(abc.ABC):
     @abc.abstractmethod
     def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         """The coordinates (unknowns,) of [P, W] and of PWP, of P and W (n, n)."""
+
+    def products_of(self, eta: Array, z: Array) -> tuple[Array, Array]:
+        """`products` of P = η̂ and the W̃ of coordinates z (unknowns,), in the precision of z; η (dim,)."""
+        matrices = self.matrix(eta), self.unknown(z)
+        return self.products(*jax.tree.map(lambda entries: entries.astype(z.dtype), matrices))
 
     @abc.abstractmethod
     def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
@@ -132,10 +138,11 @@ class Unitary(Algebra):
         return self.hull.parts(z)
 
     def products(self, P: ComplexMatrix, W: ComplexMatrix) -> tuple[Array, Array]:
-        """Of [P, W] = PW − (PW)†, and of PWP, which is anti-Hermitian."""
-        Z = product(P, W)
-        X = sum_of_parts(Z, P)
-        return 2 * self.hull.coordinates(Z), self.hull.coordinates(ComplexMatrix(X, X))
+        return isospectral_products.plain(P, W, self.hull)
+
+    def products_of(self, eta: Array, z: Array) -> tuple[Array, Array]:
+        native = self.hull == self.group and self.hull.size >= isospectral_products.LEAST
+        return isospectral_products.products(eta, z) if native else super().products_of(eta, z)
 
     def products_of_force(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix) -> tuple[Array, Array]:
         Z = product(B, Theta)
@@ -184,6 +191,9 @@ class Copies(Algebra):
     def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         return self._each(self.inner.products, P, W)
 
+    def products_of(self, eta: Array, z: Array) -> tuple[Array, Array]:
+        return self._each(self.inner.products_of, self._rows(eta), self._rows(z))
+
     def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
         return self._each(self.inner.products_of_force, B, Theta, P)
 
@@ -222,6 +232,9 @@ class Reversed(Algebra):
 
     def products(self, P: PyTree, W: PyTree) -> tuple[Array, Array]:
         return self.inner.products(P, W)
+
+    def products_of(self, eta: Array, z: Array) -> tuple[Array, Array]:
+        return self.inner.products_of(-eta, z)
 
     def products_of_force(self, B: PyTree, Theta: PyTree, P: PyTree) -> tuple[Array, Array]:
         return self.inner.products_of_force(B, Theta, P)

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coadjoint.arrays import Array, PyTree
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.system import System
-from coadjoint.methods.isospectral_algebra import Algebra, algebra_of
+from coadjoint.methods.isospectral_algebra import algebra_of
 from coadjoint.spaces import Adjoint, ByInverse, Coadjoint, Links, Several
 
 
@@ -62,18 +62,21 @@ class Moves(NamedTuple):
 
 
 def moves(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: object = jnp.float64
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
 ) -> Moves:
     """`moved` and `brackets`, from one conversion to a precision.
 
     precision: the type of the multiplied numbers.
     """
-    algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
-    (odd, even), others = algebra.products(P, W), []
-    for B, theta in pairs:
-        odd_by_force, even_by_force = algebra.products_of_force(B, theta, P)
-        odd, even = odd + odd_by_force, even + even_by_force
-        others.append(algebra.products(P, theta))
+    algebra = algebra_of(system.group)
+    eta, along_a, z = (numbers.astype(precision) for numbers in (-xi, along_a, z))
+    w, *thetas = z.reshape(-1, algebra.unknowns)
+    (odd, even), others = algebra.products_of(eta, w), []
+    for along, theta in zip(parts(system, along_a), thetas, strict=True):
+        matrices = algebra.matrix(-along), algebra.unknown(theta), algebra.matrix(eta)
+        forced = algebra.products_of_force(*jax.tree.map(lambda entries: entries.astype(precision), matrices))
+        odd, even = odd + forced[0], even + forced[1]
+        others.append(algebra.products_of(eta, theta))
     odd = epsilon * jnp.concatenate([odd, *(part for part, _ in others)])
     return Moves(odd + epsilon**2 * jnp.concatenate([even, *(part for _, part in others)]), odd)
 
@@ -87,17 +90,7 @@ def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | 
 
 
 def brackets(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: object = jnp.float64
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
 ) -> Array:
     """The part of `moved` that is odd in ε, (unknowns,): ε[P, W] + Σ ε[B, Θ], and ε[P, Θ] of every Θ."""
     return moves(system, xi, along_a, z, epsilon, precision).odd
-
-
-def _matrices(system: System, xi: Array, along_a: Array, z: Array, precision: Any) -> tuple[Algebra, list[PyTree]]:
-    """P of −ξ, W, and the pairs of B of −∂ℋ/∂a and Θ, in a precision."""
-    algebra = algebra_of(system.group)
-    xi, along_a, z = (numbers.astype(precision) for numbers in (xi, along_a, z))
-    W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
-    forces = (algebra.matrix(-along) for along in parts(system, along_a))
-    found = [algebra.matrix(-xi), W, *zip(forces, thetas, strict=True)]
-    return algebra, jax.tree.map(lambda entries: entries.astype(precision), found)
