@@ -39,9 +39,11 @@ class Layout(NamedTuple):
 
     def views(self, numbers: np.ndarray | jax.Array) -> PyTree:
         """The same as views into the numbers, also of traced ones: for long rows that are copied later anyway."""
-        lead = numbers.shape[:-1]
-        leaves = [numbers[..., start:end].reshape(lead + shape) for start, end, shape in _places(self.shapes)]
-        return jax.tree_util.tree_unflatten(self.structure, leaves)
+        lead, leaves = numbers.shape[:-1], []
+        for start, end, shape in _places(self.shapes):
+            leaf = numbers[..., start:end]
+            leaves.append(leaf if len(shape) == 1 else leaf.reshape(lead + shape))
+        return self.structure.unflatten(leaves)
 
 
 @cache
@@ -64,9 +66,8 @@ def pack(tree: PyTree) -> tuple[Layout, np.ndarray]:
     for array in arrays:
         if array.dtype.kind not in "fi":
             raise Untraceable("convert_element_type", f"a leaf has type {array.dtype}, not float64")
-    numbers = [array.astype(np.float64, copy=False).reshape(-1) for array in arrays]
-    shapes = tuple(array.shape for array in arrays)
-    return Layout(structure, shapes), np.concatenate(numbers) if numbers else np.zeros(0)
+    shapes = tuple([array.shape for array in arrays])
+    return Layout(structure, shapes), np.concatenate(arrays or [[]], axis=None, dtype=np.float64)
 
 
 def flattened(tree: PyTree) -> jax.Array:

@@ -75,6 +75,9 @@ class Named:
         keys = tuple(self._values)
         return [(jax.tree_util.GetAttrKey(key), self._values[key]) for key in keys], keys
 
+    def tree_flatten(self):
+        return list(self._values.values()), tuple(self._values)
+
     @classmethod
     def tree_unflatten(cls, keys: tuple[str, ...], values: Iterable[object]) -> Named:
         return _made(cls, dict(zip(keys, values, strict=True)))

@@ -94,10 +94,13 @@ class StepPlan:
         return len(self.kept) * (1 if self.inner is None else len(self.inner.fractions))
 
 
+_KINDS = {0.0: 0, 1.0: 1}
+
+
 def specialised(values: Iterable[float]) -> tuple[int, ...]:
     """The parameters that are exactly 0 or 1, by which code is specialised: 2 elsewhere."""
-    numbers = np.fromiter(values, float)
-    return tuple(np.where((numbers == 0.0) | (numbers == 1.0), numbers, 2.0).astype(int).tolist())
+    numbers = values.tolist() if isinstance(values, np.ndarray) else values
+    return tuple([_KINDS.get(x, 2) for x in numbers])
 
 
 def plan(
