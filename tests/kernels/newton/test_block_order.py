@@ -70,6 +70,31 @@ def test_newton_solves_systems_of_every_size(n, curved):
     assert chunk.iterations == 1 or curved
 
 
+def nearly_antisymmetric(n, symmetric):
+    """A regular matrix whose last three rows and columns are ω̂ but for a small diagonal, as of light charged bodies."""
+    random, matrix, body = np.random.default_rng(n), np.zeros((n, n)), n - 3
+    matrix[body:, body:] = np.cross(np.eye(3), [0.3, -0.7, 0.5]) + symmetric * np.diag([1.0, 2.0, 3.0])
+    matrix[:body, :body] = 3.0 * np.eye(body) + random.normal(size=(body, body)) / 4
+    matrix[:body, body:] = 1e-3 * random.normal(size=(body, 3))
+    matrix[body:, :body] = 1e-9 * random.normal(size=(3, body))
+    return matrix, random.normal(size=n)
+
+
+@pytest.mark.parametrize(
+    ("n", "symmetric", "curved"),
+    [(3, 1e-6, 0.0), (3, 1e-10, 0.0), (5, 1e-4, 0.0), (5, 1e-6, 0.0), (6, 1e-8, 0.0), (5, 1e-8, 1e-9)],
+)
+def test_last_pivots_that_lose_digits_are_not_used(n, symmetric, curved):
+    """Without pivots by size the residuals are 1e-13 to 2, of runs that report success."""
+    matrix, solution = nearly_antisymmetric(n, symmetric)
+    right = matrix @ solution + curved * np.sin(solution)
+    chunk = found(matrix, right, curved)
+    assert chunk.code is Code.CONVERGED
+    residual = matrix @ chunk.records[0] + curved * np.sin(chunk.records[0]) - right
+    assert np.max(np.abs(residual)) < 1e-14 * np.max(np.abs(solution))
+    assert chunk.iterations <= (1 if curved == 0.0 else 8)
+
+
 SINGULAR = np.arange(1.0, 10.0).reshape(3, 3)
 
 

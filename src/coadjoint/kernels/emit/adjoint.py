@@ -71,14 +71,9 @@ def adjoint(plan: StepPlan, pattern: Sequence[int]) -> StepAdjoint:
         n = range(len(residual))
         transposed = [[rows[j].get(i, graph.zero) for j in n] for i in n]
         multipliers = [graph.symbol(f"l{number}.{i}") for i in n]
-        systems.append(
-            (
-                linear_solve(
-                    graph, transposed, backward(graph, roots, stage.solution), changing, stage.scheme.multipliers
-                ),
-                multipliers,
-            )
-        )
+        bars = backward(graph, roots, stage.solution)
+        solved = linear_solve(graph, transposed, bars, changing, stage.scheme.multipliers)
+        systems.append((solved.alone(graph), multipliers))
         _add(graph, roots, residual, multipliers)
     bars = backward(graph, roots, [*plan.parameters, plan.h, *plan.state])
     count = len(plan.parameters)

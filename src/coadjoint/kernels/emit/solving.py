@@ -6,18 +6,24 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import Emitter
+from coadjoint.kernels.emit.emitter import Emitter, Value
 from coadjoint.kernels.emit.gauss import solved_lanes
+from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.newton.increments import Increment
 
 
-def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
-    """δ, by the closed form where it is safe and with pivots otherwise."""
+def increment_values(emit: Emitter, increment: Increment, wary: Value = None) -> list[Any]:
+    """δ, by the closed form where it is safe and with pivots otherwise.
+
+    wary: the lanes whose last pivots must be sound, too, after others; none by default.
+    """
     b = emit.builder
     delta = emit.values(increment.delta)
     if increment.always_safe:
         return delta
     (safe,) = emit.values([increment.safe])
+    if wary is not None and not increment.last.is_constant(True):
+        safe = _to_the_last(emit, safe, increment.last, wary)
     before, careful, on = b.block, b.append_basic_block("pivot"), b.append_basic_block("increment")
     unsafe = emit.any(b.xor(safe, emit.bit(True)))
     b.cbranch(unsafe, careful, on).set_weights([1, 1 << 20])
@@ -37,6 +43,24 @@ def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
         phi.add_incoming(slow, careful)
         joined.append(phi)
     return joined
+
+
+def _to_the_last(emit: Emitter, safe: Value, last: Expr, wary: Value) -> Value:
+    """`safe`, and `last` in the wary lanes; it is evaluated only if there are wary ones."""
+    b = emit.builder
+    before, look, on = b.block, b.append_basic_block("last"), b.append_basic_block("watched")
+    b.cbranch(emit.any(wary), look, on).set_weights([1, 1 << 20])
+    b.position_at_end(look)
+    with emit.scope():
+        (sound,) = emit.values([last])
+    both = b.and_(safe, b.or_(sound, b.not_(wary)))
+    look = b.block
+    b.branch(on)
+    b.position_at_end(on)
+    found = b.phi(emit.truth)
+    found.add_incoming(safe, before)
+    found.add_incoming(both, look)
+    return found
 
 
 def _pivoted(

@@ -60,12 +60,9 @@ def tangent(plan: StepPlan, active: Sequence[int]) -> StepTangent:
         n = range(len(residual))
         matrix = [[rows[i].get(j, graph.zero) for j in n] for i in n]
         symbols = [graph.symbol(f"z{number}.{i}°") for i in n]
-        systems.append(
-            (
-                linear_solve(graph, matrix, directional(graph, residual, along), changing, stage.scheme.multipliers),
-                symbols,
-            )
-        )
+        right = directional(graph, residual, along)
+        solved = linear_solve(graph, matrix, right, changing, stage.scheme.multipliers)
+        systems.append((solved.alone(graph), symbols))
         along.update(zip(stage.solution, symbols, strict=True))
         changing.update(symbols)
     record_dot = directional(graph, plan.record, along)

@@ -39,21 +39,23 @@ class Changing:
 
 def guarded_solve(graph: Graph, matrix: Matrix, right: Sequence[Expr]) -> list[Expr]:
     """x with matrix x = right, of a system that no permutation splits; with pivots where a pivot block is not sound."""
-    quick, safe = solve(graph, matrix, list(right), sparse_pivots)
+    quick, sound, last = solve(graph, matrix, list(right), sparse_pivots)
+    safe = graph.apply("and", sound, last) if len(matrix) > 3 else sound
     return graph.guarded(quick, safe, matrix, list(right))
 
 
-def solve(graph: Graph, a: Matrix, b: list[Expr], pivots: Pivots) -> tuple[list[Expr], Expr]:
-    """x with a x = b by elimination in blocks of up to three, and whether the pivot blocks were sound."""
+def solve(graph: Graph, a: Matrix, b: list[Expr], pivots: Pivots) -> tuple[list[Expr], Expr, Expr]:
+    """x with a x = b by elimination in blocks of up to three, whether the pivot blocks were sound, and whether the last
+    one was, by which nothing is eliminated."""
     n = len(a)
     if n <= 3:
-        return elimination.solve(graph, a, [b])[0], graph.true
+        return elimination.solve(graph, a, [b])[0], graph.true, graph.true if n == 1 else _sound(graph, a)
     first = pivots(graph, a)
     k = len(first)
     order = [*first, *(i for i in range(n) if i not in first)]
     moved = [[a[i][j] for j in order] for i in order]
-    values, sound = _eliminate(graph, moved, [b[i] for i in order], k, pivots)
-    return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound
+    values, sound, last = _eliminate(graph, moved, [b[i] for i in order], k, pivots)
+    return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound, last
 
 
 def steady_pivots(changing: Changing, graph: Graph, a: Matrix) -> list[int]:
@@ -88,8 +90,8 @@ def sparse_pivots(graph: Graph, a: Matrix) -> list[int]:
     return sorted(chosen)
 
 
-def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, pivots: Pivots) -> tuple[list[Expr], Expr]:
-    """Solve with the leading k×k block as pivot."""
+def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, pivots: Pivots) -> tuple[list[Expr], Expr, Expr]:
+    """`solve` with the leading k×k block as pivot."""
     corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
     inverse = elimination.inverse(graph, corner)
     # The Schur complement of the corner, and its right side.
@@ -102,9 +104,9 @@ def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, pivots: Pivots) -
             for j, column in columns.items():
                 left[j] = graph.sub(left[j], dot(graph, row[:k], column))
     left = [graph.sub(b[k + i], dot(graph, row[:k], first)) for i, row in enumerate(a[k:])]
-    tail, sound = solve(graph, rest, left, pivots)
+    tail, sound, last = solve(graph, rest, left, pivots)
     head = [graph.sub(x, dot(graph, row, tail)) for x, row in zip(first, across, strict=True)]
-    return [*head, *tail], graph.apply("and", sound, _sound(graph, corner))
+    return [*head, *tail], graph.apply("and", sound, _sound(graph, corner)), last
 
 
 def _sound(graph: Graph, a: Matrix) -> Expr:

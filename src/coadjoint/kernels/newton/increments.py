@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from coadjoint.kernels.expressions import block_elimination
@@ -66,12 +66,21 @@ def blocks(columns: Sequence[Sequence[int]]) -> list[list[int]]:
 
 @dataclass(frozen=True)
 class Increment:
-    """δ (n,) and the system J δ = −r (n, n), (n,) it solves; where `safe` fails, solve that with pivots."""
+    """δ (n,) and the system J δ = −r (n, n), (n,) it solves; where `safe` fails, solve that with pivots.
+
+    `last`: whether the pivots by which nothing is eliminated are sound. What δ loses by them further iterations make
+    up for; where there are none, or where they converge slowly, δ needs pivots where it fails, too.
+    """
 
     delta: list[Expr]
     safe: Expr
+    last: Expr
     jacobian: Matrix
     right: list[Expr]
+
+    def alone(self, graph: Graph) -> Increment:
+        """The increment that no other follows."""
+        return replace(self, safe=graph.apply("and", self.safe, self.last), last=graph.true)
 
     @property
     def always_safe(self) -> bool:
@@ -140,7 +149,7 @@ def scheme(
     first = None
     if affine:
         at_guess = dict(zip(unknowns, start, strict=True))
-        first = increment(sorted(affine), at_guess, at_guess)
+        first = increment(sorted(affine), at_guess, at_guess).alone(graph)
         settled = {i: graph.symbol(f"{unknowns[i].value}'") for i in sorted(affine)}
         changing.update(settled.values())
     looped = [i for i in n if i not in settled]
@@ -184,16 +193,17 @@ def _increment(
     pivots = block_elimination.sparse_pivots if sparse else partial(steady_pivots, Changing(changing))
     delta: list[Expr] = [graph.zero] * len(residual)
     right = [graph.neg(r) for r in residual]
-    safe = graph.true
+    safe = last = graph.true
     solved: list[int] = []
     for part in parts:
         b = [graph.sub(right[i], _known(graph, jacobian[i], delta, solved)) for i in part]
-        values, sound = block_elimination.solve(graph, [[jacobian[i][j] for j in part] for i in part], b, pivots)
-        safe = graph.apply("and", safe, sound)
+        matrix = [[jacobian[i][j] for j in part] for i in part]
+        values, sound, end = block_elimination.solve(graph, matrix, b, pivots)
+        safe, last = graph.apply("and", safe, sound), graph.apply("and", last, end)
         for i, value in zip(part, values, strict=True):
             delta[i] = value
         solved += part
-    return Increment(delta, safe, jacobian, right)
+    return Increment(delta, safe, last, jacobian, right)
 
 
 def _known(graph: Graph, row: list[Expr], delta: list[Expr], solved: list[int]) -> Expr:
