@@ -8,7 +8,6 @@ from llvmlite import ir
 
 from coadjoint.kernels.emit.emitter import Emitter, Value
 from coadjoint.kernels.emit.gauss import solved_lanes
-from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.newton.increments import Increment
 
 
@@ -22,13 +21,17 @@ def increment_values(emit: Emitter, increment: Increment, wary: Value = None) ->
     if increment.always_safe:
         return delta
     (safe,) = emit.values([increment.safe])
-    if wary is not None and not increment.last.is_constant(True):
-        safe = _to_the_last(emit, safe, increment.last, wary)
+    watched = wary is not None and not increment.last.is_constant(True)
+    doubtful = b.not_(safe)
+    if watched:
+        doubtful = b.or_(doubtful, wary)
     before, careful, on = b.block, b.append_basic_block("pivot"), b.append_basic_block("increment")
-    unsafe = emit.any(b.xor(safe, emit.bit(True)))
-    b.cbranch(unsafe, careful, on).set_weights([1, 1 << 20])
+    b.cbranch(emit.any(doubtful), careful, on).set_weights([1, 1 << 20])
     b.position_at_end(careful)
     with emit.scope():
+        if watched:
+            (last,) = emit.values([increment.last])
+            safe = b.and_(safe, b.or_(last, b.not_(wary)))
         entries = [x for row in increment.jacobian for x in row]
         places = [i for i, x in enumerate(entries) if not x.is_constant(0.0)]
         matrix = dict(zip(places, emit.values(entries[i] for i in places), strict=True))
@@ -45,26 +48,8 @@ def increment_values(emit: Emitter, increment: Increment, wary: Value = None) ->
     return joined
 
 
-def _to_the_last(emit: Emitter, safe: Value, last: Expr, wary: Value) -> Value:
-    """`safe`, and `last` in the wary lanes; it is evaluated only if there are wary ones."""
-    b = emit.builder
-    before, look, on = b.block, b.append_basic_block("last"), b.append_basic_block("watched")
-    b.cbranch(emit.any(wary), look, on).set_weights([1, 1 << 20])
-    b.position_at_end(look)
-    with emit.scope():
-        (sound,) = emit.values([last])
-    both = b.and_(safe, b.or_(sound, b.not_(wary)))
-    look = b.block
-    b.branch(on)
-    b.position_at_end(on)
-    found = b.phi(emit.truth)
-    found.add_incoming(safe, before)
-    found.add_incoming(both, look)
-    return found
-
-
 def _pivoted(
-    emit: Emitter, matrix: dict[int, Any], right: list[ir.Value], safe: ir.Value, delta: list[ir.Value]
+    emit: Emitter, matrix: dict[int, Any], right: list[ir.Value], safe: Value, delta: list[ir.Value]
 ) -> list[Any]:
     """The unsafe lanes by elimination with partial pivoting, one after the other.
 
@@ -74,7 +59,7 @@ def _pivoted(
     results = list(delta)
     for lane, solved in enumerate(solved_lanes(emit, matrix, right)):
         if width == 1:
-            return solved
+            return [b.select(safe, quick, slow) for quick, slow in zip(delta, solved, strict=True)]
         place = ir.IntType(32)(lane)
         here = b.extract_element(safe, place)
         results = [
