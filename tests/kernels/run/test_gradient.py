@@ -155,10 +155,19 @@ def test_records_of_some_steps_pull_as_those_of_all_do():
     np.testing.assert_array_equal(pack(tuple(pull(bar, None)))[1], pack(tuple(expected))[1])
 
 
-def test_a_run_with_its_tape_is_the_run_to_the_bit(optimised):
+class Repeating(LeftRectangle):
+    """Records ξ twice."""
+
+    def record(self, p, s, h, z):
+        found = super().record(p, s, h, z)
+        return found._replace(n=found.xi)
+
+
+@pytest.mark.parametrize("program", [VehicleProgram(), VehicleProgram((Repeating(),))], ids=["", "repeating"])
+def test_a_run_with_its_tape_is_the_run_to_the_bit(optimised, program):
     for records, every in ((1, 40), (8, 5), (40, 1)):
-        taped = gradient.vjp(VehicleProgram(), PAPER, start(H), H, records, every)[0]
-        alone = gradient.native.run(VehicleProgram(), PAPER, start(H), H, records, every, monitors=False)
+        taped = gradient.vjp(program, PAPER, start(H), H, records, every)[0]
+        alone = gradient.native.run(program, PAPER, start(H), H, records, every, monitors=False)
         for found, expected in ((taped.records, alone.records), (taped.final, alone.final)):
             np.testing.assert_array_equal(pack(found)[1], pack(expected)[1])
         assert (taped.steps, taped.iterations) == (alone.steps, alone.iterations)

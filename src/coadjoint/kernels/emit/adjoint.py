@@ -49,7 +49,8 @@ def tape(plan: StepPlan) -> list[Expr]:
 
 def row(plan: StepPlan) -> list[Expr]:
     """The record of a step, and behind it those numbers of the tape that are not in it."""
-    return list(dict.fromkeys([*plan.record, *tape(plan)]))
+    recorded = set(plan.record)
+    return [*plan.record, *(node for node in tape(plan) if node not in recorded)]
 
 
 def adjoint(plan: StepPlan, pattern: Sequence[int]) -> StepAdjoint:
