@@ -65,6 +65,12 @@ def test_the_change_of_an_energy_near_zero_is_relative_to_the_kinetic_energy(nea
     assert "too large" not in told and "line `accuracy`" in told
 
 
+def test_changes_follow_the_extrema_of_a_run_that_goes_on(level, monkeypatch):
+    before, (low, high) = level.relative_change("energy"), level.extrema["energy"]
+    monkeypatch.setattr(level.position, "extrema", level.extrema | {"energy": (low, high + 1.0)})
+    assert level.relative_change("energy") > before
+
+
 def test_the_energy_of_a_forced_run_is_a_budget_and_not_an_error():
     body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=lambda motion: co.Force(-0.1 * motion.xi))
     run = co.simulate(body, body.state(xi=[0, 0, 1]), steps=100, **RUN)

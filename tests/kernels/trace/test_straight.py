@@ -86,12 +86,14 @@ def test_a_table_is_the_same_at_every_call_and_its_results_are_its_own():
 def test_rows_in_batches_are_those_of_full_batches_and_share_one_factorisation(also, monkeypatch):
     random, factorised, lu = np.random.default_rng(5), [], NUMERIC["lu"]
     matrix, rows = random.normal(size=(4, 4)), random.normal(size=(11, 4))
-    at = tabulate(lambda a, x: (jax.vmap(lambda v: jnp.linalg.solve(a, v))(x), also(x)), matrix, rows[:3])
-    full = [at(matrix, np.resize(rows[k : k + 3], (3, 4))) for k in range(0, 11, 3)]
     monkeypatch.setitem(NUMERIC, "lu", lambda p, a: factorised.append(a) or lu(p, a))
-    for found, *parts in zip(at.of_rows(matrix, rows, 3), *full, strict=True):
-        np.testing.assert_array_equal(found, np.concatenate(parts)[:11])
-    assert len(factorised) <= 1
+    at = tabulate(lambda a, x: (jax.vmap(lambda v: jnp.linalg.solve(a, v))(x), also(x)), matrix, rows[:3])
+    for one in (matrix, matrix.T):
+        full = [at(one, np.resize(rows[k : k + 3], (3, 4))) for k in range(0, 11, 3)]
+        factorised.clear()
+        for found, *parts in zip(at.of_rows(one, rows, 3), *full, strict=True):
+            np.testing.assert_array_equal(found, np.concatenate(parts)[:11])
+        assert len(factorised) <= 1
 
 
 def test_a_primitive_without_a_rule_is_named():
