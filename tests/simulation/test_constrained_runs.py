@@ -15,6 +15,7 @@ from coadjoint.methods import rattle
 from pinned import INERTIA, MASS, PIN, RATES, body, hold, pinned, reference, start
 
 QUIET = {"monitors": False, "accuracy": False}
+EPS = np.finfo(float).eps
 
 
 def run(system=None, dt=0.01, steps=40, **more):
@@ -142,10 +143,11 @@ def test_members_are_projected_as_single_states_and_may_have_redundant_rows():
     off = start(system, xi=co.each([RATES, 2 * RATES]))
     assert np.array_equal(system.project(off).mu[0], system.project(start(system)).mu)
     doubled = body(constraints={"pin": co.Holonomic(hold), "again": co.Holonomic(hold)})
-    made, single = (run(one, steps=5) for one in (doubled.replace(mass=co.each([1.0, MASS])), doubled))
+    made, single = (run(one, dt=0.01, steps=5) for one in (doubled.replace(mass=co.each([1.0, MASS])), doubled))
     assert "6 rows, of which 3 follow" in " ".join(made.warnings)
-    for name in ("mu", "reaction_pin", "reaction_step_again"):
-        assert np.abs(made.dataset[name].values[1] - single.dataset[name].values).max() < 1e-12
+    # λ of a step moves a body by h²λ/m, of which round-off is a part.
+    for name, most in {"mu": 1e-12, "reaction_pin": 1e-12, "reaction_step_again": 4 * MASS * EPS / 0.01**2}.items():
+        assert np.abs(made.dataset[name].values[1] - single.dataset[name].values).max() < most
 
 
 @pytest.mark.long

@@ -50,9 +50,13 @@ class _Backend(BackendEntrypoint):
     """Makes a lazy dataset of arrays by their names."""
 
     def open_dataset(self, filename_or_obj: Any, *, drop_variables: object = None) -> xarray.Dataset:
-        lazy = {name: indexing.LazilyIndexedArray(_Lazy(array)) for name, array in filename_or_obj.items()}
-        made = {name: (array.dims, lazy[name], dict(array.attrs)) for name, array in filename_or_obj.items()}
-        return xarray.Dataset(made)
+        return xarray.Dataset({name: _variable(array) for name, array in filename_or_obj.items()})
+
+
+def _variable(array: StoredArray) -> xarray.Variable:
+    """The array, read when its values are used; `Dataset.chunk({})` takes the chunks of the file."""
+    chunks = {"chunks": array.chunks, "preferred_chunks": dict(zip(array.dims, array.chunks, strict=True))}
+    return xarray.Variable(array.dims, indexing.LazilyIndexedArray(_Lazy(array)), dict(array.attrs), chunks)
 
 
 def stored_dataset(
