@@ -9,6 +9,7 @@ a number at the end of such steps takes.
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 import sys
@@ -207,11 +208,20 @@ def gradient_row(size: int) -> str:
     return f"| fluid, N = {size} | {gradient(*fluid(size), 5):.2g} |"
 
 
+def _part(text: str) -> str:
+    family, _, size = text.partition(":")
+    if family not in ("so", "u", "fluid", "gradient") or not size.isdigit():
+        raise argparse.ArgumentTypeError(f"must be so, u, fluid or gradient with a size, as fluid:64, but is {text}")
+    return text
+
+
 def main() -> None:
     if any(os.environ.get(name) != value for name, value in ALONE.items()):  # what is read at imports: begin again
         command = [sys.executable, "-m", "benchmarks.momenta", *sys.argv[1:]]
         os.execve(sys.executable, command, {**os.environ, **ALONE})
-    given = sys.argv[1:] or [*ALL, *FLUIDS]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.momenta", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("parts", nargs="*", metavar="FAMILY:SIZE", type=_part, help=f"by default {' '.join(ALL)} …")
+    given = parser.parse_args().parts or [*ALL, *FLUIDS]
     print("| group | ms/step | by NumPy | difference |\n|---|--:|--:|--:|")
     for family, size in (one.split(":") for one in given if not one.startswith(("fluid:", "gradient:"))):
         ours, theirs, apart = row(family, int(size), max(20_000 // int(size), 20))
