@@ -9,6 +9,7 @@ from test_simplification import value
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import reachable
 from coadjoint.kernels.expressions.graph import Graph
+from coadjoint.kernels.untraceable import TooLarge
 
 FIXED = ("p", "q", "h")
 CHANGING = ("x", "y", "z")
@@ -135,3 +136,17 @@ def test_a_coefficient_of_two_terms_stands_in_front_of_their_sum():
     written = graph.add(graph.mul(graph.mul(p, x), h), graph.mul(ph, graph.mul(y, z)))
     (found,) = collector(graph)([written])
     assert found is graph.mul(ph, graph.add(x, graph.mul(y, z)))
+
+
+def test_rewriting_does_not_bring_a_program_over_its_limit():
+    """A limit counts what a program computes; what is collected replaces it."""
+    graph = Graph(limit=90)
+    p, q, h, x, y, _ = symbols(graph).values()
+    written = x
+    for factor in [p, q, h] * 6:
+        written = graph.mul(graph.add(graph.mul(factor, written), y), graph.mul(p, h))
+    (found,) = collector(graph)([written])
+    assert len(set(reachable([found]))) <= 90 < len(graph._table)
+    with pytest.raises(TooLarge):
+        for _ in range(90):
+            written = graph.mul(graph.add(written, x), y)

@@ -26,10 +26,11 @@ class Collector:
     def __call__(self, roots: Iterable[Expr]) -> list[Expr]:
         """The roots, rewritten."""
         roots, parts = list(roots), self._parts
-        for node in reachable(roots, lambda node: () if node in parts else node.args):
-            if node not in parts:
-                parts[node] = self._split(node)
-        return [self._whole(root) for root in roots]
+        with self.graph.rewriting():
+            for node in reachable(roots, lambda node: () if node in parts else node.args):
+                if node not in parts:
+                    parts[node] = self._split(node)
+            return [self._whole(root) for root in roots]
 
     def _whole(self, node: Expr) -> Expr:
         coefficient, rest = self._parts[node]

@@ -8,8 +8,9 @@ overflows elsewhere must not bring it to life. Signs of zeros are not kept.
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partialmethod
 
 import numpy as np
@@ -26,12 +27,12 @@ MAX_NODES_OF_MULTIPLIERS = 200_000
 
 
 class Graph:
-    """All expressions of one program; the methods build nodes, up to `limit`."""
+    """All expressions of one program; the methods build nodes, up to `limit` besides those of rewritings."""
 
     def __init__(self, limit: int = MAX_NODES) -> None:
         self.limit = limit
         self._table: dict[tuple, Expr] = {}
-        self._count = 0
+        self._count: float = 0  # of nodes, less those that rewritings made
         self.zero, self.one = self.constant(0.0), self.constant(1.0)
         self.true, self.false = self.constant(True), self.constant(False)
 
@@ -41,9 +42,18 @@ class Graph:
         if node is None:
             if self._count > self.limit:
                 raise TooLarge(self.limit)
-            node = self._table[key] = Expr(op, args, value, self._count)
+            node = self._table[key] = Expr(op, args, value, len(self._table))
             self._count += 1
         return node
+
+    @contextlib.contextmanager
+    def rewriting(self) -> Iterator[None]:
+        """Nodes made inside replace nodes that have been counted, and do not count themselves."""
+        count, self._count = self._count, -math.inf
+        try:
+            yield
+        finally:
+            self._count = count
 
     def constant(self, value: float | bool) -> Expr:
         """A number or a truth value."""
@@ -58,7 +68,7 @@ class Graph:
 
     def unknown(self) -> Expr:
         """A new symbol."""
-        return self._node("symbol", (), f"unknown {self._count}")
+        return self._node("symbol", (), f"unknown {len(self._table)}")
 
     def placeholder(self, primitive: str) -> Expr:
         """Stands for a result of `primitive` that has no expression; using its value is an error."""
