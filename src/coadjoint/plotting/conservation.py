@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coadjoint import checks
+from coadjoint.mechanics.energy_scale import near_zero, paired
 from coadjoint.plotting.entries import Entry, require
 from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
@@ -24,7 +25,8 @@ CHANGED = 0.01
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
     """|E(t)/E(0) − 1| over time: an error where no force acts, otherwise the change by forces; E(t) if it is large.
 
-    The change itself, |E(t) − E(0)|, where E(0) is less than a twentieth of the largest kinetic energy.
+    The change itself, |E(t) − E(0)|, where E(0) is near zero beside the largest kinetic energy
+    (`coadjoint.mechanics.energy_scale`).
 
     `definition`: "discrete" is E(t_k) = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
@@ -81,23 +83,24 @@ def group_defect(runs: Sequence[Entry]) -> Figure:
     return figure
 
 
-def relative(values: np.ndarray, least: float = 0.0) -> tuple[np.ndarray, bool]:
-    """|X_k − X₀|/|X₀| with the Euclidean norm over components, and True; |X_k − X₀| and False where |X₀| ≤ `least`."""
+def relative(values: np.ndarray, kinetic: float = 0.0) -> tuple[np.ndarray, bool]:
+    """|X_k − X₀|/|X₀| with the Euclidean norm over components, and True; |X_k − X₀| and False if X₀ is near zero."""
     columns = values.reshape(len(values), -1)
     change = np.linalg.norm(columns - columns[0], axis=1)
     size = float(np.linalg.norm(columns[0]))
-    return (change / size, True) if size > least else (change, False)
+    return (change, False) if size == 0.0 or near_zero(size, kinetic) else (change / size, True)
 
 
 def motion(run: Entry) -> float:
-    """A twentieth of the largest kinetic energy, ½|⟨μ, ξ⟩ + ⟨π, ν⟩|/20: an energy below it is near zero."""
+    """The largest kinetic energy, ½|⟨μ, ξ⟩ + ⟨π, ν⟩|."""
     power = np.zeros(len(run.time))
     for name in map(str, run.dataset.data_vars):
         kind, _, which = name.partition("_")
         velocity = {"mu": "xi", "pi": "nu"}.get(kind, "") + (f"_{which}" if which else "")
         if kind in ("mu", "pi") and velocity in run.dataset:
-            power += np.sum((run.values(name) * run.values(velocity)).reshape(len(power), -1), axis=1)
-    return float(np.max(np.abs(power))) / 40
+            momenta, velocities = (np.reshape(run.values(one), (len(power), -1)) for one in (name, velocity))
+            power += paired(momenta, velocities)
+    return float(np.max(np.abs(power))) / 2
 
 
 def _nowhere(run: Entry) -> float:
@@ -109,11 +112,11 @@ def _changes(
     name: Callable[[Entry], str],
     what: str,
     letter: str,
-    near_zero: Callable[[Entry], float] = _nowhere,
+    kinetic: Callable[[Entry], float] = _nowhere,
 ) -> Figure:
     figure = canvas(COLUMN, _HEIGHT)
     axes = figure.subplots()
-    found = [relative(run.values(name(run)), near_zero(run)) for run in runs]
+    found = [relative(run.values(name(run)), kinetic(run)) for run in runs]
     all_relative = all(is_relative for _, is_relative in found)
     for run, (change, is_relative) in zip(runs, found, strict=True):
         values = run.values(name(run))

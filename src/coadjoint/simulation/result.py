@@ -17,10 +17,11 @@ import jax
 import numpy as np
 
 from coadjoint import checks, disk
-from coadjoint.arrays import Array, PyTree
+from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError, must_give, rephrased
 from coadjoint.extensions import Registry, import_string
+from coadjoint.mechanics.energy_scale import ENERGIES, largest_kinetic, near_zero
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -168,7 +169,7 @@ def _require_equal(file: Path, whole: xarray.Dataset) -> None:
             if found.dtype.kind in "OSU":
                 continue
             if found[()].tobytes() != given.values.astype(found.dtype).tobytes():
-                raise OSError(f"what was read again of `{name}` is not what was written")
+                raise OSError(f"the values of `{name}` in the file are not those that were written")
 
 
 def run_path(given: Any) -> Path:
@@ -233,7 +234,7 @@ class Result(Recording):
     accuracy: Accuracy | None = None
     ended: dict[int, State] = field(default_factory=dict)
     taken: tuple[Callable[[Any], Any], ...] = ()
-    _found = ({}, 0, {})  # extrema, count of nodes, and what is found of them once; not a field
+    _found = ({}, 0, {})  # extrema, count of nodes, and what `_once` keeps of them; not a field
 
     @cached_property
     def outputs(self) -> tuple[xarray.Dataset | None, ...]:
@@ -338,7 +339,7 @@ class Result(Recording):
 
     def _kinetic(self) -> np.ndarray:
         """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| at the saved nodes, one number or (members,)."""
-        return kinetic(*self.memory.records)
+        return largest_kinetic(*self.memory.records)
 
     def _once(self, what: str, find: Callable[[], PyTree]) -> PyTree:
         """find(), kept under a name until the run goes on."""
@@ -353,15 +354,14 @@ class Result(Recording):
     def _size_and_change(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """The scale of a monitored X and max_k |X_k − X₀|, one number or (members,) each.
 
-        The scale is |X₀|, and of energies the largest kinetic energy T if T > 20|E₀|: |E₀| alone would depend on the
-        zero of the potential, and a pendulum that is released level with its pivot has none.
+        The scale is |X₀|, and of energies the largest kinetic energy if E₀ is near zero.
         """
         low, high, first = self._bounds(name)
         size = np.linalg.norm(first, axis=-1)
         change = np.linalg.norm(_widest(low, high, first), axis=None if self.members is None else 1)
         if name in ENERGIES:
             motion = self._once("largest kinetic energy", self._kinetic)
-            size = np.where(motion > NEAR_ZERO * size, motion, size)
+            size = np.where(near_zero(size, motion), motion, size)
         return size, change
 
     def sizes(self, name: str) -> np.ndarray:
@@ -384,33 +384,6 @@ class Result(Recording):
             raise ArgumentError(f"`{name}` is a residual: its largest value is run.largest({name!r}).")
         lead = () if self.members is None else (self.members,)
         return [np.reshape(x, (*lead, -1)) for x in (*self.extrema[name], self.ends[name][0])]
-
-
-NEAR_ZERO = 20.0
-"""How many times the energy at the start the kinetic energy must be to take its place as the scale of changes."""
-
-ENERGIES = ("energy", "discrete_energy")
-"""The monitored energies, which are known but for a constant."""
-
-
-def kinetic(*parts: State) -> np.ndarray:
-    """The largest ½|⟨μ, ξ⟩ + ⟨π, ν⟩| of records with axes (node, [member,] …): that of ½⟨ξ, Jξ⟩, whatever V is.
-
-    Returns one number, or shape (members,) for records of members.
-    """
-
-    found = (_paired(x.mu, x.xi) + _paired(x.pi, x.nu) for x in parts)
-    return np.fmax.reduce([np.fmax.reduce(np.abs(one) / 2, axis=0) for one in found])
-
-
-def _paired(momenta: Array, velocities: Array) -> np.ndarray:
-    """The sums of products over the last axis, column after column where that is how NumPy adds, slowly, in rows."""
-    if momenta.shape[-1] >= 8:
-        return np.asarray(momenta * velocities).sum(axis=-1)
-    found = np.zeros(momenta.shape[:-1])
-    for i in range(momenta.shape[-1]):
-        found += momenta[..., i] * velocities[..., i]
-    return found
 
 
 def _widest(low: np.ndarray, high: np.ndarray, first: np.ndarray) -> np.ndarray:

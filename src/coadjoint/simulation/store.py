@@ -30,6 +30,7 @@ from coadjoint.errors import FileError
 from coadjoint.kernels.run.backend import monitor_shapes
 from coadjoint.log import logger
 from coadjoint.manifest import Manifest, entry
+from coadjoint.mechanics.energy_scale import largest_kinetic
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.methods.step import in_records
@@ -38,7 +39,7 @@ from coadjoint.simulation.dataset import Variables, meanings, member_variables, 
 from coadjoint.simulation.derived import derivation, times
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.plan import AnyPosition
-from coadjoint.simulation.result import Result, kinetic
+from coadjoint.simulation.result import Result
 from coadjoint.simulation.zarr_reader import RECORDS
 from coadjoint.simulation.zarr_writer import Chunks, array_metadata, group_metadata
 
@@ -169,7 +170,7 @@ class Store:
         """Take records; they are written when a chunk is full or a checkpoint is due."""
         self._pending.append((steps, records, monitors))
         self.last = jax.tree.map(lambda rows: rows[-1], records)
-        self.kinetic = np.fmax(self.kinetic, kinetic(records))
+        self.kinetic = np.fmax(self.kinetic, largest_kinetic(records))
         self.ends = {name: (self.ends.get(name, rows)[0], rows[-1]) for name, rows in monitors.items()}
         if sum(len(steps) for steps, _, _ in self._pending) >= self.length:
             with self._writing():

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
+from zarr.storage import LocalStore
 
 from coadjoint.disk import require_folder
 from coadjoint.errors import FileError, rephrased
 from coadjoint.kernels.program import Code
-from coadjoint.manifest import DAMAGED, Manifest
+from coadjoint.manifest import DAMAGED, Manifest, sums_up
 from coadjoint.report.folder import SUMMARY, held_manifest
 from coadjoint.sealed import readable
-from coadjoint.simulation.zarr_reader import require_chunks
+from coadjoint.simulation.zarr_reader import arrays, require_chunks
 from coadjoint.sweeps.reduction import KINDS
 from coadjoint.sweeps.sketch import merged
 from coadjoint.sweeps.store import MEMBERS, STATISTICS, statistics
 from coadjoint.sweeps.task import REFUSED
-from coadjoint.sweeps.verified import verified
 from coadjoint.texts import LARGEST_SUMMARY, Table, text_of
 
 if TYPE_CHECKING:
@@ -50,9 +50,9 @@ class SweepResults:
         path, place = self.folder / MEMBERS, f"{MEMBERS}/zarr.json"
         if place not in self.manifest.files and not path.exists():
             raise FileError(f'The sweep in {self.folder} kept statistics alone: [results] keep = "members" keeps more.')
-        whole = bool(self.manifest.facts["sweep"].get("whole"))
-        store = verified(self.manifest, MEMBERS, whole)
-        require_chunks(self.manifest, MEMBERS, whole)
+        complete = bool(self.manifest.facts["sweep"].get("whole"))
+        store = verified(self.manifest, MEMBERS, complete)
+        require_chunks(self.manifest, MEMBERS, complete)
         # xarray and zarr have errors of all kinds
         with rephrased(f"The arrays in {path} cannot be opened", Exception, then=DAMAGED):
             found = xarray.open_zarr(store, consolidated=False, chunks=None, decode_cf=False, zarr_format=3)
@@ -179,3 +179,47 @@ def meant(name: str, attributes: dict[str, object]) -> Table:
         if kind in KINDS
         else attributes
     )
+
+
+class Verified(LocalStore):
+    """Files of the folder `place`, as the manifest lists them; raises FileError that names a file that differs.
+
+    complete: if true, every chunk was written; otherwise a chunk that the manifest lacks held only its fill value.
+    """
+
+    def __init__(self, root: Path | str, *, manifest: Manifest, place: str, complete: bool = True, **options: Any):
+        super().__init__(root, **options)
+        self.manifest, self.place, self.complete = manifest, place, complete
+
+    def with_read_only(self, read_only: bool = False) -> Verified:
+        own = {"manifest": self.manifest, "place": self.place, "complete": self.complete}
+        return Verified(self.root, read_only=read_only, **own)
+
+    async def get(self, key: str, *rest: Any, **options: Any) -> Any:
+        return self._checked(key, await super().get(key, *rest, **options)) if self._is_there(key) else None
+
+    def get_sync(self, key: str, *rest: Any, **options: Any) -> Any:
+        return self._checked(key, super().get_sync(key, *rest, **options)) if self._is_there(key) else None
+
+    def _is_there(self, key: str) -> bool:
+        """Whether the manifest has a file, which then must be a file of its size: pipes and devices are not read."""
+        name = f"{self.place}/{key}"
+        if name in self.manifest.files:
+            self.manifest.require_size(name)
+            return True
+        if (self.root / key).exists() or (self.complete and "/c." in key):
+            raise FileError(f"The file {self.root / key} is not among those of the manifest: {DAMAGED}.")
+        return False
+
+    def _checked(self, key: str, found: Any) -> Any:
+        data = None if found is None else found.to_bytes()
+        self.manifest.require(f"{self.place}/{key}", data)
+        if data is not None and "/c." in key and not sums_up(data):
+            raise FileError(f"The file {self.root / key} does not have the checksum with which it ends: {DAMAGED}.")
+        return found
+
+
+def verified(manifest: Manifest, place: str, complete: bool = True) -> Verified:
+    """The store of the folder `place`; raises FileError unless all of it is plain, so that no other codec is run."""
+    arrays(manifest, place)
+    return Verified(manifest.folder / place, manifest=manifest, place=place, complete=complete, read_only=True)
