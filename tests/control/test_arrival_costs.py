@@ -8,10 +8,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.control.arrival_cost import Part, Quadratic, _units, cleaned, least_to, require_finite
 from coadjoint.control.expansion import FLOOR, convex
 from coadjoint.control.horizon_limits import HorizonLimits
-from coadjoint.control.window import Window
+from coadjoint.control.window import SeenAtNode, Window
 from coadjoint.errors import OptimumError
 
 SCALES = np.array([1.0, 1e3, 1e-2, 50.0])
@@ -64,6 +65,25 @@ def test_a_cost_by_directions_is_that_of_the_motion_along_them():
     for y in random.normal(size=(3, 3)):
         v = np.append(T @ y[:2], y[2])
         assert value(cost, y) - value(cost, np.zeros(3)) == pytest.approx(0.5 * v @ J.T @ J @ v + g @ v, rel=1e-12)
+
+
+def test_a_robust_loss_weighs_the_residual_of_a_value_and_not_its_slope():
+    """J and r of each node times 1/σ and √w(|r/σ|²); a missing number has no row."""
+    seen, loss = np.array([[2.0, 9.0, 1.0]]), co.losses.Student(4)
+    J, u, sigma = np.arange(1.0, 10.0).reshape(3, 3), np.zeros((1, 1)), np.array([2.0, 0.0, 4.0])
+    data = SimpleNamespace(space=SimpleNamespace(origin=np.zeros(3), dim=3))
+    problem = SimpleNamespace(measured={"y": SimpleNamespace(loss=loss)})
+    transcription = SimpleNamespace(data={"y": data}, problem=problem)
+    tables = {"y": lambda x, u, p, h, y: (y, np.stack([J, J]))}
+    window: Any = SimpleNamespace(nx=2, nu=1, most=1, p=None, h=0.1, _seen=tables, transcription=transcription)
+    nodes = [SeenAtNode({"y": seen[0]}, {"y": sigma}), SeenAtNode({}, {})]
+    first, last = Window._misfits(window, np.zeros((2, 2)), u, np.stack([np.eye(2)] * 2), nodes)
+    rows = np.column_stack([J, seen[0]])[[0, 2]] * sigma[[0, 2], None]
+    weight = loss.weight(np.sum(rows[:, -1] ** 2), 3)
+    assert weight < 0.5
+    np.testing.assert_allclose(first.H, weight * rows[:, :3].T @ rows[:, :3], rtol=1e-12)
+    np.testing.assert_allclose(first.g, weight * rows[:, :3].T @ rows[:, 3], rtol=1e-12)
+    assert not last.H.any() and not last.g.any()
 
 
 def test_a_sum_of_costs_is_their_sum_at_every_place():

@@ -25,7 +25,7 @@ FUNCTIONS = {
     "inverse hyperbolic": lambda x: jnp.arccosh(2 + x[0]) + jnp.arctanh(x[1] / 2),
     "errors": lambda x: jax.scipy.special.erf(x[0]) + jax.scipy.special.erfc(x[1]),
     "steps": lambda x: jnp.abs(x[0]) * jnp.sign(x[1]) + jnp.floor(3 * x[0]) * x[1] + jnp.ceil(x[1]),
-    "towards zero": lambda x: jnp.trunc(2 * x[0]) * x[1],
+    "towards zero": lambda x: jnp.trunc(2 * x[0]) * x[1] + (3 * x[0]).astype(int) * x[0],
     "choices": lambda x: jnp.where((x[0] > x[1]) & (x[0] > 0), x[0] ** 2, jnp.where(x[1] < 0, x[1], -x[0])),
     "alternatives": lambda x: jnp.where((x[0] < 0) | ~(x[1] < 0.5) ^ (x[0] >= 0.8), x[0] * x[1], x[1]),
     "limits": lambda x: jnp.minimum(x[0], x[1]) + 2 * jnp.maximum(x[0], 0.1) + jnp.clip(x[1], -0.5, 0.5),

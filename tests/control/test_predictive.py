@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -322,6 +324,18 @@ def test_a_program_that_the_quick_mode_does_not_solve_is_solved_by_the_other(mon
     again = controller(BODY.state())
     assert again.status == "solved" and controller._solve._far is not None
     assert again.plan["torque"] == pytest.approx(answer.plan["torque"], abs=1e-6)
+
+
+def test_inputs_have_their_limits_states_none_and_slack_is_not_negative():
+    M, end = np.ones((2, 3), bool), np.ones((1, 4), bool)
+    layout = quadratic.StageLayout(
+        2, 2, 1, {"M": M, "H": M[[0, 0, 1]], "C": M[:1], "last_H": end.T @ end, "last_C": end}
+    )
+    limits: Any = SimpleNamespace(u_limits=(np.full((2, 1), -3.0), np.full((2, 1), 4.0)))
+    found, inf = layout._bounds(limits), np.inf
+    assert layout.ends == 2
+    np.testing.assert_array_equal(found["lbx"], [-3, -inf, -inf, -3, -inf, -inf, 0, 0])
+    np.testing.assert_array_equal(found["ubx"], [4, inf, inf, 4, inf, inf, inf, inf])
 
 
 def test_a_program_about_the_same_plan_is_the_same_again():

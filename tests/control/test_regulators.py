@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import jax.numpy as jnp
@@ -58,6 +59,8 @@ def test_with_its_cost_at_the_end_five_steps_are_the_regulator_of_an_endless_hor
         assert regulator(state)["push"] == pytest.approx(-K @ x, rel=1e-8)
         assert regulator.value(state) == pytest.approx(0.5 * x @ V @ x, rel=1e-8)
         x = M @ np.concatenate([x, command])
+    kept = {"system", "like", "back", "rest", "there"}
+    assert {*vars(copy.copy(regulator.directions))} == kept < {*vars(regulator.directions)}, "compiled tables stay here"
 
 
 @pytest.mark.long

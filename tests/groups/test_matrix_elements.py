@@ -42,6 +42,32 @@ def test_without_a_basis_the_axioms_hold(group, monkeypatch):
     np.testing.assert_allclose(group.basis_sizes(), np.max(np.abs(group.basis), axis=(1, 2)))
 
 
+@pytest.mark.parametrize("group", KINDS, ids=repr)
+def test_closed_forms_are_products_of_matrices(group, monkeypatch):
+    """Ad_g ξ = g ξ̂ g⁻¹, ⟨Ad*_g μ, ξ⟩ = ⟨μ, Ad_g ξ⟩, ad_ξ η = ξ̂η̂ − η̂ξ̂, ⟨ad*_ξ μ, η⟩ = ⟨μ, ad_ξ η⟩."""
+    monkeypatch.setattr(matrix_elements, "DENSE", 0)
+    random, names = generator("closed"), FORMS[2:]
+    g, (xi, eta, mu) = element(group, random, 0.4), random.normal(size=(3, group.dim))
+    found = evaluate(
+        lambda g: [
+            getattr(group, name)(*pair)
+            for name, pair in zip(names, [(g, xi), (g, mu), (xi, eta), (xi, mu)], strict=True)
+        ],
+        g,
+    )
+    G = evaluate(group.matrix, g)
+    X, Y = (np.tensordot(v, group.basis, 1) for v in (xi, eta))
+    flat = group.basis.reshape(group.dim, -1)
+
+    def coordinates(matrix):
+        return np.linalg.lstsq(flat.T, matrix.ravel(), rcond=None)[0]
+
+    turn = np.stack([coordinates(G @ e @ np.linalg.inv(G)) for e in group.basis], axis=1)
+    bracket = np.stack([coordinates(X @ e - e @ X) for e in group.basis], axis=1)
+    for one, expected in zip(found, (turn @ xi, turn.T @ mu, coordinates(X @ Y - Y @ X), bracket.T @ mu), strict=True):
+        np.testing.assert_allclose(one, expected, atol=1e-12)
+
+
 def _sizes(jaxpr):
     """The sizes of all arrays in a program."""
     for equation in jaxpr.eqns:

@@ -128,6 +128,16 @@ def test_an_angle_that_is_off_by_more_than_a_radian_is_missed_however_noisy_it_i
     assert missed(turning, ("yaw",), np.array([1.2]), np.array([False])) == [], "a deviation that was given"
 
 
+def test_a_segment_begins_by_whole_steps_before_its_samples_where_the_log_goes_on():
+    """The first one begins at its first sample; a reach of 0.25 s is three steps of 0.1 s."""
+    time = 0.1 * np.arange(60)
+    cut = samples(Log(time, {"yaw": time}), np.array([False]), 0.1, 2.0, between="held", reach=0.25)
+    first = time[cut.rows[:, 0]]
+    np.testing.assert_allclose(cut.starts, first - [0.0, *[0.3] * (len(first) - 1)], atol=1e-12)
+    np.testing.assert_allclose(cut.steps_away[:, 0], [0, *[3] * (len(first) - 1)], atol=1e-9)
+    assert len(first) == 3 and cut.early.sum(axis=1).tolist() == [3, 0, 0] and not cut.after_gap.any()
+
+
 def test_missing_rows_are_counted_with_the_longest_time_that_they_take():
     time = np.delete(0.1 * np.arange(100), [20, 50, 51, 52])
     holed = Log(time, {"yaw": np.sin(time)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.plotting import plots
 from coadjoint.plotting.film import Film
 from coadjoint.plotting.plots import Plots, available, figure_names
 from coadjoint.plotting.style import COLOURS
@@ -95,6 +97,17 @@ def test_without_ffmpeg_an_mp4_is_refused_with_the_other_formats(monkeypatch: py
     monkeypatch.setenv("PATH", "")
     with pytest.raises(ArgumentError, match=r"needs the program ffmpeg, .*\.gif or \.html"):
         Plots(dataset(**KINDS[3])).animation(path="made.mp4")
+
+
+def test_a_film_of_a_package_above_gets_the_runs_and_then_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    added = SimpleNamespace(draw="there:sketch", film=True, doc="A sketch.")
+    monkeypatch.setattr(plots, "ADDED", {"sketch": added})
+    monkeypatch.setattr(plots, "import_string", lambda name: lambda runs, path, **more: (name, len(runs), path, more))
+    figure = Plots(dataset(**KINDS[3])).sketch
+    assert figure(Plots(dataset(**KINDS[3])).dataset, path="a.html", fps=3) == ("there:sketch", 2, "a.html", {"fps": 3})
+    assert (figure.__name__, figure.__doc__) == ("sketch", "A sketch.")
+    with pytest.raises(ArgumentError, match=r"give its name, as in path='sketch\.html'"):
+        figure()
 
 
 def test_every_run_has_an_animation_that_no_report_draws() -> None:

@@ -3,6 +3,7 @@
 import threading
 import time
 from typing import Any, NamedTuple, cast
+from unittest.mock import Mock
 
 import jax
 import jax.numpy as jnp
@@ -151,6 +152,13 @@ def test_a_run_in_memory_keeps_what_it_has_computed(monkeypatch, looks):
     assert "stopped before 300" in str(run)
     more = co.simulate(system, run.final, **AT, steps=STEPS - done)
     np.testing.assert_allclose(more.final.mu, whole.final.mu, rtol=1e-11)
+
+
+def test_an_interrupt_before_the_first_step_keeps_no_run(monkeypatch):
+    monkeypatch.setattr("coadjoint.simulation.driver.Driver.drive", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        co.simulate(*top(), **AT, steps=STEPS, accuracy=False, monitors=False)
+    assert stopped.type is KeyboardInterrupt
 
 
 def test_an_interrupt_while_records_are_taken_up_leaves_whole_nodes(monkeypatch):

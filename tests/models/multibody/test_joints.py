@@ -58,7 +58,7 @@ def test_bodies_are_placed_along_joints_with_their_velocities():
     """A crank with a slider on it that screws through: places and velocities against differences of places."""
     joints = {
         "crank": Joint("revolute", "ground", "arm", at=(0, 0, 0), axis=(0, 1, 0)),
-        "slider": Joint("prismatic", "head", "arm", at=(0, 0, -1), axis=(0, 0, 1)),
+        "slider": Joint("prismatic", "head", "arm", at=(0.3, 0.2, -1), axis=(0, 0, 1)),
         "screw": Joint("screw", "head", "nut", at=(0, 0, -1), axis=(1, 0, 0), pitch=0.5),
     }
     bodies = {"arm": rod(position=(0, 0, -ARM)), "head": rod(position=(0, 0, -1)), "nut": rod(position=(0.2, 0, -1))}
@@ -74,6 +74,9 @@ def test_bodies_are_placed_along_joints_with_their_velocities():
     turning = np.einsum("nji,njk->nik", now.g, (after.g - before.g) / 2e-5)
     found = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
     assert now.xi.reshape(3, 3) == pytest.approx(found, abs=1e-8)
+    data = arm.joint_data(now)
+    assert [float(data[name]) for name in joints] == pytest.approx([0.7, 0.1, 4 - 2 * np.pi], abs=1e-14)
+    assert [float(data[f"{name}_speed"]) for name in joints] == pytest.approx([2, -0.5, 3], abs=1e-13)
 
 
 def test_turns_are_counted_by_the_mean_speed():
