@@ -85,6 +85,7 @@ def test_q_is_uniform_for_white_noise_and_vanishes_for_coloured():
     p = [portmanteau(random.normal(size=400)) for _ in range(200)]
     assert 0.4 < np.mean(p) < 0.6 and 0.02 < np.mean(np.array(p) < 0.05) < 0.11
     assert portmanteau(np.convolve(random.normal(size=410), np.ones(4), "valid")) < 1e-6
+    assert portmanteau(np.full(40, 0.3)) == portmanteau(np.array([1.0, -2.0, np.nan])) == 1.0
 
 
 def test_a_log_that_is_shorter_than_a_lag_has_no_misfit_and_no_warning():

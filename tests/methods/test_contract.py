@@ -26,6 +26,21 @@ def test_a_method_without_one_of_its_members_cannot_be_made(left_out: str) -> No
         type("Incomplete", (co.methods.Method, Step), given)()
 
 
+def test_the_midpoint_of_hamilton_keeps_the_momentum_of_turns():
+    """μ + n × π, which spatial turns of (g, q) give, with π that depends on the place."""
+
+    def hamiltonian(mu, n, pi):
+        return 0.5 * mu @ mu + 0.5 * pi @ pi * (1 + n @ n) + 0.3 * mu[0] * n[0] * pi[1] + 0.5 * n[0] ** 2
+
+    system = co.System(co.SO2(), hamiltonian=hamiltonian, additional=co.Defining())
+    start = system.state(q=[0.7, -0.4], mu=[0.3], pi=[0.5, 0.6])
+    quiet = {"monitors": False, "accuracy": False}
+    run = co.simulate(system, start, dt=0.1, steps=3, method=co.HamiltonianMidpoint(), **quiet).records
+    spin = run.n[:, 0] * run.pi[:, 1] - run.n[:, 1] * run.pi[:, 0]
+    np.testing.assert_allclose(run.mu[:, 0] + spin, start.mu[0] + 0.7 * 0.6 + 0.4 * 0.5, atol=1e-14)
+    assert np.ptp(run.mu) > 1e-2
+
+
 def _hamiltonian_top():
     """A free rigid body by its ℋ, and a start with momentum."""
     system = co.System(co.SO3(), hamiltonian=lambda mu: 0.5 * mu @ (mu / np.array([1.0, 2.0, 3.0])))

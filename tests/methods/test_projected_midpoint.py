@@ -43,6 +43,37 @@ def test_momenta_stay_those_of_the_place_and_energy_stays_in_its_band():
     np.testing.assert_allclose(run.records.pi, np.stack([np.log(y) / x + y, x], axis=1), rtol=0, atol=1e-13)
 
 
+def test_shifts_keep_the_momentum_of_turns_and_the_step_between_them_is_that_of_the_base():
+    """Φ of any (λ_ξ, λ_n) keeps μ + n × π, g⁺ = gF_Φ F F_Φ⁻¹, and nodes are those of Φ's record."""
+    system = co.System(
+        co.SO2(), lambda xi, n, nu: n[0] ** 2 * nu[1] + n[0] * n[1] * xi[0] - 0.1 * (n @ n) ** 2,
+        additional=co.Defining(),
+    )  # fmt: skip
+    step, h = P(), 0.1
+    state = step.remember(system, system.state(q=[0.7, -0.4])).replace(mu=np.array([0.3]), pi=np.array([0.9, 0.5]))
+    z = np.array([0.4, 0.5, -0.3, 0.8, 0.6, 0.2])
+
+    def parts(state):
+        record = step.record(system, state, h, z)
+        shifted = step._shifted(system, record, h)
+        after, nodes, base = step.advance(system, record, h), step.nodes(system, record, h), step.base
+        seen = (
+            nodes,
+            base.nodes(system, shifted, h),
+            step.quadrature(system, record, h),
+            base.quadrature(system, shifted, h),
+        )
+        return record, shifted, after, step.relative(system, record, h), seen
+
+    record, shifted, after, relative, (nodes, of_base, points, of_points) = evaluate(parts, state)
+    momenta = [s.mu[0] + s.n[0] * s.pi[1] - s.n[1] * s.pi[0] for s in (record, shifted)]
+    assert momenta[1] == pytest.approx(momenta[0], abs=1e-14) and abs(shifted.mu[0] - record.mu[0]) > 1e-2
+    np.testing.assert_allclose(after.g, record.g @ relative, atol=1e-14)
+    for found, expected in ((nodes, of_base), (points, of_points)):
+        jax.tree.map(np.testing.assert_array_equal, found, expected)
+    assert sum(weight for weight, _ in nodes) == sum(weight for weight, _ in points) == 1
+
+
 @pytest.mark.long
 def test_velocities_of_nodes_are_those_of_the_equations_of_motion():
     run = co.simulate(LOTKA, AT_ONE, dt=0.05, steps=100, method=P())

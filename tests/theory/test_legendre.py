@@ -15,6 +15,7 @@ from coadjoint import theory
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.noether import isotropy_algebra
 from coadjoint.methods.step import Step
+from coadjoint.theory.curves import NODES
 from discrete import at, random_group_system, random_path
 from systems import MAPS, flat, random_system
 
@@ -54,8 +55,8 @@ def without_time(world: str) -> tuple[co.System, co.State]:
 
 
 METHODS = {
-    "left": ("SO3", co.LeftRectangle(co.Exponential())),
-    "right": ("SE2", co.RightRectangle(MAPS["bent"])),
+    "left": ("SO3", co.methods.LeftRectangle(co.Exponential())),
+    "right": ("SE2", co.methods.RightRectangle(MAPS["bent"])),
     "trapezoidal": ("SL2", co.Trapezoidal()),
     "midpoint": ("SO3 on a sphere", co.Midpoint()),
     "simpson": ("Heisenberg", co.Simpson(co.Exponential())),
@@ -66,7 +67,7 @@ METHODS = {
     "group variational": ("SO3xSE2", co.methods.GroupVariational(co.Exponential(), "velocity")),
     "group variational on a sphere": ("SO3 on a sphere", co.methods.GroupVariational(co.Exponential(), "velocity")),
     "pair": ("SE2", co.methods.LeftRight()),
-    "symmetrised": ("SO3 on a sphere", co.methods.Symmetrised(co.RightRectangle())),
+    "symmetrised": ("SO3 on a sphere", co.methods.Symmetrised(co.methods.RightRectangle())),
     "suzuki": ("R3", co.Suzuki4(co.Midpoint())),
     "variable": ("SO3", co.methods.VariableStep()),
 }
@@ -169,13 +170,13 @@ def test_without_forces_the_momentum_maps_agree_along_the_isotropy_of_the_parame
 class Own(co.methods.Method, Step):
     """A rule of one's own, which says what it sums: the left rectangle again."""
 
-    order = co.LeftRectangle.order
-    equations = co.LeftRectangle.equations
-    advance = co.LeftRectangle.advance
-    sources = co.LeftRectangle.sources
-    relative = co.LeftRectangle.relative
-    nodes = co.LeftRectangle.nodes
-    _node = co.LeftRectangle._node
+    order = co.methods.LeftRectangle.order
+    equations = co.methods.LeftRectangle.equations
+    advance = co.methods.LeftRectangle.advance
+    sources = co.methods.LeftRectangle.sources
+    relative = co.methods.LeftRectangle.relative
+    nodes = co.methods.LeftRectangle.nodes
+    _node = co.methods.LeftRectangle._node
 
     @property
     def stages(self):
@@ -185,13 +186,32 @@ class Own(co.methods.Method, Step):
 @pytest.mark.long
 def test_a_rule_of_ones_own_has_transforms_and_is_refused_with_forces():
     system, start = random_system("SO3")
-    run = co.simulate(system, start, dt=H, steps=3, method=co.LeftRectangle(), monitors=False)
-    own, known = (theory.discrete_legendre(system, m, run.records, H) for m in (Own(), co.LeftRectangle()))
+    run = co.simulate(system, start, dt=H, steps=3, method=co.methods.LeftRectangle(), monitors=False)
+    own, known = (theory.discrete_legendre(system, m, run.records, H) for m in (Own(), co.methods.LeftRectangle()))
     for x, y in zip(jax.tree.leaves(own), jax.tree.leaves(known), strict=True):
         np.testing.assert_allclose(x, y, rtol=0, atol=1e-13)
     system, start = random_system("SO3", forced=True)
     with pytest.raises(co.errors.ArgumentError, match="Where Own lets forces act"):
         theory.discrete_legendre(system, Own(), start, H)
+
+
+def test_the_weights_of_a_rule_are_those_that_integrate_polynomials_up_to_its_order():
+    """Σ w_i c_iʲ = 1/(j + 1) for j below the order."""
+    orders = {
+        co.methods.LeftRectangle: 1,
+        co.methods.RightRectangle: 1,
+        co.Trapezoidal: 2,
+        co.Midpoint: 2,
+        co.methods.Simpson: 4,
+    }
+    assert orders.keys() == NODES.keys()
+    for rule, order in orders.items():
+        c, w = np.transpose(NODES[rule])
+        assert [w @ c**j for j in range(order)] == pytest.approx([1 / (j + 1) for j in range(order)], abs=1e-15)
+    ends = [
+        [c for c, _ in NODES[rule]] for rule in (co.methods.LeftRectangle, co.methods.RightRectangle, co.Trapezoidal)
+    ]
+    assert ends == [[0], [1], [0, 1]]
 
 
 def test_methods_without_a_discrete_lagrangian_are_refused():
