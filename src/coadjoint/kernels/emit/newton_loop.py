@@ -28,9 +28,8 @@ class _Iterates:
     """The variables of Newton's loop, in each lane its own: no lane depends on its neighbours.
 
     `at` is the point z of the matrix, `found` the newest iterate y; `sizes` are those of the last increment in each
-    block, and `together` says whether with it the unknowns together met their tolerance. A lane is `over` when it has
-    settled or has no iterations left. Where it is to `renew` its matrix Newton's increment comes next, elsewhere the
-    chord's, which it takes no longer once `chords` is false.
+    block. A lane is `over` when it has settled or has no iterations left. Where it is to `renew` its matrix Newton's
+    increment comes next, elsewhere the chord's, which it takes no longer once `chords` is false.
     """
 
     def __init__(self, emit: Emitter, start: list[Value], blocks: Iterable[int], idle: Value) -> None:
@@ -38,7 +37,6 @@ class _Iterates:
         self.found = [emit.variable(emit.number, value) for value in start]
         self.at = self.found if emit.width == 1 else [emit.variable(emit.number, value) for value in start]
         self.sizes = {g: emit.variable(emit.number, emit.constant(0.0)) for g in blocks}
-        self.together = emit.variable(emit.truth, emit.bit(False))
         self.settled, self.over = (emit.variable(emit.truth, idle) for _ in range(2))
         self.renew, self.chords = (emit.variable(emit.truth, emit.bit(True)) for _ in range(2))
         self.count = emit.variable(emit.counter, emit.counts(0))
@@ -67,6 +65,12 @@ class _Iterates:
         else:
             with self.emit.builder.if_then(mask):
                 yield None
+
+    @contextmanager
+    def seldom(self, mask: Value) -> Iterator[Value]:
+        """`where`, but a branch that is taken if any lane needs it, laid out apart."""
+        with self.emit.builder.if_then(self.emit.any(mask), likely=False):
+            yield mask if self.emit.width > 1 else None
 
 
 class StageLoop:
@@ -132,15 +136,23 @@ class StageLoop:
         """Take Newton's increment in the active lanes; it settles the unknowns by `program.TOLERANCE`."""
         b, emit = self.b, self.emit
         new = [b.fadd(b.load(at), d) for at, d in zip(lanes.at, delta, strict=True)]
-        sizes, scales, together = self._measured(delta, new)
-        near = b.and_(together, b.load(lanes.together))
-        settled = emit.bit(True)
-        for g, size in sizes.items():
-            stalled = b.fcmp_ordered(">", size, b.fmul(emit.constant(STALLED), b.load(lanes.sizes[g])))
-            settled = b.and_(settled, b.or_(self._small(size, scales[g]), b.and_(near, stalled)))
+        sizes, scales = self._sizes(delta), self._scales(new)
+        settled = emit.variable(emit.truth, self._every(self._small(size, scales[g]) for g, size in sizes.items()))
+        again = b.icmp_signed(">", b.load(lanes.count), emit.counts(0))
+        with lanes.seldom(b.and_(again, b.not_(b.load(settled)))):
+            b.store(self._at_round_off(lanes, sizes, scales), settled)
         self._count(lanes, active)
-        self._take(lanes, new, sizes, together, settled, active)
+        self._take(lanes, new, sizes, b.load(settled), active)
         lanes.put(lanes.renew, b.not_(b.load(lanes.chords)), active)
+
+    def _at_round_off(self, lanes: _Iterates, sizes: dict[int, Value], scales: dict[int, Value]) -> Value:
+        """Whether each block is settled, or stalled where the unknowns together have met their tolerance twice."""
+        b, emit = self.b, self.emit
+        before = {g: b.load(place) for g, place in lanes.sizes.items()}
+        near = self._together(before, self._scales([b.load(at) for at in lanes.at]))
+        near = b.and_(near, self._together(sizes, scales))
+        stalled = {g: b.fcmp_ordered(">", x, b.fmul(emit.constant(STALLED), before[g])) for g, x in sizes.items()}
+        return self._every(b.or_(self._small(x, scales[g]), b.and_(near, stalled[g])) for g, x in sizes.items())
 
     def _chord(self, lanes: _Iterates, delta: list[Value]) -> None:
         """Take the chord's increment where it has shrunk, and renew the matrix where it did so slowly.
@@ -149,35 +161,30 @@ class StageLoop:
         """
         b, emit = self.b, self.emit
         new = [b.fadd(b.load(found), d) for found, d in zip(lanes.found, delta, strict=True)]
-        sizes, scales, together = self._measured(delta, new)
-        settled = shrunk = quick = emit.bit(True)
-        for g, size in sizes.items():
-            last = b.load(lanes.sizes[g])
-            left = b.fadd(b.fmul(emit.constant(REMAINDER), scales[g]), b.fmul(emit.constant(1e-3), self.floor))
-            fine = b.fcmp_ordered("<=", b.fmul(size, size), b.fmul(last, left))
-            below = [b.fcmp_ordered("<=", size, b.fmul(emit.constant(part), last)) for part in (STALLED, CONTRACTION)]
-            settled = b.and_(settled, fine)
-            shrunk, quick = (b.and_(x, b.or_(fine, y)) for x, y in zip((shrunk, quick), below, strict=True))
-        active = None if emit.width == 1 else lanes.active(False)
-        taken, dropped = shrunk, b.not_(shrunk)
-        if active is not None:
-            taken, dropped = b.and_(active, taken), b.and_(active, dropped)
-        with lanes.where(taken) as there:
+        sizes, scales = self._sizes(delta), self._scales(new)
+        last = {g: b.load(lanes.sizes[g]) for g in sizes}
+        fine = {g: self._negligible(size, last[g], scales[g]) for g, size in sizes.items()}
+        settled = self._every(fine.values())
+        active = emit.bit(True) if emit.width == 1 else lanes.active(False)
+        shrunk, quick = (emit.variable(emit.truth, settled) for _ in range(2))
+        with lanes.seldom(b.and_(active, b.not_(settled))):
+            for place, part in ((shrunk, STALLED), (quick, CONTRACTION)):
+                below = {g: b.fcmp_ordered("<=", x, b.fmul(emit.constant(part), last[g])) for g, x in sizes.items()}
+                b.store(self._every(b.or_(fine[g], x) for g, x in below.items()), place)
+        taken = b.load(shrunk)
+        with lanes.where(b.and_(active, taken)) as there:
             self._count(lanes, there)
-            self._take(lanes, new, sizes, together, settled, there)
-            lanes.put(lanes.renew, b.not_(quick), there)
-        with lanes.where(dropped) as there:
+            self._take(lanes, new, sizes, settled, there)
+            lanes.put(lanes.renew, b.not_(b.load(quick)), there)
+        with lanes.where(b.and_(active, b.not_(taken))) as there:
             lanes.put(lanes.renew, emit.bit(True), there)
             lanes.put(lanes.chords, emit.bit(False), there)
 
-    def _take(
-        self, lanes: _Iterates, new: list[Value], sizes: dict[int, Value], together: Value, settled: Value, there: Value
-    ) -> None:
+    def _take(self, lanes: _Iterates, new: list[Value], sizes: dict[int, Value], settled: Value, there: Value) -> None:
         """The new iterate of some lanes, or of all (None)."""
         b = self.b
         for place, value in zip([*lanes.found, *lanes.sizes.values()], [*new, *sizes.values()], strict=True):
             lanes.put(place, value, there)
-        lanes.put(lanes.together, together, there)
         lanes.put(lanes.settled, settled, there)
         lanes.put(lanes.over, b.or_(b.load(lanes.over), settled), there)
 
@@ -193,15 +200,32 @@ class StageLoop:
         b, emit = self.b, self.emit
         return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
 
-    def _measured(self, delta: list[Value], new: list[Value]) -> tuple[dict[int, Value], dict[int, Value], Value]:
-        """The sizes of an increment of the looped unknowns and of all unknowns, by blocks, and whether it is small."""
-        looped = self.stage.scheme.looped
-        of = dict(zip(looped, delta, strict=True))
-        z = {**self.z, **dict(zip(looped, new, strict=True))}
+    def _negligible(self, size: Value, last: Value, scale: Value) -> Value:
+        """Whether the chord that would follow one of this size after a last one is none (`program.REMAINDER`)."""
+        b, emit = self.b, self.emit
+        left = b.fadd(b.fmul(emit.constant(REMAINDER), scale), b.fmul(emit.constant(1e-3), self.floor))
+        return b.fcmp_ordered("<=", b.fmul(size, size), b.fmul(last, left))
+
+    def _together(self, sizes: dict[int, Value], scales: dict[int, Value]) -> Value:
+        """Whether an increment is small for the unknowns together."""
+        return self._small(self._largest(list(sizes.values())), self._largest(list(scales.values())))
+
+    def _sizes(self, delta: list[Value]) -> dict[int, Value]:
+        """The size of an increment of the looped unknowns in each block that has some."""
+        of = dict(zip(self.stage.scheme.looped, delta, strict=True))
         parts = {g: [of[i] for i in members if i in of] for g, members in enumerate(self.stage.blocks)}
-        sizes = {g: self._size(values) for g, values in parts.items() if values}
-        scales = {g: self._size([z[i] for i in members]) for g, members in enumerate(self.stage.blocks)}
-        return sizes, scales, self._small(self._largest(list(sizes.values())), self._largest(list(scales.values())))
+        return {g: self._size(values) for g, values in parts.items() if values}
+
+    def _scales(self, looped: list[Value]) -> dict[int, Value]:
+        """The size of all unknowns in each block."""
+        z = {**self.z, **dict(zip(self.stage.scheme.looped, looped, strict=True))}
+        return {g: self._size([z[i] for i in members]) for g, members in enumerate(self.stage.blocks)}
+
+    def _every(self, truths: Iterable[Value]) -> Value:
+        found = self.emit.bit(True)
+        for truth in truths:
+            found = self.b.and_(found, truth)
+        return found
 
     def _size(self, values: list[Value]) -> Value:
         """|values|∞; a NaN may get lost here and is found when the stage is checked."""
