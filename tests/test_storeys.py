@@ -15,6 +15,7 @@ STOREYS = (
         "errors",
         "deprecation",
         "log",
+        "collector",
         "interrupts",
         "disk",
         "c_sources",
@@ -73,7 +74,6 @@ PACKAGES_OF_VEHICLES = (
 PACKAGES_OF_KERNELS = (
     *(
         "untraceable",
-        "collector",
         "float64",
         "program",
         "chunk",

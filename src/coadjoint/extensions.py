@@ -13,6 +13,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
 
+from coadjoint.collector import collector_off
 from coadjoint.errors import ArgumentError, error_line, nearest, printable, shown
 
 T = TypeVar("T")
@@ -97,7 +98,8 @@ def _installed() -> tuple[tuple[str, str], ...]:
 
 def _loaded(module: str) -> ModuleType:
     try:
-        return import_module(module)
+        with collector_off():
+            return import_module(module)
     except Exception as error:
         raise ArgumentError(
             f"The extension {module} cannot be imported ({error_line(error)}): install its package again, or remove it."
@@ -107,4 +109,5 @@ def _loaded(module: str) -> ModuleType:
 def import_string(place: str) -> Any:
     """The object at "module:name", imported now."""
     module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
+    with collector_off():
+        return getattr(import_module(module), name)

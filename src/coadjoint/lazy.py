@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from coadjoint.collector import collector_off
 from coadjoint.deprecation import announce
 from coadjoint.errors import nearest
 
@@ -49,10 +50,11 @@ def lazy(
                 raise AttributeError(f"{package} has no `{name}`.")
             raise AttributeError(_absent(package, name, [*names, *now]))
         module, there = places[name]
-        if module == package:
-            return import_module(f"{package}.{there}")
-        home = import_module(module)
-        value = getattr(home, there) if hasattr(home, there) else import_module(f"{module}.{there}")
+        with collector_off():
+            if module == package:
+                return import_module(f"{package}.{there}")
+            home = import_module(module)
+            value = getattr(home, there) if hasattr(home, there) else import_module(f"{module}.{there}")
         setattr(import_module(package), name, value)
         return value
 

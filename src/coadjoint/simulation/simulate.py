@@ -11,9 +11,9 @@ from typing import Any, Literal
 from coadjoint import checks
 from coadjoint.arrays import PyTree
 from coadjoint.checks import truth, whole
+from coadjoint.collector import collector_off
 from coadjoint.errors import ArgumentError, Interrupted
 from coadjoint.interrupts import deferred_interrupts
-from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import traced

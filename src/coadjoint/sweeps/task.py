@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import jax
 import numpy as np
 
+from coadjoint.collector import collector_off
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, rephrased
-from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run.ensemble import at_most
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import count_members

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def collector_off() -> Iterator[None]:
-    """No collection inside: traces and plans are millions of objects that live until the end, and searching them for
-    garbage takes up to a third of the time."""
+    """No collection inside: imports, traces and plans make up to millions of objects that live until the end, and
+    searching them for garbage takes up to a third of the time."""
     on = gc.isenabled()
     gc.disable()
     try:
