@@ -47,6 +47,11 @@ class Inputs:
         return not all(isinstance(source, Signal) for source in self.sources)
 
     @property
+    def constant(self) -> bool:
+        """Whether all are numbers that stay."""
+        return all(isinstance(source, Held) and len(source.times) == 1 for source in self.sources)
+
+    @property
     def jump(self) -> bool:
         """Whether some are tables of held values that differ."""
         return any(jumps(source) for source in self.sources)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from coadjoint.arrays import Array, Coordinates, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Element
+from coadjoint.kernels.run.disk_cache import evaluated
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given
@@ -126,36 +127,41 @@ def _state_of(
     """n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17), and (μ, π) of (ξ, ν) or the other way round; `many` have a leading axis."""
     group, Q, V = system.places
 
-    def body(given: Checked, internal: PyTree, parameters: PyTree) -> State:
+    def whole(given: Checked, internal: PyTree, moving: Iterable[Array]) -> State:
+        ruled = internal is not None and system.internal is not None
+        n, a, mu, pi, xi, nu = moving
+        return State(
+            given.t, given.g, n, a, mu, pi, xi, nu, inputs, internal, internal_mean=internal if ruled else None,
+            internal_end=internal if ruled else None, internal_due=np.ones(np.shape(given.t)) if ruled else None,
+            places=system.places, from_velocities=not by_momenta,
+        )  # fmt: skip
+
+    def moving(given: Checked, internal: PyTree, parameters: PyTree) -> tuple[Array, ...]:
         here = replace_parameters(system, parameters)
         back = group.inverse(given.g)
         n, a = Q.act(group, back, given.q), V.act(group, back, given.a0)
         if by_momenta:
             mu, pi = given.xi, Q.project(group, n, given.qdot)
             xi, nu = jnp.zeros_like(mu), jnp.zeros_like(pi)
+            if system.continuous:
+                xi, nu = of_momenta(here, whole(given, internal, (n, a, mu, pi, xi, nu)))
         else:
             xi, nu = given.xi, Q.push(group, back, given.q, given.qdot)
             mu, pi = legendre(here, xi, n, nu, a, given.t, inputs, internal)
-        ruled = internal is not None and system.internal is not None
-        made = State(
-            given.t, given.g, n, a, mu, pi, xi, nu, inputs, internal, internal_mean=internal if ruled else None,
-            internal_end=internal if ruled else None, internal_due=jnp.ones_like(given.t) if ruled else None,
-            places=system.places, from_velocities=not by_momenta,
-        )  # fmt: skip
-        if not by_momenta or not system.continuous:
-            return made
-        xi, nu = of_momenta(here, made)
-        return made.replace(xi=xi, nu=nu)
+        return n, a, mu, pi, xi, nu
+
+    def made(given: Checked, internal: PyTree, parameters: PyTree) -> State:
+        return whole(given, internal, moving(given, internal, parameters))
 
     remembered, internal_axes = stacked(internal)
-    if many:
-        parameters, axes = stacked(system.parameters)
-        made = jax.vmap(body, in_axes=(0, internal_axes, axes))
-    else:
-        parameters, made = member_of(system.parameters, 0), body
     with in_words(given(system)[0]):
         try:
-            return evaluate(made, values, remembered, parameters)
+            if many:
+                parameters, axes = stacked(system.parameters)
+                return evaluate(jax.vmap(made, in_axes=(0, internal_axes, axes)), values, remembered, parameters)
+            all_given = values, remembered, member_of(system.parameters, 0)
+            state = whole(values, remembered, evaluated("start", moving, *all_given))
+            return state if traced(all_given, inputs) else jax.tree.map(np.array, state)
         except jax.errors.TracerArrayConversionError as error:
             raise LagrangianError(TRACED_OUTSIDE) from error
 
@@ -264,7 +270,7 @@ def momentum_start(system: ReducedFunctions, state: State) -> State:
         here = replace_parameters(system, parameters)
         return legendre(here, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
 
-    mu, pi = evaluate(momenta, state, system.parameters)
+    mu, pi = evaluated("momenta", momenta, state, system.parameters)
     return state.replace(mu=mu, pi=pi, from_velocities=False)
 
 

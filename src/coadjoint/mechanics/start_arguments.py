@@ -14,6 +14,7 @@ from coadjoint.checks import float64, numeric, one_of_each
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup, Power
 from coadjoint.groups.group import Element
+from coadjoint.kernels.run.disk_cache import evaluated
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
@@ -160,7 +161,7 @@ def checked_element(group: LieGroup, g: Element) -> Element:
 
 
 def _require_inside(group: LieGroup, element: Element) -> None:
-    if float(evaluate(group.outside, element)) <= ON_GROUP:
+    if float(evaluated("outside", lambda g: [group.outside(g)], element)[0]) <= ON_GROUP:
         return
     given, of = group, ""
     while isinstance(group, DirectProduct):

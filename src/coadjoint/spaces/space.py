@@ -20,6 +20,7 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.checks import float64, numeric
 from coadjoint.errors import ArgumentError, GroupError, must_give, shown
 from coadjoint.groups.group import Element, LieGroup, transpose
+from coadjoint.kernels.run.disk_cache import recalled
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 
@@ -145,6 +146,16 @@ def random_motion(space: Space, group: LieGroup) -> tuple[Element, np.ndarray, n
 @lru_cache(maxsize=256)
 def require_action(space: Space, group: LieGroup) -> None:
     """Raise GroupError unless act(gh, x) = act(g, act(h, x)) and act(e, x) = x at random g, h, x."""
+    wrong, size = recalled(("action", space, group), lambda: {"misfit": _misfit(space, group)})["misfit"]
+    if not wrong <= 1e-9 * max(size, 1e-300):
+        raise GroupError(
+            f"{space!r} must carry a left action of {group!r}, act(gh, x) = act(g, act(h, x)), but these differ by "
+            f"{wrong:.1e}: a right action becomes a left one with g⁻¹."
+        )
+
+
+def _misfit(space: Space, group: LieGroup) -> list[float]:
+    """The error of the axioms of an action at random g, h, x, and the size of what they compare."""
     g, x, _ = random_motion(space, group)
     eta = np.random.default_rng(1872).normal(scale=0.5, size=group.dim)
 
@@ -156,28 +167,28 @@ def require_action(space: Space, group: LieGroup) -> None:
         sizes = [jnp.max(jnp.abs(part), initial=0.0) for part in (wrong, still, turn, x)]
         return jnp.maximum(sizes[0], sizes[1]), jnp.maximum(sizes[2], sizes[3])
 
-    wrong, size = map(float, evaluate(measure, g, eta, x))
-    if not wrong <= 1e-9 * max(size, 1e-300):
-        raise GroupError(
-            f"{space!r} must carry a left action of {group!r}, act(gh, x) = act(g, act(h, x)), but these differ by "
-            f"{wrong:.1e}: a right action becomes a left one with g⁻¹."
-        )
+    return [float(part) for part in evaluate(measure, g, eta, x)]
 
 
 @lru_cache(maxsize=256)
 def _require_affine(space: Space, group: LieGroup) -> None:
+    bent, size = recalled(("affine", space, group), lambda: {"bend": _bend(space, group)})["bend"]
+    if not bent <= 1e-9 * max(size, 1e-300):
+        raise GroupError(
+            f"The action of {group!r} on {space!r} must be affine in the point, but bends by {bent:.1e}: "
+            "use co.spaces.Action(act, dim=…), or write the space inside a representation, as co.Sphere does."
+        )
+
+
+def _bend(space: Space, group: LieGroup) -> list[float]:
+    """How far a motion of x + v is from that of x and of the tangent vector v, and its size."""
     g, x, v = random_motion(space, group)
 
     def measure(g: Element, x: Array, v: Array):
         moved = space.act(group, g, x + v) - space.act(group, g, x)
         return jnp.max(jnp.abs(moved - space.push(group, g, x, v)), initial=0.0), jnp.max(jnp.abs(moved), initial=0.0)
 
-    bent, size = map(float, evaluate(measure, g, x, v))
-    if not bent <= 1e-9 * max(size, 1e-300):
-        raise GroupError(
-            f"The action of {group!r} on {space!r} must be affine in the point, but bends by {bent:.1e}: "
-            "use co.spaces.Action(act, dim=…), or write the space inside a representation, as co.Sphere does."
-        )
+    return [float(part) for part in evaluate(measure, g, x, v)]
 
 
 def checked_vector(value: Any, size: int, name: str) -> Array:

@@ -12,6 +12,7 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
+from coadjoint.kernels.run.disk_cache import recalled
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
 from coadjoint.mechanics.state import Places, State
@@ -184,7 +185,8 @@ def structure(group: Any) -> np.ndarray:
     """c with [ξ, η]_i = c_ijk ξ_j η_k."""
     if group not in _structures:
         dim, eye = group.dim, np.eye(group.dim)
-        rows = evaluate(jax.vmap(group.ad), np.repeat(eye, dim, axis=0), np.tile(eye, (dim, 1)))
+        pairs = np.repeat(eye, dim, axis=0), np.tile(eye, (dim, 1))
+        rows = recalled(("structure", group), lambda: {"rows": evaluate(jax.vmap(group.ad), *pairs)})["rows"]
         _structures[group] = np.transpose(np.reshape(rows, (dim, dim, dim)), (2, 0, 1))
     return _structures[group]
 

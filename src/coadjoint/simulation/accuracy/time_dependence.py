@@ -33,7 +33,7 @@ def unresolved_inputs(run: Result, records: PyTree, h: np.ndarray) -> list[tuple
     A function of the motion is treated as a function of time, with everything else in the motion held constant.
     """
     system = run.plan.program.skeleton
-    if system.inputs is None:
+    if system.inputs is None or system.inputs.constant:
         return []
     found: dict[str, float] = {}
     step = np.asarray(h, float)

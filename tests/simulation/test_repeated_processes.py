@@ -1,0 +1,58 @@
+"""What a second process of the same run finds on disk, it does not trace, and it begins as the first did."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coadjoint.kernels.run import disk_cache
+from coadjoint.kernels.trace import evaluate as tracing
+from coadjoint.mechanics.start import momentum_start
+from coadjoint.models import catalogue
+from coadjoint.simulation.accuracy import ruler
+from coadjoint.spaces import space
+
+
+@pytest.fixture
+def begun(tmp_path, monkeypatch):
+    """A start of the heavy top and the functions traced for it, as in a process of its own."""
+    monkeypatch.setenv("COADJOINT_CACHE", str(tmp_path / "cache"))
+    traced, jaxpr_of = [], tracing.jaxpr_of
+    monkeypatch.setattr(tracing, "jaxpr_of", lambda f, *args: (traced.append(f.__name__), jaxpr_of(f, *args))[1])
+
+    def begin(**initial):
+        for known in (space.require_action, space._require_affine):
+            known.cache_clear()
+        disk_cache._asked.clear()
+        ruler._structures.clear()
+        traced.clear()
+        top = catalogue["heavy_top"].make()
+        state = momentum_start(top, catalogue["heavy_top"].start(top, **initial))
+        return state, ruler.structure(top.group), list(traced)
+
+    return begin
+
+
+def test_a_second_process_begins_to_the_bit_as_the_first_and_traces_no_function_of_the_system(begun):
+    (first, structure, traced), (second, again, later) = begun(), begun()
+    assert {"moving", "momenta"} <= set(traced) and set(later) <= {"identity"}
+    for name in ("t", "g", "n", "a", "mu", "pi", "xi", "nu"):
+        assert np.array_equal(getattr(first, name), getattr(second, name)), name
+    assert np.array_equal(structure, again)
+
+
+def test_another_velocity_begins_with_its_own_momenta(begun):
+    begun()
+    state, _, traced = begun(angular_velocity=(0.0, 1.0, 2.0))
+    assert {"moving", "momenta"} <= set(traced) and "measure" not in traced
+    assert np.array_equal(state.xi, [0.0, 1.0, 2.0])
+
+
+def test_a_loop_over_starts_does_not_fill_the_cache(begun, tmp_path, monkeypatch):
+    monkeypatch.setattr(disk_cache, "FEW", 2)
+    begun()
+    top = catalogue["heavy_top"].make()
+    before = len(list((tmp_path / "cache").iterdir()))
+    for k in range(4):
+        catalogue["heavy_top"].start(top, angular_velocity=(float(k), 0.0, 0.0))
+    assert len(list((tmp_path / "cache").iterdir())) == before + 1
