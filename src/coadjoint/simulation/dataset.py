@@ -11,7 +11,6 @@ import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.groups import LieGroup, Power, attitude
-from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import reactions
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.invariance import group_of, is_right
@@ -19,6 +18,7 @@ from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.rattle import kept
+from coadjoint.simulation.deferred import Deferred, after, held, of_each
 from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes, times
 from coadjoint.simulation.monitors import Monitor, watched
 from coadjoint.simulation.result import Result
@@ -94,13 +94,15 @@ def dataset(run: Result) -> xarray.Dataset:
     """
     import xarray  # with pandas a third of what a first run takes
 
-    records, derive, lead = run.records, derivation(run.plan.program), () if run.members is None else ("member",)
+    derive, lead = derivation(run.plan.program), () if run.members is None else ("member",)
     if run.members is None:
-        found = variables(run.system, records, run.monitors, partial(derive, run.system.parameters))
+        records, derive = run.deferred_records, partial(derive, run.system.parameters)
+        found = variables(run.system, records, run.deferred_monitors, derive)
     else:
+        records = run.records
         found = member_variables(run.system, records, run.monitors, derive, members_of(records, 0))
     made = xarray.Dataset(
-        {name: ((*lead, *dims), values) for name, (dims, values) in found.items()},
+        {name: xarray.Variable((*lead, *dims), held(values)) for name, (dims, values) in found.items()},
         coords={
             "time": times(run.plan.program, run.start, run.plan.h, run.steps_saved, records),
             "step": ("time", run.steps_saved),
@@ -176,10 +178,12 @@ def members_of(records: State, axis: int) -> np.ndarray:
 def variables(
     system: System,
     records: State,
-    monitors: Mapping[str, np.ndarray],
+    monitors: Mapping[str, np.ndarray | Deferred],
     derive: Callable[[State], Table],
 ) -> Variables:
     """Dimensions and values of every variable, one row per record; `derive` returns the values of a `Derivation`.
+
+    Where records and monitors are deferred, so are the variables.
 
     ξ and ν belong to the nodes, `xi_step` and `nu_step` to the steps; where the velocities of the nodes are unknown, ξ
     and ν belong to the steps. Quantities without components, such as ξ on the group {e}, are left out.
@@ -204,14 +208,14 @@ def variables(
     for space, pairs in ((Q, {"n": records.n, "nu": more.pop("nu"), "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
-    inputs = evaluate(jax.vmap(system.inputs_at), records.t, records.inputs) if system.inputs else records.inputs
+    inputs = of_each(system.inputs_at, records.t, records.inputs) if system.inputs else records.inputs
     for kind, values in (("inputs", inputs), ("internal", records.internal)):
         for path, leaf in jax.tree_util.tree_leaves_with_path(values):
             name = kind + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
             found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
     found.update(reported(system, records))
     if rotation is not None:
-        found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
+        found["euler_angles"] = (("time", "angle"), after(rotation, (*rotation.shape[:-2], 3), _zyx_angles))
     axes = {one.name: one.axis for one in watched()}
     for name, values in monitors.items():
         found[name] = (("time", axes.get(name, "quantity"))[: values.ndim], values)
@@ -237,8 +241,12 @@ def reported(system: System, records: State) -> Variables:
     def one(s: State) -> Table:
         return report(system.motion_at(s, s.inputs), system.parameters)
 
-    found = evaluate(jax.vmap(one), records)
+    found = of_each(one, records)
     return {name: (("time", *(f"{name}_{axis}" for axis in range(x.ndim - 1))), x) for name, x in found.items()}
+
+
+def _zyx_angles(rotation: np.ndarray) -> np.ndarray:
+    return np.stack(attitude.zyx_angles(rotation), axis=-1)
 
 
 def meanings(made: Mapping[Any, Any], system: System) -> dict[str, Table]:
@@ -277,7 +285,7 @@ def labelled(made: xarray.Dataset, attributes: Mapping[str, Mapping[str, Any]]) 
 def _coordinates(group: LieGroup, values: Array) -> tuple[tuple[str, ...], Array]:
     """Vectors or covectors of the algebra, (records, dim), by coordinates; of a power by links and coordinates."""
     if isinstance(group, Power):
-        return ("time", "link", "algebra"), np.reshape(values, (len(values), group.count, group.factor.dim))
+        return ("time", "link", "algebra"), values.reshape(values.shape[0], group.count, group.factor.dim)
     return ("time", "algebra"), values
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import jax
@@ -20,6 +20,7 @@ from coadjoint.mechanics.state import Origin, State, with_velocities
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import StepProgram
 from coadjoint.methods.rattle import kept
+from coadjoint.simulation.deferred import are_deferred, blank, together
 from coadjoint.texts import Table
 
 BATCH = 1024
@@ -42,24 +43,38 @@ class Derivation:
         self._made: dict[Any, Tabulated] = {}
 
     def __call__(self, parameters: PyTree, records: State, members: np.ndarray | None = None) -> Table:
-        """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν, the rotation in g and multipliers, if any, of every record.
+        """`place` and `motion` of every record.
 
         parameters: those of the system; of an ensemble with `co.each`, of which `members` says the member of each
-        record, by default the first. Nothing of records without g.
+        record, by default the first. Nothing of records without g. Of deferred records the result is deferred.
         """
+        given = parameters, records, members
+        return {**self._of_rows(_place, *given), **self.motion(*given)}
+
+    def motion(self, parameters: PyTree, records: State, members: np.ndarray | None = None) -> Table:
+        """ξ and ν at the node, Ad_g ξ, q̇ = g·ν, and multipliers, if any, of every record."""
+        return self._of_rows(_motion, parameters, records, members)
+
+    def _of_rows(
+        self, function: Callable[[System, State], Table], parameters: PyTree, records: State, members: Any
+    ) -> Table:
         if records.g is None:
             return {}
         shared, own = _split(parameters, members)
-        plain = records.replace(memory=kept(records), ledger=None, origin=Origin())
-        size = self._rows
-        first = jax.tree.map(lambda leaf: np.resize(leaf[:size], (size, *np.shape(leaf)[1:])), (plain, own))
-        return self._function(self._traced, shared, *first).of_rows(shared, (plain, own), size)
+        rest, size = (records.replace(memory=kept(records), ledger=None, origin=Origin()), own), self._rows
+        first = jax.tree.map(lambda leaf: blank((size, *leaf.shape[1:]), leaf.dtype), rest)
+        made = self._function(partial(self._of_each, function), function.__name__, shared, *first)
+        if not are_deferred(rest):
+            return made.of_rows(shared, rest, size)
+        count = jax.tree.leaves(rest)[0].shape[0]
+        shapes = jax.tree.map(lambda one: jax.ShapeDtypeStruct((count, *one.shape[1:]), one.dtype), made.shapes)
+        return together(shapes, lambda: made.of_rows(shared, jax.tree.map(np.asarray, rest), size))
 
     def velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
         """(ξ, ν) at the node, (dim G,) and (ambient,), of one state; of many, if state and parameters have an axis
         (k, …)."""
         plain = state.replace(memory=None, ledger=None, origin=Origin())
-        return self._function(self._velocities, parameters, plain)(parameters, plain)
+        return self._function(self._velocities, "velocities", parameters, plain)(parameters, plain)
 
     def _velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
         def one(parameters: PyTree, state: State) -> tuple[Array, Array]:
@@ -74,20 +89,22 @@ class Derivation:
         wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
         return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
 
-    def _function(self, function: Callable[..., PyTree], *arguments: object) -> Tabulated:
+    def _function(self, function: Callable[..., PyTree], name: str, *arguments: object) -> Tabulated:
         leaves, structure = jax.tree.flatten(arguments)
-        key = function.__name__, structure, *(np.shape(leaf) for leaf in leaves)
+        key = name, structure, *(np.shape(leaf) for leaf in leaves)
         if key not in self._made:
             group = self.skeleton.group
             self._made[key] = tabulate(function, *arguments, long=isinstance(group, Power) and group.count > LONG)
         return self._made[key]
 
-    def _traced(self, shared: object, records: State, own: dict[int, object]) -> dict[str, object]:
+    def _of_each(
+        self, function: Callable[[System, State], Table], shared: object, records: State, own: dict[int, object]
+    ) -> Table:
         leaves, structure = jax.tree.flatten(shared, is_leaf=_is_missing)
 
         def one(state: State, own: dict[int, object]) -> Table:
             whole = [own.get(i, leaf) for i, leaf in enumerate(leaves)]
-            return _derived(replace_parameters(self.skeleton, jax.tree.unflatten(structure, whole)), state)
+            return function(replace_parameters(self.skeleton, jax.tree.unflatten(structure, whole)), state)
 
         return jax.vmap(one)(records, own)
 
@@ -108,7 +125,7 @@ def at_nodes(derive: Derivation, system: System, records: State, members: np.nda
     Their origin keeps the latter as Newton's first guess for a run that continues from one of them. members: as for
     `derive`.
     """
-    found = derive(system.parameters, records, members)
+    found = derive.motion(system.parameters, records, members)
     origin = Origin(records.origin.system, (records.xi, records.nu))
     return records.replace(**{name: found[name] for name in ("xi", "nu") if name in found}, origin=origin)
 
@@ -142,15 +159,20 @@ def known_at_nodes(system: System, records: State) -> bool:
     return system.continuous and records.g is not None and records.mu is not None
 
 
-def _derived(system: System, state: State) -> dict[str, object]:
+def _place(system: System, state: State) -> Table:
+    """q = g·n and the rotation in g."""
+    group, Q, _ = state.places
+    return {"q": Q.act(group, state.g, state.n), "rotation": group.rotation(state.g)}
+
+
+def _motion(system: System, state: State) -> Table:
+    """ξ and ν at the node, Ad_g ξ, q̇ = g·ν, and multipliers, if any."""
     (group, Q, _), node = state.places, at_node(system, state)
     found = {
         "xi": node.xi,
         "nu": node.nu,
         "xi_there": group.Ad(state.g, node.xi),
-        "q": Q.act(group, state.g, state.n),
         "qdot": Q.push(group, state.g, state.n, node.nu),
-        "rotation": group.rotation(state.g),
     }
     if system.constraints:
         memory = state.memory

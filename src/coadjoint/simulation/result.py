@@ -31,6 +31,7 @@ from coadjoint.sealed import seal
 from coadjoint.simulation import netcdf
 from coadjoint.simulation.accuracy.verdict import Accuracy
 from coadjoint.simulation.certificate_forms import Certificate
+from coadjoint.simulation.deferred import Deferred
 from coadjoint.simulation.plan import Extrema, Plan
 from coadjoint.texts import Table
 
@@ -290,9 +291,20 @@ class Result(Recording):
     @cached_property
     def records(self) -> State:
         """The saved states, every leaf with axes ([member,] node, …)."""
+        self._require_records()
+        if self.members is None:
+            return jax.tree.map(np.asarray, self.deferred_records)
+        return jax.tree.map(self._joined, *self.memory.records)
+
+    @cached_property
+    def deferred_records(self) -> State:
+        """`records` of a single run, each leaf joined when it is first read."""
+        self._require_records()
+        return jax.tree.map(self._joined_later, *self.memory.records)
+
+    def _require_records(self) -> None:
         if not self.memory.records:
             raise ArgumentError("This run holds no records: its first step failed.")
-        return jax.tree.map(self._joined, *self.memory.records)
 
     def internal_states(self) -> list[PyTree]:
         """The internal states at the saved nodes, in consecutive stretches with leading axes (nodes, [members,] …)."""
@@ -302,8 +314,19 @@ class Result(Recording):
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
         """Every monitored scalar, of shape ([members,] nodes, …) each."""
+        if self.members is None:
+            return {name: rows.values for name, rows in self.deferred_monitors.items()}
+        return {name: self._joined(*parts) for name, parts in self._monitored().items()}
+
+    @cached_property
+    def deferred_monitors(self) -> dict[str, Deferred]:
+        """`monitors` of a single run, each joined when it is first read."""
+        return {name: self._joined_later(*parts) for name, parts in self._monitored().items()}
+
+    def _monitored(self) -> dict[str, list[np.ndarray]]:
+        """The stretches of every monitor, with axes (node, [member,] …)."""
         rows: list[Mapping[str, np.ndarray]] = self.memory.monitors
-        return {name: self._joined(*(part[name] for part in rows)) for name in (rows[0] if rows else {})}
+        return {name: [part[name] for part in rows] for name in (rows[0] if rows else {})}
 
     def rows_of(self, names: Sequence[str], members: slice = slice(None)) -> dict[str, np.ndarray]:
         """Some monitors at the saved nodes, of shape ([members,] nodes, …) each, of some members; none is kept."""
@@ -321,6 +344,11 @@ class Result(Recording):
             return np.concatenate(parts)
         return np.concatenate([np.swapaxes(part, 0, 1) for part in parts], axis=1)
 
+    def _joined_later(self, *parts: np.ndarray) -> Deferred:
+        """Stretches of a single run as one array, when it is first read."""
+        shape = (sum(map(len, parts)), *parts[0].shape[1:])
+        return Deferred(shape, parts[0].dtype, partial(self._joined, *parts))
+
     @property
     def extrema(self) -> Extrema:
         """(minimum, maximum) of monitors and certificates over every step, of the shape of a row of `monitors`."""
@@ -329,9 +357,8 @@ class Result(Recording):
     @property
     def ends(self) -> Extrema:
         """Every monitored scalar at the first and at the last record, of the shape of a row of `monitors`."""
-        lead = () if self.members is None else (slice(None),)
         return self._once(
-            "ends", lambda: {name: (rows[(*lead, 0)], rows[(*lead, -1)]) for name, rows in self.monitors.items()}
+            "ends", lambda: {name: (parts[0][0], parts[-1][-1]) for name, parts in self._monitored().items()}
         )
 
     def _require_monitored(self, name: str) -> None:

@@ -15,7 +15,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.kernels.trace.interpreter import Interpreter
-from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of
+from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of, results
 from coadjoint.kernels.trace.numeric import NUMERIC
 from coadjoint.kernels.trace.straight_line import Straight
 from coadjoint.kernels.untraceable import Untraceable
@@ -64,6 +64,11 @@ class Tabulated:
         self._runs = 0
         self._begun: tuple[list[bytes], Straight] | None = None
         """The program begun with the first inputs of these numbers."""
+
+    @property
+    def shapes(self) -> PyTree:
+        """The shapes and types of the result."""
+        return jax.tree_util.tree_unflatten(self._structure, results(self._closed))
 
     @cached_property
     def _straight(self) -> Straight:
