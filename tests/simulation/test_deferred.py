@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import copy
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import Tabulated
+from coadjoint.simulation.dataset import dataset
 from coadjoint.simulation.deferred import Deferred
 
 
+@cache
 def run() -> co.Run:
     top = co.models.catalogue["heavy_top"]
     system = top.make()
@@ -28,7 +31,7 @@ def test_reading_a_variable_computes_no_other(monkeypatch: pytest.MonkeyPatch) -
         return of_rows(self, *given)
 
     monkeypatch.setattr(Tabulated, "of_rows", watched)
-    found = run().dataset
+    found = dataset(run())
     assert np.all(np.isfinite(found.mu)) and computed == []
     assert found.euler_angles.shape == (6, 3) and computed == []
     assert np.all(np.isfinite(found.euler_angles)) and computed == [{"q", "rotation"}]
@@ -36,7 +39,7 @@ def test_reading_a_variable_computes_no_other(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_deferred_variables_are_those_of_an_array_in_memory() -> None:
-    found = run().dataset
+    found = dataset(run())
     whole = found.copy(deep=True).load()
     for same in (found, pickle.loads(pickle.dumps(found)), copy.deepcopy(found), found.isel(time=slice(None))):
         assert same.identical(whole)
