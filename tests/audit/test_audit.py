@@ -21,6 +21,7 @@ from coadjoint.audit.systems import PROBLEMS
 from coadjoint.cli import auditing
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import reference
 from coadjoint.simulation.configuration import method_form, method_from
 
@@ -61,6 +62,9 @@ def test_what_is_left_out_leaves_every_claim_of_order_to_four_systems():
         assert audited(shipped, "a map of one's own", TOP) != shipped.first_order
     for tau in set(MAPS) - set(FOR_EVERY_METHOD):
         assert sum(audited(BY_NAME["Midpoint"], tau, problem) for problem in PROBLEMS.values()) == 4
+    by_cayley = [problem for problem in PROBLEMS.values() if problem.internal or problem.constrained]
+    assert by_cayley and all(audited(BY_NAME["Midpoint"], "Cayley", problem) for problem in by_cayley)
+    assert not any(audited(BY_NAME["Midpoint"], tau, one) for tau in set(MAPS) - {"Cayley"} for one in by_cayley)
 
 
 @pytest.mark.long
@@ -279,6 +283,15 @@ def test_some_system_takes_every_method_and_every_map():
         assert any(takes(shipped, "Exponential", p) or takes(shipped, "Cayley", p) for p in PROBLEMS.values())
     for tau in MAPS:
         assert takes(BY_NAME["Midpoint"], tau, TOP)
+
+
+def test_the_energy_of_a_record_is_that_of_legendre_unless_a_discrete_one_is_asked_for():
+    J = np.array([1.0, 2.0, 3.0])
+    body = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ (J * xi) - 2 * a[2], advected=co.Defining())
+    stepper = AuditStepper(co.Midpoint(), body, body.state(xi=[0.3, -0.2, 0.5], a0=[0, 0.6, 0.8]))
+    legendre, discrete = (evaluate(long_run._energy(stepper, 0.1, one), stepper.start) for one in (False, True))
+    assert legendre == pytest.approx(0.5 * (0.09 + 2 * 0.04 + 3 * 0.25) + 1.6, abs=1e-14)
+    assert 1e-3 < abs(discrete - legendre) < 0.1
 
 
 def test_the_gap_of_a_constrained_system_is_that_of_places_and_velocities():

@@ -12,6 +12,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import energy
 
 
+@pytest.mark.long
 def test_the_energy_of_records_is_that_of_the_system() -> None:
     system = joints.chain(2)
     xi, nu = np.random.default_rng(35).normal(size=(2, 2, 3))

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from coadjoint.cli.main import main
+from coadjoint.cli.sweeping import SHOWN, show
 
 RUN = """
 [system]
@@ -43,6 +47,19 @@ def test_a_sweep_prints_its_statistics_and_leaves_a_folder(file, tmp_path, capsy
     assert main(["verify", "masses"]) == 0
     assert main(["info", "masses"]) == 0
     assert "3 × heavy top" in capsys.readouterr().out
+
+
+def test_the_warnings_of_most_members_come_first(monkeypatch, capsys):
+    monkeypatch.setattr("coadjoint.sweeps.results.facts", lambda plan: [("members", "9")])
+    statistics = SimpleNamespace(data_vars=[], statistic=SimpleNamespace(values=np.zeros(0)))
+    counts = {f"word {k}": count for k, count in enumerate((2, 7, *[1] * SHOWN))}
+    plan = {"warnings": counts, "refusals": {"4": "No."}}
+    made: Any = SimpleNamespace(summary=plan, statistics=statistics, folder="here", compared=True)
+    show(made)
+    lines = capsys.readouterr().out.splitlines()
+    told = [line for line in lines if line.startswith("Warning")]
+    assert told[:2] == ["Warning, of 7 members: word 1", "Warning, of 2 members: word 0"] and len(told) == SHOWN
+    assert lines[-3:] == ["2 more warnings are in summary.json.", "Member 4 was refused: No.", "Results: here/"]
 
 
 def test_a_check_runs_nothing(file, tmp_path, capsys):

@@ -221,6 +221,7 @@ def test_a_parameter_is_chosen_with_the_motion():
     assert float(optimum.run.system.parameters.damping) == float(optimum.parameters["damping"])
 
 
+@pytest.mark.long
 def test_an_actuator_that_lags_is_part_of_the_optimum():
     def rule(motion, h, p):
         late = jnp.exp(-h / p.lag)
@@ -296,6 +297,7 @@ def test_a_function_of_the_motion_beside_an_input_is_part_of_the_optimum():
     assert optimum.inputs.keys() == {"push"}
 
 
+@pytest.mark.long
 def test_the_velocities_of_the_start_stay_whatever_mass_is_chosen():
     system = co.System(
         co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0},

@@ -96,6 +96,7 @@ def test_in_the_nominal_case_the_loop_follows_the_optimum_of_the_whole_time():
     assert np.max(np.abs(loop)) <= 2.0
 
 
+@pytest.mark.long
 def test_rates_hold_from_period_to_period():
     problem = turning(inputs={"torque": Input((3,), -2.0, 2.0, rate=3.0)})
     stepper = co.Stepper(BODY, problem.start, dt=0.1, inputs={"torque": np.zeros(3)})
@@ -255,6 +256,7 @@ def test_a_changed_parameter_is_that_of_another_model():
         turning().controller().change(J=np.eye(3))
 
 
+@pytest.mark.long
 def test_velocities_of_a_heavier_body_have_the_momenta_of_the_model():
     heavy = BODY.replace(J=np.diag([2.0, 4.0, 6.0]))
     run = co.simulate(heavy, heavy.state(xi=[0.3, -0.2, 0.1]), dt=0.1, steps=1, inputs={"torque": lambda m: 0 * m.xi})

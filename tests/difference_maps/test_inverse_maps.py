@@ -59,7 +59,7 @@ def test_its_sign_changes_with_the_inverse_of_the_element():
         np.testing.assert_allclose(tau.inverse(co.SE3(), back), -tau.inverse(co.SE3(), g), rtol=0, atol=1e-14)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     "tau", [co.Cayley(), co.difference_maps.Squared(co.Cayley()), co.difference_maps.Pade(2)], ids=repr
 )

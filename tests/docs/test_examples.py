@@ -178,6 +178,7 @@ def test_the_settings_of_the_older_paper_solve_its_printed_equations(run_example
     assert Path("paper_semidirect.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_the_charged_particle_runs_round_its_circle(run_example):
     found = run_example("heisenberg", 20)
     assert found["error"] < 1e-4 * found["radius"]

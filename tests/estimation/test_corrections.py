@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.estimation.engines import corrected, symmetric
+from coadjoint.estimation.engines import CORRECT, FilterEngine, corrected, symmetric
 
 
 def test_a_correction_adds_the_information_of_a_measurement():
@@ -21,3 +21,14 @@ def test_a_correction_adds_the_information_of_a_measurement():
         np.testing.assert_allclose(found.nis[k], nu[k] @ np.linalg.solve(H[k] @ P[k] @ H[k].T + R, nu[k]), rtol=1e-12)
     np.testing.assert_array_equal(found.P, found.P.transpose(0, 2, 1))
     np.testing.assert_array_equal(symmetric(root), symmetric(root).transpose(0, 2, 1))
+
+
+def test_of_members_the_first_that_stops_is_named_with_what_it_rejected(monkeypatch):
+    engine, failed = FilterEngine.__new__(FilterEngine), []
+    monkeypatch.setattr(engine, "_measurements", [None], raising=False)
+    monkeypatch.setattr(engine, "_correct", lambda *_: np.array([False, True, True]), raising=False)
+    monkeypatch.setattr(engine, "_fail", lambda *given: failed.append([np.ravel(one).tolist() for one in given]))
+    rows, rejected = np.arange(3.0)[:, None], np.array([[4], [5], [6]])
+    orders = np.array([[CORRECT, 0, 0, 0]])
+    engine._by_arrays(rows, np.zeros((3, 1, 1)), rejected, orders, np.zeros((1, 1)), np.zeros((3, 2)))
+    assert failed == [[[1.0], [CORRECT, 0, 0, 0], [5]]]

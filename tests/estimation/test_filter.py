@@ -275,6 +275,7 @@ def test_arguments_with_defaults_are_no_parameters():
     assert filter.update({"q0": 0.5})["q0"].nis == pytest.approx(0.0)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_velocities_of_a_state_are_those_of_its_momenta_after_a_measurement_too(error):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from test_late import H, boat, filter
@@ -53,6 +56,27 @@ def test_a_linear_log_is_smoothed_as_the_whole_problem_is_solved():
     assert np.all(ours.deviations <= found.deviations + 1e-9)
     assert np.array_equal(ours.rows[-1], found.rows[-1])
     assert np.array_equal(ours.covariances, ours.covariances.transpose(0, 2, 1))
+
+
+def test_covariances_are_carried_from_the_smoothed_state_to_the_predicted_one(monkeypatch):
+    """P_k + G(BPˢBᵀ − P⁻)Gᵀ and x_k + Ge with G = P_kΦᵀP⁻⁻¹, of a process whose errors turn by B⁻¹."""
+    monkeypatch.setattr("coadjoint.estimation.smoother.checks.instance", lambda *_: None)
+    Phi, Q, carrying = np.array([[1.0, 0.1], [0.2, 0.9]]), np.diag([0.3, 0.2]), np.array([[2.0, 0.5], [-0.3, 1.0]])
+    rows, P = np.array([[1.0, 2.0], [1.5, 2.5]]), np.array([np.diag([1.0, 2.0]), [[0.5, 0.1], [0.1, 0.4]]])
+    process: Any = SimpleNamespace(
+        projector=None, commanded=slice(0), stepped=lambda x, h: (x @ Phi.T, None), errors=lambda x, y: y - x,
+        linearised=lambda *_: (Phi[None], Q[None]), carrying=lambda *_: (None, carrying[None]),
+        admitted=lambda x, P: P, moved=lambda x, e: x + e, carried=lambda P, *_: P,
+    )  # fmt: skip
+    found: Any = SimpleNamespace(
+        covariances=P, every=1, rows=rows, t=np.array([0.0, 0.1]), _process=process, replaced=lambda *parts: parts
+    )
+    ours, deviations, covariances = smoothed(found)
+    before, B = Phi @ P[0] @ Phi.T + Q, np.linalg.inv(carrying)
+    G = P[0] @ Phi.T @ np.linalg.inv(before)
+    np.testing.assert_allclose(ours[0], rows[0] + G @ (rows[1] - Phi @ rows[0]), rtol=1e-13)
+    np.testing.assert_allclose(covariances[0], P[0] + G @ (B @ P[1] @ B.T - before) @ G.T, rtol=1e-12)
+    np.testing.assert_allclose(deviations**2, np.diagonal(covariances, axis1=1, axis2=2), rtol=1e-13)
 
 
 def test_a_run_that_was_not_kept_whole_cannot_be_smoothed():

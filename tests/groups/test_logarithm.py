@@ -141,6 +141,7 @@ def test_under_a_transformation_a_matrix_without_a_logarithm_gives_no_number():
     assert not np.any(np.isfinite(evaluate(logarithm, np.diag([-2.0, -0.5]))))
 
 
+@pytest.mark.long
 def test_it_runs_under_jit_and_vmap_and_has_gradients():
     group = co.SO3()
     xi = np.stack([inside(group, k) for k in range(3)])

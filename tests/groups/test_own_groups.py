@@ -110,6 +110,7 @@ def test_groups_that_ship_satisfy_what_is_asked_of_others(name):
     require_group(GROUPS[name])
 
 
+@pytest.mark.long
 def test_groups_that_ship_pay_nothing(monkeypatch):
     monkeypatch.setattr("coadjoint.spaces.axioms.require_group", lambda *_: pytest.fail("compared"))
     monkeypatch.setattr("coadjoint.spaces.axioms.require_space", lambda *_: pytest.fail("compared"))

@@ -142,6 +142,7 @@ def test_gradients_of_the_reduced_hamiltonian(free):
         close(found, expected)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 def test_motion_is_generated_by_the_bracket(free):
     """ḟ = {f, ℋ} for a random linear f of (μ, π, n, a)."""

@@ -46,9 +46,9 @@ def test_a_map_that_is_not_equivariant_is_refused():
             co.mechanics.KelvinNoether([0.1, 0.2, 0.3], K).require_equivariant(system, start)
     with pytest.raises(ArgumentError, match=r"`c0` must have shape \(3,\)"):
         co.mechanics.KelvinNoether([1.0, 0.0]).require_equivariant(system, start)
-    co.mechanics.KelvinNoether([0.1, 0.2, 0.3], lambda c, a: jnp.cross(c, a.down) + a.spin).require_equivariant(
-        system, start
-    )
+    for c0 in ([0.1, 0.2, 0.3], [1e9, 0, 0]):  # round-off grows with c₀
+        quantity = co.mechanics.KelvinNoether(c0, lambda c, a: jnp.cross(c, a.down) + a.spin)
+        quantity.require_equivariant(system, start)
 
 
 @pytest.mark.parametrize("size", [1e-11, 1.0, 1e11])

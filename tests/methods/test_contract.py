@@ -35,10 +35,21 @@ def test_the_midpoint_of_hamilton_keeps_the_momentum_of_turns():
     system = co.System(co.SO2(), hamiltonian=hamiltonian, additional=co.Defining())
     start = system.state(q=[0.7, -0.4], mu=[0.3], pi=[0.5, 0.6])
     quiet = {"monitors": False, "accuracy": False}
-    run = co.simulate(system, start, dt=0.1, steps=3, method=co.HamiltonianMidpoint(), **quiet).records
+    method, h = co.HamiltonianMidpoint(), 0.1
+    run = co.simulate(system, start, dt=h, steps=3, method=method, **quiet).records
     spin = run.n[:, 0] * run.pi[:, 1] - run.n[:, 1] * run.pi[:, 0]
     np.testing.assert_allclose(run.mu[:, 0] + spin, start.mu[0] + 0.7 * 0.6 + 0.4 * 0.5, atol=1e-14)
     assert np.ptp(run.mu) > 1e-2
+
+    def left(state):
+        z = np.array([0.4, 0.5, -0.3, 0.8, 0.6, 0.2])
+        record = method.record(system, method.remember(system, state), h, z)
+        after = state.replace(mu=2 * state.mu, pi=3 * state.pi)
+        return method.equations(system, record, h), method.newton_residual(system, record, h, after)
+
+    rows, residual = evaluate(left, start)
+    momenta, velocities = np.max(np.abs(rows[:3])) / 1.8, np.max(np.abs(rows[3:])) / 0.5
+    assert residual == pytest.approx(velocities, rel=1e-14) and velocities > momenta
 
 
 def _hamiltonian_top():

@@ -259,6 +259,7 @@ def test_figures_are_written_whole(tmp_path, ending):
     assert all(path.stat().st_size > 3000 for path in tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_figure_is_drawn_once_when_it_is_written_and_keeps_its_layout(tmp_path, monkeypatch):
     """matplotlib draws a figure with a layout twice, the first time for the layout alone: the picture is the same."""
     figure = Plots(dataset()).energy()

@@ -91,6 +91,7 @@ def test_a_changed_module_is_another_run(folder, tmp_path, capsys):
     assert "the file numbers.py has other contents there" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("place", "named"), [("elsewhere", True), ("home", False)])
 def test_a_factory_outside_of_the_run_files_folder_is_named_before_it_is_run(folder, tmp_path, capsys, place, named):

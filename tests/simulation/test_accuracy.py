@@ -63,6 +63,7 @@ def test_the_dt_that_resolves_a_command_does_not_depend_on_the_lag_that_follows_
     assert slow.accuracy.resolving == quick.accuracy.resolving < np.pi / 1000
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("case", selected(RESOLVED))
 def test_a_run_that_is_resolved_is_no_alarm(case):
@@ -134,6 +135,7 @@ def test_the_local_error_is_that_against_a_step_of_h_64(case):
     assert np.mean(well) >= 0.95
 
 
+@pytest.mark.long
 def test_no_accuracy_is_judged_where_none_is_asked_for():
     system, start, arguments = spring([1e4])()
     run = co.simulate(system, start, accuracy=False, **arguments)

@@ -105,6 +105,7 @@ def test_an_asymmetric_inertia_is_refused_because_the_lagrangian_drops_its_antis
     assert "`inertia` must be symmetric" in sentence_of(lambda: co.simulate(vehicle, START, dt=0.01, steps=3))
 
 
+@pytest.mark.long
 def test_a_matrix_of_forces_may_be_asymmetric():
     drag = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     parameters = co.Parameters(**{**PARAMETERS.asdict(), "drag": drag})
@@ -288,6 +289,7 @@ def test_forces_on_several_spaces_go_by_name_whatever_their_order():
     assert "one array of shape (3,)" in sentence_of(lambda: two_buoys(co.Force(torque={"a": a})))
 
 
+@pytest.mark.long
 def test_a_torque_may_be_a_list_of_numbers_that_depend_on_the_motion():
     def decay(torque):
         vehicle = system(forces=lambda motion, p: co.Force(torque=torque(motion)))

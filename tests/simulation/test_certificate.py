@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.simulation import energy_budget
-from coadjoint.simulation.certificate_forms import MEANINGS, Certificate, glossary, linked, rows
+from coadjoint.simulation.certificate_forms import MEANINGS, Certificate, aligned, glossary, linked, rows
 
 RUN: dict[str, Any] = {"dt": 0.05, "progress": False, "accuracy": False}
 PENDULUM = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ xi - 10.0 * a[0], advected=co.Defining(), name="pendulum")
@@ -26,6 +26,10 @@ def lines(run: Any) -> dict[str, str]:
 def near_zero():
     """A pendulum at rest, level with its pivot but for 1e-2: its energy is 0.1, its motion has one of 10."""
     return co.simulate(PENDULUM, PENDULUM.state(xi=[0, 0, 0], a0=[1e-2, 0, 1]), steps=60, **RUN)
+
+
+def test_texts_begin_in_one_column_behind_the_longest_title():
+    assert aligned([("dt", "0.1 s"), ("method", "midpoint")]) == "dt      0.1 s\nmethod  midpoint"
 
 
 @pytest.fixture(scope="module")

@@ -263,6 +263,7 @@ def test_a_stepper_of_redundant_constraints_keeps_the_rows_of_its_start():
     assert abs(stepper.state.xi[2]) < 1e-15 and stepper.state.xi[0] > 1.2
 
 
+@pytest.mark.long
 def test_setting_up_and_projecting_a_pinned_body_trace_its_constraint_a_few_times():
     calls = []
 

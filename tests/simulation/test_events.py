@@ -233,6 +233,7 @@ def test_times_outside_the_run_are_refused(top, times):
         run.at(times)
 
 
+@pytest.mark.long
 def test_locating_an_event_compiles_nothing_more_than_the_run(monkeypatch):
     """Held inputs and an internal state stay as they are within a step by a flag of the one kernel."""
     from coadjoint.kernels.run import native

@@ -99,6 +99,7 @@ def compass() -> tuple[co.System, co.State]:
     return system, system.state(xi=[0.3, 0.2, 0.1], internal={"first": [1.0, 0.0, 0.0]})
 
 
+@pytest.mark.long
 def test_what_a_rule_reports_may_read_the_attitude_as_the_rule_does() -> None:
     system, start = compass()
     run = co.simulate(system, start, dt=0.1, steps=3)

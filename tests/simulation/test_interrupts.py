@@ -202,6 +202,7 @@ def test_an_ensemble_with_long_blocks_stops_within_one_and_keeps_all_members(mon
     np.testing.assert_array_equal(run.final.mu, part.final.mu)
 
 
+@pytest.mark.long
 def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
     system, start = top()
     given = {**AT, "steps": STEPS, "events": {"section": lambda state: state.xi[0]}}

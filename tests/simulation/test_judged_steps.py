@@ -109,6 +109,7 @@ def test_a_resolved_motion_is_judged_at_few_steps(monkeypatch):
     assert seen == [0, 1, 2, *(2**k for k in range(2, 14)), 43_000, 76_000, 142_000, 274_000]
 
 
+@pytest.mark.long
 def test_many_members_are_judged_with_their_own_parameters():
     system = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.J * xi), parameters={"J": co.each(np.tile(J, (20, 1)))})
     for spin, count in ((8.0, 1), (0.5, 0)):

@@ -264,6 +264,7 @@ def test_a_function_with_a_derivative_of_its_own_is_not_kept(cache):
     assert not found_in(cache, starts=True)
 
 
+@pytest.mark.long
 def test_a_group_of_somebody_else_is_not_kept(cache):
     class Own(co.SO3):
         pass

@@ -152,6 +152,7 @@ RULES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("rule", "action", "turn"), RULES, ids=["left", "right", "midpoint"])
 def test_a_step_of_a_rule_in_node_form_is_that_of_its_discrete_lagrangian(rule, action, turn):
     made, variational = system(discrete_lagrangian=action), co.Variational(co.Exponential())
