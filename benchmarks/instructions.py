@@ -22,7 +22,7 @@ from typing import Any
 
 PROCESSOR = "haswell"
 LANES = 4
-SHORT, LONG = 500, 5500
+SHORT, LONG = 500, 100_500
 
 
 def _for_callgrind() -> None:

@@ -52,11 +52,6 @@ class _Iterates:
         b = self.emit.builder
         return b.not_(b.load(self.over))
 
-    def put(self, place: Value, value: Value, lanes: Value) -> None:
-        """Store a value in some lanes, or in all (None)."""
-        b = self.emit.builder
-        b.store(value if lanes is None else b.select(lanes, value, b.load(place)), place)
-
     @contextmanager
     def where(self, mask: Value) -> Iterator[Value]:
         """The lanes of what is done inside: one lane branches, several are selected from."""
@@ -111,8 +106,8 @@ class StageLoop:
         b.position_at_end(renewed)
         with emit.scope():
             active = None if emit.width == 1 else lanes.active(True)
-            for symbol, at, found in zip(symbols, lanes.at, lanes.found, strict=True):
-                lanes.put(at, b.load(found), active)
+            keep(emit, zip(lanes.at, map(b.load, lanes.found), strict=True), active)
+            for symbol, at in zip(symbols, lanes.at, strict=True):
                 emit.bind(symbol, b.load(at))
             emit.values(outer(kept, set(scheme.iterate)))
             dropped = b.not_(b.load(lanes.chords))
@@ -141,9 +136,7 @@ class StageLoop:
         again = b.icmp_signed(">", b.load(lanes.count), emit.counts(0))
         with lanes.seldom(b.and_(again, b.not_(b.load(settled)))):
             b.store(self._at_round_off(lanes, sizes, scales), settled)
-        self._count(lanes, active)
-        self._take(lanes, new, sizes, b.load(settled), active)
-        lanes.put(lanes.renew, b.not_(b.load(lanes.chords)), active)
+        self._take(lanes, new, sizes, b.load(settled), b.not_(b.load(lanes.chords)), active)
 
     def _at_round_off(self, lanes: _Iterates, sizes: dict[int, Value], scales: dict[int, Value]) -> Value:
         """Whether each block is settled, or stalled where the unknowns together have met their tolerance twice."""
@@ -173,27 +166,19 @@ class StageLoop:
                 b.store(self._every(b.or_(fine[g], x) for g, x in below.items()), place)
         taken = b.load(shrunk)
         with lanes.where(b.and_(active, taken)) as there:
-            self._count(lanes, there)
-            self._take(lanes, new, sizes, settled, there)
-            lanes.put(lanes.renew, b.not_(b.load(quick)), there)
-        with lanes.where(b.and_(active, b.not_(taken))) as there:
-            lanes.put(lanes.renew, emit.bit(True), there)
-            lanes.put(lanes.chords, emit.bit(False), there)
+            self._take(lanes, new, sizes, settled, b.not_(b.load(quick)), there)
+        with lanes.seldom(b.and_(active, b.not_(taken))) as there:
+            keep(emit, [(lanes.renew, emit.bit(True)), (lanes.chords, emit.bit(False))], there)
 
-    def _take(self, lanes: _Iterates, new: list[Value], sizes: dict[int, Value], settled: Value, there: Value) -> None:
-        """The new iterate of some lanes, or of all (None)."""
-        b = self.b
-        for place, value in zip([*lanes.found, *lanes.sizes.values()], [*new, *sizes.values()], strict=True):
-            lanes.put(place, value, there)
-        lanes.put(lanes.settled, settled, there)
-        lanes.put(lanes.over, b.or_(b.load(lanes.over), settled), there)
-
-    def _count(self, lanes: _Iterates, active: Value) -> None:
-        """One iteration more in the active lanes; one that has no iterations left is over."""
+    def _take(
+        self, lanes: _Iterates, new: list[Value], sizes: dict[int, Value], settled: Value, renew: Value, there: Value
+    ) -> None:
+        """The new iterate of some lanes, or of all (None); one that has no iterations left is over."""
         b, emit = self.b, self.emit
         count = b.add(b.load(lanes.count), emit.counts(1))
-        lanes.put(lanes.count, count, active)
-        lanes.put(lanes.over, b.icmp_signed(">=", count, emit.counts(MAX_ITERATIONS)), active)
+        over = b.or_(settled, b.icmp_signed(">=", count, emit.counts(MAX_ITERATIONS)))
+        places = [*lanes.found, *lanes.sizes.values(), lanes.settled, lanes.over, lanes.renew, lanes.count]
+        keep(emit, zip(places, [*new, *sizes.values(), settled, over, renew, count], strict=True), there)
 
     def _small(self, size: Value, scale: Value) -> Value:
         """Whether an increment of this size settles unknowns of this scale (`program.TOLERANCE`)."""
@@ -270,6 +255,24 @@ def _roots(increment: Increment) -> list[Expr]:
     if not increment.always_safe:
         roots += [*(x for row in increment.jacobian for x in row), *increment.right]
     return roots
+
+
+def keep(emit: Emitter, given: Iterable[tuple[Value, Value]], lanes: Value) -> None:
+    """Store values, (place, value) each, in some lanes, or in all (None).
+
+    A branch decides whether all lanes take them, so that what reads them need not wait for the mask.
+    """
+    b, given = emit.builder, list(given)
+    if lanes is None:
+        for place, value in given:
+            b.store(value, place)
+        return
+    with b.if_else(emit.any(b.not_(lanes)), likely=False) as (some, all_of_them):
+        with some:
+            for place, value in given:
+                b.store(b.select(lanes, value, b.load(place)), place)
+        with all_of_them:
+            keep(emit, given, None)
 
 
 def finite(emit: Emitter, values: Iterable[Value]) -> Value:

@@ -12,7 +12,7 @@ from llvmlite import ir
 
 from coadjoint.kernels.emit import FEW_PASSES
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value, outer
-from coadjoint.kernels.emit.newton_loop import StageLoop, finite
+from coadjoint.kernels.emit.newton_loop import StageLoop, finite, keep
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.substeps import Done, substeps
 from coadjoint.kernels.expressions.expression import Expr, reachable
@@ -199,21 +199,16 @@ class StepFunction:
 
     def _finish(self, done: Done, observed: list[ir.Value], well: Value, code: ir.Value) -> None:
         """Record, observe and take the new state, in the lanes without failure."""
-        b = self.builder
+        b, emit = self.builder, self.emit
         alive = b.load(self.alive)
         self._observe(done, observed, well)
-
-        def keep(value: Value, place: ir.Value) -> None:
-            b.store(value if well is None else b.select(well, value, b.load(place)), place)
-
-        for value, place in zip(done.after, self.state, strict=True):
-            keep(value, place)
-        keep(b.add(b.load(self.steps), self.emit.counts(1)), self.steps)
-        keep(b.add(b.load(self.total), done.iterations), self.total)
         most = b.load(self.most)
-        keep(b.select(b.icmp_signed(">", most, done.iterations), most, done.iterations), self.most)
+        most = b.select(b.icmp_signed(">", most, done.iterations), most, done.iterations)
+        counted = [b.add(b.load(self.steps), emit.counts(1)), b.add(b.load(self.total), done.iterations), most]
+        places = [*self.state, self.steps, self.total, self.most]
+        keep(emit, zip(places, [*done.after, *counted], strict=True), well)
         if well is not None:
-            newly = b.and_(alive, b.xor(well, self.emit.bit(True)))
+            newly = b.and_(alive, b.xor(well, emit.bit(True)))
             b.store(b.select(newly, code, b.load(self.code)), self.code)
             b.store(well, self.alive)
 
