@@ -11,6 +11,7 @@ from coadjoint.kernels.program import Code
 from coadjoint.mechanics.constrained_start import checked_members, known_start
 from coadjoint.mechanics.independent_rows import independent_rows, kept_rows
 from coadjoint.mechanics.members import stacked
+from coadjoint.mechanics.projection import _masked
 from pinned import INERTIA, PIN, RATES, body, hold, pinned, start
 
 
@@ -152,3 +153,9 @@ def test_a_traced_start_off_the_constraints_has_a_code():
     with co.float64():
         codes = jax.jit(jax.vmap(run))(np.stack([-PIN, -PIN + 0.01]))
     assert codes.tolist() == [Code.CONVERGED, Code.OFF_CONSTRAINTS]
+
+
+@pytest.mark.parametrize(("held", "expected"), [([1, 1], [[2, 3], [3, 5]]), ([1, 0], [[2, 0], [0, 9]])])
+def test_rows_that_are_not_of_places_are_decoupled(held, expected):
+    matrix = np.array([[2.0, 3.0], [3.0, 5.0]])
+    np.testing.assert_array_equal(_masked(matrix, np.array(held), 9.0), expected)  # pyright: ignore[reportArgumentType]

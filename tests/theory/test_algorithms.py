@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -214,3 +217,17 @@ def test_a_curved_space_asks_for_a_point_to_test_invariance_at():
 def test_an_unreduced_lagrangian_of_other_arguments_is_refused(function, spaces, says):
     with pytest.raises(co.errors.LagrangianError, match=says):
         theory.UnreducedLagrangian(co.SO3(), function, **spaces)
+
+
+@pytest.mark.parametrize(("parameter", "source"), [("left", 5.0), ("right", 3.0)])
+def test_the_change_of_the_quantity_is_by_the_slope_of_the_step_that_reads_the_parameter(parameter, source):
+    """I^B = ⟨D^Rl_{k−1}, 𝒦⟩ and −⟨D₂l⋄a_k + T⁻_k, 𝒦⟩, D₂l of step k at the left end, of step k − 1 at the right."""
+    slopes = {"before": (np.array([2.0, 1.0]), np.full(2, 3.0)), "here": (np.array([7.0, 8.0]), np.full(2, 5.0))}
+    torques = {"before": np.array([1.0, 1.0]), "here": np.array([0.5, 0.0])}
+    l: Any = SimpleNamespace(
+        parameter=parameter, slopes=lambda link, h: slopes[link], torque=lambda link, h: torques[link]
+    )
+    before: Any = "before"
+    here: Any = "here"
+    found = theory.kelvin_noether_poisson(l, before, here, np.array([1.0, -2.0]), 0.1)
+    assert found == (0.0, -(source + 0.5 - 2 * source))

@@ -9,6 +9,7 @@ import sys
 import types
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -51,6 +52,12 @@ def test_an_array_that_changes_in_place_is_another():
     before = identity([table])
     table[1] = 1e-300
     assert identity([table]) != before
+
+
+def test_what_a_trace_computes_has_none():
+    found = []
+    jax.make_jaxpr(lambda x: found.append(identity([2.0, x])))(1.0)
+    assert found == [None]
 
 
 def test_what_was_worked_out_of_an_object_does_not_count():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import multibody
+from coadjoint.models.descriptions.links import require_mass
 from coadjoint.models.multibody.placing import Placing
 
 
@@ -171,3 +175,11 @@ def test_a_mimic_that_is_no_gear_is_reported_and_a_rounded_inertia_mended(tmp_pa
     assert list(found.mechanism.joints) == ["j", "k"]
     assert "`k` moves freely: 0.5 times `j` plus 0 is not a gear" in str(found)
     assert np.diag(found.mechanism.bodies["b"].inertia) == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_links_without_a_mass_raise():
+    massless: Any = (SimpleNamespace(mass=0.0), None)
+    heavy: Any = (SimpleNamespace(mass=1.0), None)
+    require_mass([massless, heavy], "robot.urdf")
+    with pytest.raises(co.errors.FileError, match=r"^robot\.urdf: no link that joints connect has a mass"):
+        require_mass([massless], "robot.urdf")
