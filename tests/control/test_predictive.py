@@ -335,6 +335,17 @@ def test_inputs_have_their_limits_states_none_and_slack_is_not_negative():
     )
     limits: Any = SimpleNamespace(u_limits=(np.full((2, 1), -3.0), np.full((2, 1), 4.0)))
     found, inf = layout._bounds(limits), np.inf
+    random, first = np.random.default_rng(3), np.array([0.7, -0.4])
+    shapes = ((2, 3, 3), (2, 3), (2, 2, 3), (2, 2), (2, 1, 3), (4, 4), (4,), (1, 4))
+    H, g, M, c, C, last_H, last_g, last_C = (random.normal(size=shape) for shape in shapes)
+    sides, ends = (np.full((2, 1), -5.0), np.full((2, 1), 6.0)), (np.full(1, -7.0), np.full(1, 8.0))
+    stages = quadratic.Stages(H, g, M, c, C, sides, limits.u_limits, last_H, last_g, last_C, ends)
+    numbers = layout.numbers(stages, first)
+    np.testing.assert_allclose(numbers["g"], [*g[0, 2:] + H[0, 2:, :2] @ first, *g[1], *last_g])
+    own, following = M[0, :, :2] @ first, C[0, :, :2] @ first
+    for name, side, end in (("lba", -5, -7), ("uba", 6, 8)):
+        expected = [*-(c[0] + own), *(side - following), *-c[1], side, end]
+        np.testing.assert_allclose(numbers[name], expected, rtol=1e-13)
     assert layout.ends == 2
     np.testing.assert_array_equal(found["lbx"], [-3, -inf, -inf, -3, -inf, -inf, 0, 0])
     np.testing.assert_array_equal(found["ubx"], [4, inf, inf, 4, inf, inf, inf, inf])

@@ -154,6 +154,13 @@ def test_guesses_go_along_a_geodesic_also_where_the_exponential_has_no_scalar_ex
 
 def test_a_program_differentiates_by_the_numbers_alone_that_its_functions_read():
     at_goal = transcribe.transcribe(problem(changing=()))
+    assert at_goal.graph.names() == [
+        "t",
+        *(f"g[{i}, {j}]" for i in range(3) for j in range(3)),
+        "mu[0]",
+        "mu[1]",
+        "mu[2]",
+    ]
     read = [MappedFunction(getattr(at_goal.functions, name), 8, 0.25).read for name in ("equations", "cost")]
     assert read == [["x", "u", "z"], ["u"]]
     assert MappedFunction(transcribe.transcribe(problem()).functions.cost, 8, None).read == ["u", "p"]

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import scipy.special
+from llvmlite import ir
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
@@ -15,6 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import fluids
 from coadjoint.models.fluids.harmonics import legendre, on_diagonal
 from coadjoint.models.fluids.laplacian import dirichlet, inverse_laplacian, laplacian
+from coadjoint.models.fluids.laplacian_sweep import emit_sweep
 from systems import generator
 
 
@@ -278,3 +280,9 @@ def test_what_is_no_fluid_is_refused():
     ):
         with pytest.raises(ArgumentError, match=sentence):
             call()
+
+
+def test_what_xla_calls_is_seen_outside_of_its_module_and_what_it_calls_is_not():
+    module = ir.Module()
+    emit_sweep(module, "sweep")
+    assert {one.name: one.linkage for one in module.functions} == {"sweep_loops": "internal", "sweep": ""}

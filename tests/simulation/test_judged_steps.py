@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, PartsOfSteps, Ruler
+from coadjoint.simulation.accuracy.ruler import structure
 from coadjoint.simulation.accuracy.verdict import SampledSteps
 
 J = np.array([1.0, 2.0, 3.0])
@@ -196,6 +198,13 @@ def test_what_a_file_measures_of_positions_is_what_a_stepper_measures(group, spa
     kept = plain(ruler, layout(state), system.places)
     assert np.allclose(kept.q(row), ruler.q(row)) and np.allclose(kept.q(row)[0], q)
     assert np.allclose(kept.turning(state.xi[None]), ruler.turning(state.xi[None]))
+
+
+def test_structure_constants_give_the_bracket():
+    xi, eta = np.random.default_rng(6).normal(size=(2, 3))
+    for group in (co.SE2(), co.groups.SLn(2)):
+        found = np.einsum("ijk,j,k", structure(group), xi, eta)
+        np.testing.assert_allclose(found, evaluate(group.ad, xi, eta), atol=1e-15)
 
 
 def _element(group, random):

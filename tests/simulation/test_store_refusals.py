@@ -8,6 +8,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import interrupted
 import numpy as np
@@ -115,6 +117,17 @@ def test_the_same_call_again_goes_on_with_an_interrupted_run(cut, vehicle, whole
     assert 0 < begun < run.count
     np.testing.assert_array_equal(run.dataset.xi, whole.dataset.xi)
     assert not (cut / "lock").exists()
+
+
+def test_nothing_is_written_to_a_folder_that_took_the_place_of_that_of_a_run():
+    run: Any = SimpleNamespace(lock=SimpleNamespace(held=False), folder="there", seconds=0.0)
+    run._require_there, written = lambda: streaming.Store._require_there(run), []
+    with (
+        pytest.raises(co.errors.FileError, match=r"its folder there was deleted or moved"),
+        streaming.Store._writing(run),
+    ):
+        written.append(1)
+    assert not written and run.seconds > 0
 
 
 def test_a_folder_that_is_deleted_under_a_run_is_told(tmp_path, vehicle, monkeypatch):

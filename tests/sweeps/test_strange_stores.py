@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from strange_stores import VALUES, copied, damaged, hostile, made
+from strange_stores import VALUES, copied, damaged, entered, hostile, made
 
 import coadjoint as co
 from coadjoint.manifest import Manifest
@@ -97,6 +98,16 @@ def test_arrays_of_version_2_are_refused_before_they_are_opened(whole, tmp_path,
     assert list(folder.rglob(".zarray"))
     monkeypatch.setattr("zarr.open_group", None)
     with pytest.raises(co.errors.FileError, match=r"zarr.json|zarr format 3"):
+        _ = co.sweeps.load_sweep(folder).dataset
+
+
+@pytest.mark.parametrize("changed", [{"more": 1}, {"attributes": {"units": {"m": 1}}}, {"attributes": None}])
+def test_metadata_that_is_not_written_is_refused(whole, tmp_path, changed):
+    folder = copied(whole, tmp_path / "out")
+    path = folder / "members.zarr" / "final_xi" / "zarr.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changed))
+    entered(Manifest.read(folder))
+    with pytest.raises(co.errors.FileError, match="has metadata that coadjoint does not write"):
         _ = co.sweeps.load_sweep(folder).dataset
 
 

@@ -59,6 +59,7 @@ def test_the_iteration_goes_on_until_every_link_is_solved():
         found = solve(np.array(guess))
         np.testing.assert_allclose(found.unknowns, [0, 1, 2], atol=1e-14)
         assert found.code == Code.CONVERGED and found.iterations > 3
+    assert solve(np.array([0.0, np.nan, 1.0])).iterations == 1, "no number comes of an equation that has none"
 
 
 @pytest.mark.long
