@@ -30,6 +30,7 @@ def without_fins(**changes: Any) -> co.System:
 
 def test_fins_of_a_start_pitch_the_nose_down_and_turn_it_to_starboard_and_the_propeller_pushes_ahead():
     still = remus_start(OPEN, speed=1.5)
+    assert np.array_equal(still.g, np.eye(3)) and not np.any(still.q) and np.array_equal(still.nu, [1.5, 0, 0])
     internal = {"stern_planes": 0.05, "rudder": 0.1, "propeller": 20.0}
     state = remus_start(OPEN, speed=1.5, stern_planes=0.05, rudder=0.1, revolutions=20.0)
     assert {name: float(np.ravel(getattr(state.internal, name))[0]) for name in internal} == internal

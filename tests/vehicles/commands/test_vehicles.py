@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.optimize import brentq
 
 import coadjoint_vehicles as vehicles
 from coadjoint.cli.main import main
+from coadjoint_vehicles.commands.vehicles import _listed
 from coadjoint_vehicles.files.registry import vehicle_text
 from coadjoint_vehicles.files.summary import summary
 
@@ -105,3 +107,8 @@ def test_terminal_speeds_are_where_thrust_is_drag() -> None:
     held = 0.012 * 2 * np.pi * 25  # where 0.012 n/u is 1
     assert summary(vehicles.load("nps_auv_ii")).terminal_speed == pytest.approx(held, rel=1e-9)
     assert summary(vehicles.load("ellipsoid")).terminal_speed is None
+
+
+def test_numbers_that_a_vehicle_does_not_have_are_null() -> None:
+    found = namedtuple("Found", "speed power")(np.arange(2.0), 3.0)
+    assert _listed(None) is None and _listed(found) == {"speed": [0.0, 1.0], "power": 3.0}

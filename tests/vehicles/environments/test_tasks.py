@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.environments import CrossCurrent, Dock, FollowPath, environment
+from coadjoint_vehicles.environments.task import End
 from coadjoint_vehicles.water import UniformWater
 
 NAME = "bluerov2_heavy_von_benzon"
@@ -182,3 +183,7 @@ def test_a_path_needs_two_points_that_differ():
             FollowPath(points=points)
     with pytest.raises(ArgumentError, match="above or below"):
         CrossCurrent(place=(0, 0, 8.0))
+
+
+def test_an_end_has_no_reward_and_is_no_success_unless_it_says_so():
+    assert End(bool) == (bool, 0.0, False)

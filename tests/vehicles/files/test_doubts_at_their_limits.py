@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint_vehicles as vehicles
 from coadjoint.errors import FileError
-from coadjoint_vehicles.files import checks
+from coadjoint_vehicles.files import check_parts, checks
 from coadjoint_vehicles.files.added_masses import _matrix
 
 MASS, G = 100.0, 9.81
@@ -111,3 +111,22 @@ def test_the_least_number_on_the_diagonal_of_an_added_mass_is_named():
     )
     with pytest.raises(FileError, match="-5 on its diagonal, row 5: the kinetic energy of water is positive"):
         _matrix(section, 1000.0, None)
+
+
+@pytest.mark.parametrize(
+    ("sound", "doubted", "words"),
+    [
+        ({"axial_drag": 3.0}, {"axial_drag": 3.01}, "axial_drag of `hull` is 3.01; blunt bodies have 1 to 2"),
+        ({"crossflow_drag": 3.0}, {"crossflow_drag": 3.01}, "crossflow_drag of `hull` is 3.01"),
+        ({"length": 3.0}, {"length": 3.01}, "is 3.01 m long on a vehicle of 2 m: check the units"),
+        ({"axial_area": 1.4}, {"axial_area": 1.5}, "axial_area of `hull` is 1.5 m², but the vehicle shows 0.284 m²"),
+        ({"width": 0.3, "height": 0.2}, {"width": 0.31, "height": 0.2}, "are sway and heave exchanged"),
+        ({"width": 0.2, "height": 0.31}, {"width": 0.31, "height": 0.2}, "10 kg in sway and 9 kg in heave"),
+    ],
+)
+def test_a_hull_is_doubted_beyond_the_numbers_of_hulls(sound, doubted, words):
+    craft = replace(vehicles.load("remus_100"), added_mass=np.diag([1.0, 10.0, 9.0, 0, 0, 0]), diameter=0.6013)
+    hull = replace(craft.part("hull"), width=0.2, height=0.2)
+    assert list(check_parts._hull(replace(hull, **sound), craft, 2.0)) == []
+    (sentence,) = check_parts._hull(replace(hull, **doubted), craft, 2.0)
+    assert words in sentence

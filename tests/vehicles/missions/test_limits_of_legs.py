@@ -102,7 +102,7 @@ def test_a_controller_follows_way_points_from_where_the_vehicle_starts():
 
 
 def test_the_last_way_point_is_reached_within_its_acceptance_or_beside_it():
-    controller = SimpleNamespace(way_points=[[0, 0, 0], [10, 0, 0], [20, 0, 0]], acceptance=2.0)
+    controller = SimpleNamespace(way_points=[[0, 30, 0], [10, 0, 0], [20, 0, 0]], acceptance=2.0)
     gap = mission_section.arrival(controller)
 
     def at(leg: int, x: float, y: float) -> float:

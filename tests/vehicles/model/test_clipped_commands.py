@@ -8,7 +8,7 @@ import pytest
 
 import coadjoint as co
 import coadjoint_vehicles as vehicles
-from coadjoint_vehicles.model.command_limits import clipped
+from coadjoint_vehicles.model.command_limits import clipped, values_of
 
 ROV = vehicles.load("bluerov2_heavy_von_benzon")
 CRAFT = vehicles.Craft(ROV)
@@ -75,3 +75,9 @@ def test_a_stepper_of_a_vehicle_warns_of_a_clipped_command():
     ):
         made.step({"thrusters": eight(1900.0)}, n=2)
         made.step({"thrusters": eight(0.0)})
+
+
+def test_held_values_of_a_run_are_those_from_its_start_to_its_end():
+    held = co.Held([0.0, 1.0, 2.0, 3.0], [5.0, 6.0, 7.0, 8.0])
+    for begin, ahead, times, values in ((1.5, 3.0, [1.5, 2], [6, 7]), (0.0, 9.0, [0, 1, 2, 3], [5, 6, 7, 8])):
+        np.testing.assert_array_equal(values_of(held, begin, ahead), (times, values))

@@ -17,6 +17,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint_vehicles import Craft
 from coadjoint_vehicles.parts.thrusters import Thrusters
+from coadjoint_vehicles.serving import frames
 from coadjoint_vehicles.serving.ardupilot import Lockstep, unpacked
 from coadjoint_vehicles.serving.frames import FRAMES, commands, motors, thrusters_of
 from coadjoint_vehicles.serving.loop import Lateness, Loop
@@ -89,6 +90,12 @@ def test_each_motor_of_a_frame_does_what_ardusub_means_it_to_do(frame):
         np.testing.assert_allclose(
             thrusters.nominal_matrix @ moved, 100 * np.array([ahead, starboard, -ascent, roll, pitch, yaw])
         )
+
+
+def test_no_thruster_is_two_motors(monkeypatch):
+    monkeypatch.setattr(frames, "_motor", lambda frame, number, *_: frames.Motor(min(number, 4), 1))
+    with pytest.raises(ArgumentError, match="Two motors of ArduSub's frame vectored would be one thruster of"):
+        motors("vectored", thrusters_like("vectored"))
 
 
 @pytest.mark.long
