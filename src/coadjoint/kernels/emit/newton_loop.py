@@ -49,8 +49,7 @@ class _Iterates:
 
     def open(self) -> Value:
         """The lanes that are not over."""
-        b = self.emit.builder
-        return b.not_(b.load(self.over))
+        return self.emit.builder.not_(self.emit.builder.load(self.over))
 
     @contextmanager
     def where(self, mask: Value) -> Iterator[Value]:
@@ -119,7 +118,7 @@ class StageLoop:
             with emit.scope():
                 for symbol, found in zip(scheme.iterate, lanes.found, strict=True):
                     emit.bind(symbol, b.load(found))
-                self._chord(lanes, increment_values(emit, chord))
+                self._chord(lanes, increment_values(emit, chord), end)
                 b.cbranch(emit.any(lanes.active(True)), renewed, on)
                 b.position_at_end(on)
                 b.cbranch(emit.any(lanes.open()), chords, end)
@@ -147,10 +146,11 @@ class StageLoop:
         stalled = {g: b.fcmp_ordered(">", x, b.fmul(emit.constant(STALLED), before[g])) for g, x in sizes.items()}
         return self._every(b.or_(self._small(x, scales[g]), b.and_(near, stalled[g])) for g, x in sizes.items())
 
-    def _chord(self, lanes: _Iterates, delta: list[Value]) -> None:
+    def _chord(self, lanes: _Iterates, delta: list[Value], end: Value) -> None:
         """Take the chord's increment where it has shrunk, and renew the matrix where it did so slowly.
 
-        Elsewhere drop it, and continue with Newton's alone. It settles the unknowns by `program.REMAINDER`.
+        Elsewhere drop it, and continue with Newton's alone. It settles the unknowns by `program.REMAINDER`; where all
+        lanes settle, the loop ends without asking what each does next.
         """
         b, emit = self.b, self.emit
         new = [b.fadd(b.load(found), d) for found, d in zip(lanes.found, delta, strict=True)]
@@ -159,6 +159,8 @@ class StageLoop:
         fine = {g: self._negligible(size, last[g], scales[g]) for g, size in sizes.items()}
         settled = self._every(fine.values())
         active = emit.bit(True) if emit.width == 1 else lanes.active(False)
+        if emit.width > 1:
+            self._end(lanes, new, b.and_(active, settled), end)
         shrunk, quick = (emit.variable(emit.truth, settled) for _ in range(2))
         with lanes.seldom(b.and_(active, b.not_(settled))):
             for place, part in ((shrunk, STALLED), (quick, CONTRACTION)):
@@ -169,6 +171,17 @@ class StageLoop:
             self._take(lanes, new, sizes, settled, b.not_(b.load(quick)), there)
         with lanes.seldom(b.and_(active, b.not_(taken))) as there:
             keep(emit, [(lanes.renew, emit.bit(True)), (lanes.chords, emit.bit(False))], there)
+
+    def _end(self, lanes: _Iterates, new: list[Value], settled: Value, end: Value) -> None:
+        """Go to the end of the loop with a new iterate if all lanes settle."""
+        b, emit = self.b, self.emit
+        others, last = map(b.append_basic_block, ("others", "last"))
+        b.cbranch(emit.any(b.not_(settled)), others, last).set_weights([1, 1 << 6])
+        b.position_at_end(last)
+        count = b.add(b.load(lanes.count), emit.counts(1))
+        keep(emit, zip([*lanes.found, lanes.settled, lanes.count], [*new, settled, count], strict=True), None)
+        b.branch(end)
+        b.position_at_end(others)
 
     def _take(
         self, lanes: _Iterates, new: list[Value], sizes: dict[int, Value], settled: Value, renew: Value, there: Value

@@ -200,7 +200,6 @@ class StepFunction:
     def _finish(self, done: Done, observed: list[ir.Value], well: Value, code: ir.Value) -> None:
         """Record, observe and take the new state, in the lanes without failure."""
         b, emit = self.builder, self.emit
-        alive = b.load(self.alive)
         self._observe(done, observed, well)
         most = b.load(self.most)
         most = b.select(b.icmp_signed(">", most, done.iterations), most, done.iterations)
@@ -208,9 +207,10 @@ class StepFunction:
         places = [*self.state, self.steps, self.total, self.most]
         keep(emit, zip(places, [*done.after, *counted], strict=True), well)
         if well is not None:
-            newly = b.and_(alive, b.xor(well, emit.bit(True)))
-            b.store(b.select(newly, code, b.load(self.code)), self.code)
-            b.store(well, self.alive)
+            with b.if_then(emit.any(b.not_(well)), likely=False):
+                newly = b.and_(b.load(self.alive), b.not_(well))
+                b.store(b.select(newly, code, b.load(self.code)), self.code)
+                b.store(well, self.alive)
 
     # Records and monitors.
 
