@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 
 from coadjoint import checks
 from coadjoint.errors import ArgumentError, shown
@@ -26,6 +25,8 @@ SMALL = 1e-6
 @lru_cache(maxsize=1024)
 def on_diagonal(size: int, m: int) -> np.ndarray:
     """The columns t_l, l = m … N − 1, (N − m, N − m), of length √(N/4π): the mth diagonal of each T_lm."""
+    from scipy.linalg import eigh_tridiagonal  # which takes a fifth of a second to import
+
     diagonal, off = tridiagonal(size, m)
     vectors = np.ones((1, 1))
     if size - m > 1:

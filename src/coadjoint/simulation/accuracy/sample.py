@@ -37,8 +37,8 @@ KINDS = (*CHANGING, *(f"largest {field}" for field in MOMENTA))
 BLOCK = 4096
 """Chunks of fewer records, those of all members counted, wait for others."""
 
-TOGETHER = 4096
-"""The most records compared together."""
+ROOM = 1 << 18
+"""The numbers of the records that are compared together, some megabytes."""
 
 
 PARTS = 64
@@ -126,8 +126,9 @@ class Sampler:
         last = None if held is None else np.concatenate([self._values(held.records, f)[-1].ravel() for f in CHANGING])
         shapes = {field: values.shape[1:] for field, values in parts[0].items()}
         ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
-        room = np.empty((ends[-1], TOGETHER))
-        for first, seen, columns in _blocks(parts, last):
+        together = min(len(steps), max(ROOM // max(int(ends[-1]), 1), 1))
+        room = np.empty((ends[-1], together))
+        for first, seen, columns in _blocks(parts, last, together):
             change = room[:, : columns.shape[1] - 1]
             np.abs(np.subtract(columns[:, 1:], columns[:, :-1], out=change), out=change)
             for field, start, end in zip(CHANGING, ends, ends[1:], strict=False):
@@ -219,17 +220,19 @@ class Sampler:
         """Nothing."""
 
 
-def _blocks(parts: list[dict[str, np.ndarray]], last: np.ndarray | None) -> Iterator[tuple[int, int, np.ndarray]]:
-    """The fields of all records, some records at a time, a row a number: NumPy is slow along an axis of three.
+def _blocks(
+    parts: list[dict[str, np.ndarray]], last: np.ndarray | None, together: int
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """The fields of all records, `together` records at a time, a row a number: NumPy is slow along an axis of three.
 
     A block (numbers, k) begins with the last record of the one before, if any: the index of its first record, how many
     of its records were in an earlier one, and its numbers, until the next one. last: those of the record of index −1.
     """
-    index, room = 0, np.empty((sum(math.prod(values.shape[1:]) for values in parts[0].values()), TOGETHER + 1))
+    index, room = 0, np.empty((sum(math.prod(values.shape[1:]) for values in parts[0].values()), together + 1))
     for part in parts:
         sizes = [math.prod(values.shape[1:]) for values in part.values()]
-        for start in range(0, len(part[CHANGING[0]]), TOGETHER):
-            fields = [values[start : start + TOGETHER] for values in part.values()]
+        for start in range(0, len(part[CHANGING[0]]), together):
+            fields = [values[start : start + together] for values in part.values()]
             count, seen = len(fields[0]), int(last is not None)
             columns = room[:, : seen + count]
             if last is not None:
