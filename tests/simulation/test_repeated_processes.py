@@ -7,27 +7,40 @@ import pytest
 
 from coadjoint.kernels.run import disk_cache
 from coadjoint.kernels.trace import evaluate as tracing
-from coadjoint.mechanics.start import momentum_start
-from coadjoint.models import catalogue
+from coadjoint.mechanics import start
+from coadjoint.methods.midpoint import Midpoint
+from coadjoint.models import catalogue, rods
 from coadjoint.simulation.accuracy import ruler
 from coadjoint.spaces import space
 
 
-@pytest.fixture
-def begun(tmp_path, monkeypatch):
-    """A start of the heavy top and the functions traced for it, as in a process of its own."""
+@pytest.fixture(autouse=True)
+def traced(tmp_path, monkeypatch):
+    """The names of functions that are traced."""
     monkeypatch.setenv("COADJOINT_CACHE", str(tmp_path / "cache"))
-    traced, jaxpr_of = [], tracing.jaxpr_of
-    monkeypatch.setattr(tracing, "jaxpr_of", lambda f, *args: (traced.append(f.__name__), jaxpr_of(f, *args))[1])
+    names, jaxpr_of, require_scalar = [], tracing.jaxpr_of, start.require_scalar
+    monkeypatch.setattr(tracing, "jaxpr_of", lambda f, *args: (names.append(f.__name__), jaxpr_of(f, *args))[1])
+    monkeypatch.setattr(start, "require_scalar", lambda *args: (names.append("energy"), require_scalar(*args))[1])
+    return names
+
+
+def forget():
+    """Be like another process."""
+    for known in (space.require_action, space._require_affine):
+        known.cache_clear()
+    disk_cache._asked.clear()
+    ruler._structures.clear()
+
+
+@pytest.fixture
+def begun(traced):
+    """A start of the heavy top and the functions traced for it, as in a process of its own."""
 
     def begin(**initial):
-        for known in (space.require_action, space._require_affine):
-            known.cache_clear()
-        disk_cache._asked.clear()
-        ruler._structures.clear()
+        forget()
         traced.clear()
         top = catalogue["heavy_top"].make()
-        state = momentum_start(top, catalogue["heavy_top"].start(top, **initial))
+        state = start.momentum_start(top, catalogue["heavy_top"].start(top, **initial))
         return state, ruler.structure(top.group), list(traced)
 
     return begin
@@ -35,7 +48,7 @@ def begun(tmp_path, monkeypatch):
 
 def test_a_second_process_begins_to_the_bit_as_the_first_and_traces_no_function_of_the_system(begun):
     (first, structure, traced), (second, again, later) = begun(), begun()
-    assert {"moving", "momenta"} <= set(traced) and set(later) <= {"identity"}
+    assert {"energy", "moving", "momenta"} <= set(traced) and set(later) <= {"identity"}
     for name in ("t", "g", "n", "a", "mu", "pi", "xi", "nu"):
         assert np.array_equal(getattr(first, name), getattr(second, name)), name
     assert np.array_equal(structure, again)
@@ -56,3 +69,17 @@ def test_a_loop_over_starts_does_not_fill_the_cache(begun, tmp_path, monkeypatch
     for k in range(4):
         catalogue["heavy_top"].start(top, angular_velocity=(float(k), 0.0, 0.0))
     assert len(list((tmp_path / "cache").iterdir())) == before + 1
+
+
+@pytest.mark.long
+def test_the_pairs_of_links_are_checked_once(traced):
+    def begin():
+        forget()
+        traced.clear()
+        rod = rods.planar(elements=2, length=1.0, EI=1.0, EA=400.0, GA=200.0, mass=1.0, inertia=0.01)
+        return Midpoint().begin(rod, rods.planar_start(rod, curvature=0.1), 0.01)
+
+    begin()
+    assert "compared" in traced
+    begin()
+    assert "compared" not in traced and "energy" not in traced

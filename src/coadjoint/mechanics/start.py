@@ -16,9 +16,10 @@ from coadjoint.arrays import Array, Coordinates, PyTree, Scalar
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Element
-from coadjoint.kernels.run.disk_cache import evaluated
+from coadjoint.kernels.run.disk_cache import evaluated, recalled
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
+from coadjoint.kernels.trace.identity import Shapes
 from coadjoint.mechanics.check import given
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import jacobian_solve
@@ -33,6 +34,7 @@ from coadjoint.mechanics.start_arguments import Checked, checked, checked_elemen
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.trace_checks import in_words, require_scalar
 from coadjoint.spaces.named import Named, require_names
+from coadjoint.texts import Table
 
 FROM_REST = 25
 """Newton's iterations for the velocities for given momenta."""
@@ -245,8 +247,13 @@ def _require_lagrangian(
 ) -> None:
     """Raise unless ℓ, or ℋ, is a number at these arguments; say where it only lacks its inputs."""
     what, function = given(system)
-    try:
+
+    def read() -> Table:
         require_scalar(partial(function, t=0.0, inputs=inputs, internal=internal), what, arguments)
+        return {"numbers": []}
+
+    try:
+        recalled(("number", function, Shapes((arguments, inputs, internal))), read)
     except LagrangianError as error:
         if inputs is None and "'NoneType'" in str(error):
             raise ArgumentError(

@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.arrays import Array, PyTree
+from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.kernels.newton.coupled import Coupled
+from coadjoint.kernels.run.disk_cache import evaluated
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.log import logger
 from coadjoint.mechanics.state import State
@@ -74,7 +75,7 @@ def require_coupling(system: System, equations: Callable[..., Array], state: Sta
         here = state.replace(a=system.advected.act(system.group, back, state.a), memory=None)
         return equations(system, here, h, z)
 
-    def compared(eta: Array, z: Array, v: Array) -> PyTree:
+    def compared(eta: Array, z: Array, v: Array) -> tuple[Array]:
         along = jnp.concatenate([how.seeds(), v[None]])
         columns = jax.vmap(lambda v: jax.jvp(lambda z: residual(eta, z), (z,), (v,))[1])(along)
         lower, diagonal, upper = how.placed(columns[:-1])
@@ -87,12 +88,12 @@ def require_coupling(system: System, equations: Callable[..., Array], state: Sta
         )
         sizes = jnp.max(jnp.abs(jnp.stack([lower, diagonal, upper])), axis=(0, 3))
         away = how.by_links(columns[-1] - how.out_of_blocks(found))
-        return jnp.abs(away) / jnp.maximum(how.by_links(how.out_of_blocks(sizes)), jnp.finfo(float).tiny)
+        return (jnp.abs(away) / jnp.maximum(how.by_links(how.out_of_blocks(sizes)), jnp.finfo(float).tiny),)
 
     per_link = np.zeros(how.count)
     for reach in REACHES:
         eta, z = reach * eta, reach * z
-        per_link = np.max(evaluate(compared, eta, z, v), axis=1)
+        per_link = np.max(evaluated("coupling", compared, eta, z, v)[0], axis=1)
         if np.all(np.isfinite(per_link)):
             break
     if not np.all(np.isfinite(per_link)):

@@ -44,12 +44,13 @@ KEPT = 32
 class _Kept(NamedTuple):
     """An executable as it is stored: the leaves of its result are numbered in `result`.
 
-    called: the names of machine code of the library that it calls.
+    called: the names of machine code of the library that it calls. lapack: whether it calls LAPACK.
     """
 
     executable: bytes
     result: PyTree
-    called: tuple[str, ...] = ()
+    called: tuple[str, ...]
+    lapack: bool
 
 
 class Compiled:
@@ -104,7 +105,8 @@ class Compiled:
             executable, _, structure = serialize(made)
             numbered = jax.tree.unflatten(structure, range(structure.num_leaves))
             own = tuple(sorted(name for name in called if name.startswith(PREFIX)))
-            store.keep(name, pickle.dumps(_Kept(executable, numbered, own)))
+            lapack = any(name.startswith(LAPACK) for name in called)
+            store.keep(name, pickle.dumps(_Kept(executable, numbered, own, lapack)))
         return made
 
 
@@ -125,8 +127,9 @@ def _loaded(name: str, args: tuple) -> Callable[..., PyTree] | None:
     if content is None:
         return None
     try:
-        _load_lapack()
         kept = pickle.loads(content)
+        if kept.lapack:
+            _load_lapack()
         if not all(map(ready, kept.called)):
             return None
         return deserialize_and_load(kept.executable, jax.tree.structure((args, {})), jax.tree.structure(kept.result))

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.linalg import eigh
 
 from coadjoint import checks
 from coadjoint.arrays import PyTree
@@ -77,6 +76,8 @@ def modes(rod: System, state: State) -> tuple[np.ndarray, np.ndarray]:
     rods, and the shapes, (n, N, dim G), with ηᵀMη = 1. Raises ArgumentError above 1500 unknowns, with a couple, under
     jax.grad, and for a state that is more than 1e-4 rad, or lengths of the rod, away from rest.
     """
+    from scipy.linalg import eigh  # which takes a fifth of a second to import
+
     group = _group(rod, state)
     if np.any(_couple(rod, group)):
         raise ArgumentError("A rod with a couple at its end has no energy to take modes of: leave `moment` out.")
