@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -18,7 +17,7 @@ from coadjoint.mechanics import legendre
 from coadjoint.mechanics.forces import Forces
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.signatures import keyword_only
+from coadjoint.mechanics.signatures import keyword_only, parameters_of
 from coadjoint.mechanics.state import Motion, NodeMotion, Places, State
 from coadjoint.spaces import Space, Trivial
 
@@ -158,11 +157,11 @@ class ReducedFunctions:
     def takes(self, key: str) -> bool:
         """Whether ℓ, ℋ or Λ takes the keyword `t`, `inputs` or `internal`."""
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
-        return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
+        return any(f is not None and keyword_only(parameters_of(f), key) for f in functions)
 
     def keywords(self, function: Callable[..., object], t: Scalar, held: PyTree, internal: PyTree) -> dict[str, PyTree]:
         """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
-        known = inspect.signature(function).parameters
+        known = parameters_of(function)
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
         return {key: value() for key, value in values.items() if keyword_only(known, key)}
 

@@ -4,9 +4,23 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import LagrangianError, shown
+
+
+def parameters_of(function: Callable[..., object]) -> Mapping[str, inspect.Parameter]:
+    """The parameters of a function, which are read once."""
+    try:
+        return _parameters_of(function)
+    except TypeError:  # an object of a user that cannot be hashed
+        return inspect.signature(function).parameters
+
+
+@lru_cache(maxsize=256)
+def _parameters_of(function: Callable[..., object]) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(function).parameters
 
 
 def keyword_only(known: Mapping[str, inspect.Parameter], key: str) -> bool:

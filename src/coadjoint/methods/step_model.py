@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
+from itertools import repeat
 from typing import NamedTuple
 
 import jax
@@ -187,11 +188,10 @@ class StepModel:
         spare = np.zeros((kept, max(kernel.monitor_size, 1), width))
         extrema = np.zeros((kernel.monitor_size + len(kernel.certificates), 2, width))
         status = np.zeros((count, 4, width), np.int64)
-        places = [(a.ctypes.data, a.strides[0] if len(a) > 1 else 0) for a in (given, step, s, records, status)]
+        p_i, h_i, s_i, records_i, status_i = (_addresses(a, count) for a in (given, step, s, records, status))
         ignored = spare.ctypes.data, extrema.ctypes.data
-        for i in range(count):
-            p_i, h_i, s_i, records_i, status_i = (start + i * stride for start, stride in places)
-            kernel.function(p_i, h_i, s_i, kept, every, records_i, *ignored, status_i)
+        for p_at, h_at, s_at, records_at, status_at in zip(p_i, h_i, s_i, records_i, status_i, strict=True):
+            kernel.function(p_at, h_at, s_at, kept, every, records_at, *ignored, status_at)
         found = of_lanes(records, len(rows))
         # Loops over links that are observed record all substeps, the first one first.
         found = found[..., : self.size] if kernel.looped else found
@@ -301,6 +301,12 @@ class StepModel:
 
         first = np.concatenate([np.zeros(m), pack(self._bare(self._begun))[1]])
         return RowFunction(equations, first, np.concatenate([self.p[0], np.ones(3)]))
+
+
+def _addresses(array: np.ndarray, count: int) -> Iterable[int]:
+    """Where each of `count` groups of an array begins; the first one for all, if there is no other."""
+    begin = array.ctypes.data
+    return repeat(begin, count) if len(array) == 1 else range(begin, begin + array.nbytes, array.strides[0])
 
 
 def implicit_slopes(J: np.ndarray, m: int) -> np.ndarray:

@@ -62,8 +62,7 @@ class Derivation:
             return {}
         shared, own = _split(parameters, members)
         rest, size = (records.replace(memory=kept(records), ledger=None, origin=Origin()), own), self._rows
-        first = jax.tree.map(lambda leaf: blank((size, *leaf.shape[1:]), leaf.dtype), rest)
-        made = self._function(partial(self._of_each, function), function.__name__, shared, *first)
+        made = self._function(partial(self._of_each, function), function.__name__, (shared,), rest, size)
         if not are_deferred(rest):
             return made.of_rows(shared, rest, size)
         count = jax.tree.leaves(rest)[0].shape[0]
@@ -74,7 +73,7 @@ class Derivation:
         """(ξ, ν) at the node, (dim G,) and (ambient,), of one state; of many, if state and parameters have an axis
         (k, …)."""
         plain = state.replace(memory=None, ledger=None, origin=Origin())
-        return self._function(self._velocities, "velocities", parameters, plain)(parameters, plain)
+        return self._function(self._velocities, "velocities", (parameters, plain))(parameters, plain)
 
     def _velocities(self, parameters: PyTree, state: State) -> tuple[Array, Array]:
         def one(parameters: PyTree, state: State) -> tuple[Array, Array]:
@@ -89,12 +88,17 @@ class Derivation:
         wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
         return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
 
-    def _function(self, function: Callable[..., PyTree], name: str, *arguments: object) -> Tabulated:
-        leaves, structure = jax.tree.flatten(arguments)
-        key = name, structure, *(np.shape(leaf) for leaf in leaves)
+    def _function(
+        self, function: Callable[..., PyTree], name: str, first: PyTree, rest: PyTree = (), size: int = 0
+    ) -> Tabulated:
+        """The function of `first` and of `size` rows of `rest`, traced once for their shapes."""
+        given, rows = jax.tree.flatten(first), jax.tree.flatten(rest)
+        key = name, given[1], rows[1], size, *map(np.shape, given[0]), *(leaf.shape[1:] for leaf in rows[0])
         if key not in self._made:
             group = self.skeleton.group
-            self._made[key] = tabulate(function, *arguments, long=isinstance(group, Power) and group.count > LONG)
+            some = rows[1].unflatten([blank((size, *leaf.shape[1:]), leaf.dtype) for leaf in rows[0]])
+            long = isinstance(group, Power) and group.count > LONG
+            self._made[key] = tabulate(function, *first, *some, long=long)
         return self._made[key]
 
     def _of_each(

@@ -65,7 +65,7 @@ class Tabulated:
         self._begun: tuple[list[bytes], Straight] | None = None
         """The program begun with the first inputs of these numbers."""
 
-    @property
+    @cached_property
     def shapes(self) -> PyTree:
         """The shapes and types of the result."""
         return jax.tree_util.tree_unflatten(self._structure, results(self._closed))

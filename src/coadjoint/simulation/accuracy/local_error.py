@@ -116,7 +116,8 @@ def larger(sizes: dict[str, float], others: dict[str, float]) -> dict[str, float
 
 
 def _norm(values: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.sum(np.reshape(values, (len(values), -1)) ** 2, axis=1))
+    rows = values.reshape(len(values), -1)
+    return np.sqrt(np.add.reduce(rows * rows, axis=1))
 
 
 def _largest(values: np.ndarray) -> float:

@@ -150,9 +150,9 @@ def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: PyTree) -
     sizes = np.concatenate([np.full(len(kind), np.max(np.abs(row[kind])) or 1.0) for kind in kinds])
     step, count = SHORT * h, len(index)
     rows = np.repeat(row[None], 2 * count + 1, axis=0)
-    for i, place in enumerate(index):
-        rows[i, place] += NUDGE * sizes[i]
-        rows[count + i, place] -= NUDGE * sizes[i]
+    each = np.arange(count)
+    rows[each, index] += NUDGE * sizes
+    rows[count + each, index] -= NUDGE * sizes
     members = None if whose is None else np.repeat(whose, len(rows))
     after, good = doubling.over(rows, np.full(len(rows), step), (1.0,), members)
     if not good.all():

@@ -248,18 +248,18 @@ def _lengths(columns: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """The norms (…, k) of k vectors along the last axis of `shape`, of which `columns` has a row a number."""
     squares = (columns * columns).reshape(*shape, columns.shape[-1])
     if shape[-1] >= 8:  # in the order of NumPy for numbers in a row
-        return np.sqrt(np.sum(np.ascontiguousarray(np.swapaxes(squares, -1, -2)), axis=-1))
-    return np.sqrt(np.sum(squares, axis=-2))
+        return np.sqrt(np.add.reduce(np.ascontiguousarray(np.swapaxes(squares, -1, -2)), axis=-1))
+    return np.sqrt(np.add.reduce(squares, axis=-2))
 
 
 def _widen(found: dict[str, Largest], kind: str, sizes: np.ndarray, first: int) -> None:
     """Enter the largest of sizes (…, k) of records from the index `first` on, if larger than the one found."""
-    if not sizes.size or (kind in found and sizes.max() <= found[kind].size):
+    if not sizes.size:
         return
-    sizes = sizes.reshape(-1, sizes.shape[-1])
-    if not np.isfinite((most := sizes.max(axis=0)).max()):
-        most = np.nan_to_num(sizes).max(axis=0)
-    place = int(most.argmax())
+    most = np.maximum.reduce(sizes.reshape(-1, sizes.shape[-1]), axis=0)
+    if not math.isfinite(most[place := int(most.argmax())]):
+        most = np.nan_to_num(sizes).reshape(-1, sizes.shape[-1]).max(axis=0)
+        place = int(most.argmax())
     if kind not in found or most[place] > found[kind].size:
         found[kind] = Largest(float(most[place]), first + place)
 
