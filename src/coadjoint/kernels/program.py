@@ -186,10 +186,7 @@ class Stage(Protocol):
 class LinkedStage(Protocol):
     """The parts of a stage of N links whose equations hold those of a link and its neighbours, for loops over links.
 
-    Its unknowns are those of bodies, then the multipliers of joints, m a link, with a step as in `methods.rattle`: the
-    state `free` after the step of the bodies gets the impulse of other multipliers, for which `rate` = 0 at the
-    `velocities` of its momenta; `momenta` gives a state those of other velocities. Functions take parameters, a state,
-    h and unknowns as those of `Stage`.
+    Functions take parameters, a state, h and unknowns as those of `Stage`. One of joints is a `JointedStage`.
     """
 
     @property
@@ -199,12 +196,13 @@ class LinkedStage(Protocol):
 
     @property
     def blocks(self) -> tuple[int, ...]:
-        """How many unknowns are of one kind and unit, those of the multipliers last."""
+        """How many unknowns are of one kind and unit, those of multipliers last."""
         ...
 
     @property
     def structure(self) -> Any:
-        """Its `by_links` gives unknowns or equations (N·b,) as (N, b); `looped`: whether loops are to be preferred."""
+        """Its `by_links` gives unknowns or equations (N·b,) as (N, b); `multipliers`: whether some of them are those of
+        joints; `looped`: whether loops are to be preferred."""
         ...
 
     def shortened(self, count: int) -> LinkedStage:
@@ -228,7 +226,10 @@ class LinkedStage(Protocol):
         ...
 
     def rows(self, state: State) -> tuple[PyTree, PyTree]:
-        """The numbers of a state that belong to links, as arrays (N, …), and those that belong to none."""
+        """The numbers of a state that belong to links, as arrays (N, …), and those that belong to none.
+
+        A number is negative where a link has no such place in a row of numbers.
+        """
         ...
 
     def prepare(self, parameters: Parameters, state: State, h: Scalar) -> State: ...
@@ -241,15 +242,7 @@ class LinkedStage(Protocol):
 
     def record(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State: ...
 
-    def free(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State: ...
-
-    def velocities(self, parameters: Parameters, free: State, impulse: Unknowns) -> State: ...
-
-    def momenta(self, parameters: Parameters, state: State, moving: State) -> State: ...
-
-    def rate(self, parameters: Parameters, state: State) -> Unknowns: ...
-
-    def ended(self, parameters: Parameters, free: State, h: Scalar, impulse: Unknowns) -> State: ...
+    def advanced(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State: ...
 
     def certificate(self, parameters: Parameters, record: State, h: Scalar, after: State) -> Mapping[str, Scalar]: ...
 
@@ -260,6 +253,25 @@ class LinkedStage(Protocol):
     def accounted(self, parameters: Parameters, start: State, nodes: State, lengths: Any) -> State:
         """Records, and the node at the end, with the account of energy that they lead from a start; steps leave it."""
         ...
+
+
+class JointedStage(LinkedStage, Protocol):
+    """A stage of links on joints, with a step as in `methods.rattle`.
+
+    Its unknowns are those of bodies, then the multipliers of joints, m a link: the state `free` after the step of the
+    bodies gets the impulse of other multipliers, for which `rate` = 0 at the `velocities` of its momenta; `momenta`
+    gives a state those of other velocities.
+    """
+
+    def free(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State: ...
+
+    def velocities(self, parameters: Parameters, free: State, impulse: Unknowns) -> State: ...
+
+    def momenta(self, parameters: Parameters, state: State, moving: State) -> State: ...
+
+    def rate(self, parameters: Parameters, state: State) -> Unknowns: ...
+
+    def ended(self, parameters: Parameters, free: State, h: Scalar, impulse: Unknowns) -> State: ...
 
 
 class Program(Protocol):

@@ -1,4 +1,4 @@
-"""RATTLE on a chain of joints, in parts of which each link reads its own numbers and those of its neighbours."""
+"""Steps of a chain, in parts of which each link reads its own numbers and those of its neighbours."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -20,31 +21,36 @@ from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.coupling import momenta_of_links_apart
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.internal_state import stepped
-from coadjoint.mechanics.reactions import count, kicked, rate, site
+from coadjoint.mechanics.reactions import kicked, rate, site
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import Places, State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import entered, with_jump, with_tables
+from coadjoint.methods.link_rows import rows_by_links, shortened
 from coadjoint.methods.rattle import Rattle, Reactions
 from coadjoint.methods.renewal import held
+from coadjoint.methods.step import Step
 
 RANDOM = 0.1
 """The size of random numbers that are added to a state, relative to 1 plus the number."""
 
 
 @dataclass(frozen=True)
-class RattleOfLinks:
-    """The step of `Rattle` as `kernels.program.LinkedStage`: a kick with λ, Φ_h, a kick with λ′.
+class StepOfLinks:
+    """The step of a chain as `kernels.program.LinkedStage`.
 
-    The functions are pure, of a run's constants, a state, h and z = (ξ, y, λ) as those of `StepStage`. `shortened` is
+    The functions are pure, of a run's constants, a state, h and the unknowns z as those of `StepStage`. `shortened` is
     the same step of fewer links, with the user's functions on shorter arrays.
     """
 
     skeleton: System
-    step: Rattle
+    step: Step
     structure: Coupled
     driving: tuple[bool, ...] = ()
     """Of which leaves of inputs and internal state, as `_driving` lists them, every link has a row."""
+
+    further = (-1, 0, 1)
+    """By how many rows more than links an array of constants may differ that belongs to them: one for each element."""
 
     @property
     def count(self) -> int:
@@ -52,61 +58,73 @@ class RattleOfLinks:
         return self.structure.count
 
     @property
+    def group(self) -> Power:
+        """Gᴺ."""
+        group = self.skeleton.group
+        assert isinstance(group, Power)
+        return group
+
+    @property
     def blocks(self) -> tuple[int, ...]:
-        """How many unknowns are of one kind and unit, those of the multipliers last."""
+        """How many unknowns are of one kind and unit, those of multipliers last."""
         return self.step.blocks(self.skeleton)
 
-    def shortened(self, count: int) -> RattleOfLinks:
+    def shortened(self, count: int) -> Self:
         """The same of a chain of `count` links."""
-        given = self.skeleton.group
-        assert isinstance(given, Power)
         bound = tuple(replace(one, size=one.size // self.count * count) for one in self.skeleton.constraints)
-        skeleton = replaced(self.skeleton, group=Power(given.factor, count, "chain"), constraints=bound)
+        moved = shortened(self.skeleton.advected, self.count, count)
+        group = Power(self.group.factor, count, self.group.coupling)
+        skeleton = replaced(self.skeleton, group=group, constraints=bound, advected=moved)
         how = self.step.structure(skeleton)
         assert isinstance(how, Coupled)
-        return RattleOfLinks(skeleton, self.step, how, self.driving)
+        return replace(self, skeleton=skeleton, structure=how)
 
     def per_link(self, parameters: PyTree) -> list[bool]:
         """Of which leaves of the constants every link has a row."""
-        return [np.shape(leaf)[:1] == (self.count,) for leaf in jax.tree.leaves(parameters)]
+        sizes = [(self.count + more,) for more in self.further]
+        return [np.shape(leaf)[:1] in sizes for leaf in jax.tree.leaves(parameters)]
 
     def short(self, parameters: PyTree, count: int) -> PyTree:
         """The constants of `count` links."""
         leaves, structure = jax.tree.flatten(parameters)
         rows = zip(map(np.asarray, leaves), self.per_link(parameters), strict=True)
-        return jax.tree.unflatten(structure, [leaf[:count] if own else leaf for leaf, own in rows])
+        less = self.count - count
+        return jax.tree.unflatten(structure, [leaf[: len(leaf) - less] if own else leaf for leaf, own in rows])
 
     def short_state(self, state: State, count: int) -> State:
         """A state with the shapes of one of `count` links."""
-        (group, Q, V), m = self.shortened(count).skeleton.places, self.blocks[-1] // self.count * count
+        group, Q, V = self.shortened(count).skeleton.places
         moving = {"n": Q.ambient(group), "nu": Q.ambient(group), "pi": Q.ambient(group), "a": V.ambient(group)}
         sizes = {**moving, "mu": group.dim, "xi": group.dim}
         return state.replace(
             g=jax.tree.map(lambda leaf: np.asarray(leaf)[:count], state.g),
-            memory=Reactions(np.zeros(m), np.zeros(m), None),
+            memory=self._memory(count, np.zeros),
             places=Places(group, Q, V),
             **_each_driving(state, lambda leaf, own: np.asarray(leaf)[:count] if own else leaf, self.driving),
             **{name: np.zeros(size) for name, size in sizes.items()},
         )
 
+    def _memory(self, count: int, numbers: Callable[[int], np.ndarray]) -> PyTree:
+        """The memory of a state of `count` links, with these numbers."""
+        return None
+
+    def _held(self, state: State) -> PyTree:
+        """What the memory of a state holds of every link."""
+        return []
+
     def rows(self, state: State) -> tuple[PyTree, PyTree]:
         """The numbers of a state that belong to links, as arrays (N, …), and those that belong to none.
 
-        All leaves of the state are among them; of places in a row of numbers they are the places.
+        All leaves of the state are among them; of places in a row of numbers they are the places, NONE where a link has
+        no such number.
         """
-        group, Q, V = self.skeleton.places
+        group, Q, V = self.group, *self.skeleton.places[1:]
         moving = [Q.view(group, x) for x in (state.n, state.nu, state.pi)]
         turning = [group.view(x) for x in (state.mu, state.xi)]
-        held = [self._multipliers(x) for x in (state.memory.step, state.memory.end)]
-        links = [state.g, moving, V.view(group, state.a), turning, held]
+        links = [state.g, moving, rows_by_links(V, group, state.a), turning, self._held(state)]
         driving = list(zip(jax.tree.leaves(_driving(state)), self.driving, strict=True))
         others = [leaf for leaf, own in driving if not own]
         return [*links, *(leaf for leaf, own in driving if own)], [state.t, state.t_rest, others, state.ledger]
-
-    def _multipliers(self, strength: Array) -> list[Array]:
-        ends = np.cumsum([0, *(one.size for one in self.skeleton.constraints)])
-        parts = [strength[a:b] for a, b in pairwise(ends)]
-        return [jnp.reshape(part, (self.count, -1)) if len(part) % self.count == 0 else part for part in parts]
 
     def _system(self, parameters: PyTree) -> System:
         return replace_parameters(self.skeleton, parameters.system)
@@ -134,6 +152,91 @@ class RattleOfLinks:
         """The state with the unknowns z (unknowns,) of the step that starts at it."""
         return self.step.record(self._system(parameters), state, h, z)
 
+    def nearby(self, state: State, random: np.random.Generator) -> State:
+        """A random state with links near those of `state`, each at another place."""
+
+        def moved(x: PyTree) -> np.ndarray:
+            x = np.asarray(x)
+            return x + RANDOM * (1 + np.abs(x)) * random.normal(size=x.shape)
+
+        names = ("n", "mu", "pi", "xi", "nu")
+        memory = self._memory(self.count, lambda size: random.normal(size=size))
+        eta = RANDOM * random.normal(size=self.group.dim)
+        g, a = evaluate(self._turned, state.g, state.a, eta)
+        driving = _each_driving(state, lambda leaf, own: moved(leaf), self.driving)
+        changes = {**driving, "internal_due": state.internal_due, "g": g, "a": a, "memory": memory}
+        return state.replace(**{name: moved(getattr(state, name)) for name in names}, **changes)
+
+    def _turned(self, g: PyTree, a: Array, eta: Array) -> tuple[PyTree, Array]:
+        """(g E, E⁻¹a) of E = exp η."""
+        group, there = self.group, self.group.exp(eta)
+        return group.compose(g, there), self.skeleton.advected.act(group, group.inverse(there), a)
+
+    def advanced(self, parameters: PyTree, state: State, h: Scalar, z: Array) -> State:
+        """The state after the step with the unknowns z (unknowns,)."""
+        system = self._system(parameters)
+        return stepped(self.step.advance(system, self.step.record(system, state, h, z), h))
+
+    def certificate(self, parameters: PyTree, record: State, h: Scalar, after: State) -> dict[str, Array]:
+        """The balance of momentum and Newton's residual of the step from a record, one number each."""
+        return self.step.certificate(self._system(parameters), record, h, _before_renewal(record, after))
+
+    def _work(self, system: System, record: State, h: Scalar, after: State) -> Array:
+        return self.step.work(system, record, h)
+
+    @staticmethod
+    def observing() -> AbstractContextManager[None]:
+        """A context for monitors: loops over links refuse an ℓ in which the momenta of a link depend on others."""
+        return momenta_of_links_apart()
+
+    def accounted(self, parameters: PyTree, start: State, nodes: State, lengths: Array) -> State:
+        """Records of steps of these lengths (steps,) and the node at their end, (steps + 1, …), with the ledger that
+        grows along them from a start whose inputs and internal state the first one renews."""
+        if start.ledger is None:
+            return nodes
+        system = self._system(parameters)
+
+        def renewed(before: State, after: State) -> State:
+            inputs = with_jump(system, INPUTS, before, before.replace(inputs=after.inputs))
+            return with_jump(system, INTERNAL, inputs, after.replace(ledger=inputs.ledger))
+
+        def on(ledger: Array, pair: PyTree) -> tuple[Array, Array]:
+            record, after, h = pair
+            ended = _before_renewal(record, after)
+            done = self._work(system, record, h, ended), self.step.impulse(system, record, h, ended)
+            accounted = with_tables(system, record, ended.replace(ledger=entered(ledger, *done)))
+            found = renewed(accounted, after).ledger
+            return found, found
+
+        first = renewed(start, jax.tree.map(lambda rows: rows[0], nodes).replace(ledger=start.ledger)).ledger
+        ahead, behind = (jax.tree.map(lambda rows, s=s: rows[s], nodes) for s in (np.s_[1:], np.s_[:-1]))
+        _, later = jax.lax.scan(on, first, (behind, ahead, lengths))
+        return nodes.replace(ledger=jnp.concatenate([first[None], later]))
+
+
+@dataclass(frozen=True)
+class RattleOfLinks(StepOfLinks):
+    """The step of `Rattle` of a chain: a kick with λ, Φ_h, a kick with λ′; z = (ξ, y, λ)."""
+
+    step: Rattle
+    further = (0,)
+
+    def _memory(self, count: int, numbers: Callable[[int], np.ndarray]) -> Reactions:
+        m = self.blocks[-1] // self.count * count
+        return Reactions(numbers(m), numbers(m), None)
+
+    def _held(self, state: State) -> PyTree:
+        ends = np.cumsum([0, *(one.size for one in self.skeleton.constraints)])
+
+        def by_links(strength: Array) -> list[Array]:
+            parts = [strength[a:b] for a, b in pairwise(ends)]
+            return [jnp.reshape(part, (self.count, -1)) if len(part) % self.count == 0 else part for part in parts]
+
+        return [by_links(x) for x in (state.memory.step, state.memory.end)]
+
+    def _work(self, system: System, record: State, h: Scalar, after: State) -> Array:
+        return self.step.work_to(system, record, h, after)
+
     def free(self, parameters: PyTree, state: State, h: Scalar, z: Array) -> State:
         """The state after the kick with λ and Φ_h, in the layout of `state`. z: (unknowns,)."""
         system = self._system(parameters)
@@ -159,55 +262,6 @@ class RattleOfLinks:
         """The state after the kick with `impulse` = ½hλ′ (m,)."""
         after, end = kicked(self._system(parameters), free, impulse), 2 * impulse / h
         return stepped(after.replace(memory=replace(free.memory, step=end, end=end)))
-
-    def certificate(self, parameters: PyTree, record: State, h: Scalar, after: State) -> dict[str, Array]:
-        """The balance of momentum and Newton's residual of the step from a record, one number each."""
-        return self.step.certificate(self._system(parameters), record, h, _before_renewal(record, after))
-
-    @staticmethod
-    def observing() -> AbstractContextManager[None]:
-        """A context for monitors: loops over links refuse an ℓ in which the momenta of a link depend on others."""
-        return momenta_of_links_apart()
-
-    def accounted(self, parameters: PyTree, start: State, nodes: State, lengths: Array) -> State:
-        """Records of steps of these lengths (steps,) and the node at their end, (steps + 1, …), with the ledger that
-        grows along them from a start whose inputs and internal state the first one renews."""
-        if start.ledger is None:
-            return nodes
-        system = self._system(parameters)
-
-        def renewed(before: State, after: State) -> State:
-            inputs = with_jump(system, INPUTS, before, before.replace(inputs=after.inputs))
-            return with_jump(system, INTERNAL, inputs, after.replace(ledger=inputs.ledger))
-
-        def on(ledger: Array, pair: PyTree) -> tuple[Array, Array]:
-            record, after, h = pair
-            ended = _before_renewal(record, after)
-            done = self.step.work_to(system, record, h, ended), self.step.impulse(system, record, h, ended)
-            accounted = with_tables(system, record, ended.replace(ledger=entered(ledger, *done)))
-            found = renewed(accounted, after).ledger
-            return found, found
-
-        first = renewed(start, jax.tree.map(lambda rows: rows[0], nodes).replace(ledger=start.ledger)).ledger
-        ahead, behind = (jax.tree.map(lambda rows, s=s: rows[s], nodes) for s in (np.s_[1:], np.s_[:-1]))
-        _, later = jax.lax.scan(on, first, (behind, ahead, lengths))
-        return nodes.replace(ledger=jnp.concatenate([first[None], later]))
-
-    def nearby(self, state: State, random: np.random.Generator) -> State:
-        """A random state with links near those of `state`, each at another place."""
-        group = self.skeleton.group
-
-        def moved(x: PyTree) -> np.ndarray:
-            x = np.asarray(x)
-            return x + RANDOM * (1 + np.abs(x)) * random.normal(size=x.shape)
-
-        names = ("n", "a", "mu", "pi", "xi", "nu")
-        memory = Reactions(random.normal(size=count(self.skeleton)), random.normal(size=count(self.skeleton)), None)
-        eta = RANDOM * random.normal(size=group.dim)
-        g = evaluate(lambda g, eta: group.compose(g, group.exp(eta)), state.g, eta)
-        driving = _each_driving(state, lambda leaf, own: moved(leaf), self.driving)
-        changes = {**driving, "internal_due": state.internal_due, "g": g, "memory": memory}
-        return state.replace(**{name: moved(getattr(state, name)) for name in names}, **changes)
 
 
 def _with_velocities(system: System, state: State) -> State:
@@ -240,17 +294,17 @@ def _before_renewal(record: State, after: State) -> State:
     )
 
 
-def linked(skeleton: System, step: object, state: State) -> RattleOfLinks | None:
-    """The stage of a step that loops over links can run: RATTLE on a chain on flat spaces."""
-    group, memory = skeleton.group, state.memory
-    if not isinstance(step, Rattle) or not isinstance(memory, Reactions) or not isinstance(group, Power):
+def linked(skeleton: System, step: Step, state: State) -> StepOfLinks | None:
+    """The stage of a step that loops over links can run, on flat spaces: of a chain, or RATTLE on a chain of joints."""
+    group, memory, how = skeleton.group, state.memory, step.structure(skeleton)
+    if not isinstance(how, Coupled) or not isinstance(group, Power) or group.coupling not in ("chain", ()):
         return None
-    how = step.structure(skeleton)
-    if not isinstance(how, Coupled) or group.coupling != "chain":
-        return None
-    plain = all(part is None for part in (skeleton.hamiltonian, memory.base, memory.rows))
-    holonomic = all(one.holonomic and one.size % group.count == 0 for one in skeleton.constraints)
-    if not plain or not holonomic or not skeleton.additional.flat:
+    if skeleton.hamiltonian is not None or not skeleton.additional.flat:
         return None
     driving = tuple(np.shape(leaf)[:1] == (group.count,) for leaf in jax.tree.leaves(_driving(state)))
-    return RattleOfLinks(skeleton, step, how, driving)
+    if isinstance(step, Rattle):
+        plain = isinstance(memory, Reactions) and memory.base is None and memory.rows is None
+        holonomic = all(one.holonomic and one.size % group.count == 0 for one in skeleton.constraints)
+        return RattleOfLinks(skeleton, step, how, driving) if plain and holonomic else None
+    same = sum(how.sizes) * group.count == sum(step.blocks(skeleton))
+    return StepOfLinks(skeleton, step, how, driving) if same and memory is None else None

@@ -22,7 +22,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.work_balance import entered, with_tables
-from coadjoint.methods.linked_stage import RattleOfLinks, linked
+from coadjoint.methods.linked_stage import StepOfLinks, linked
 from coadjoint.methods.method import Method
 from coadjoint.methods.rattle import around
 from coadjoint.methods.renewal import ALL_HELD, RENEWED, held
@@ -111,7 +111,7 @@ class StepProgram:
     def substeps(self) -> tuple[float, ...]:
         return self.method.substeps
 
-    def linked(self, state: State) -> RattleOfLinks | None:
+    def linked(self, state: State) -> StepOfLinks | None:
         """The only stage, where code that loops over links can run it (`linked_stage`)."""
         stages = self.stages
         alone = len(stages) == 1 and stages[0].fraction == 1.0

@@ -101,7 +101,7 @@ class Step(ABC):
         if not isinstance(how, Coupled):
             return state
         require_coupling(system, self.residual, state, how)
-        return state if how.native else self.remember_by_xla(system, state)
+        return state
 
     def remember_by_xla(self, system: System, state: State) -> State:
         """The state with the memory of a run by XLA: factors of links are carried over, at the start none yet."""

@@ -19,6 +19,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.program import NEWTON, Code
 from coadjoint.kernels.run import disk_cache, plans
+from coadjoint.kernels.run.native import loops
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.manifest import DAMAGED
@@ -198,13 +199,21 @@ def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.watches else []
     order = {step: i for i, step in enumerate(different)}
     parts = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
-    stages = [program.substeps, *parts]
+    stages = [program.substeps, *parts, *_loops_over_links(plan, constants, state)]
     return {
         "equations": digest(NEWTON, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
         "monitors": digest(
             named(plan.constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)
         ),
     }
+
+
+def _loops_over_links(plan: Plan, constants: Constants, state: State) -> list[str]:
+    """The form of native code where it is not that of `NEWTON`: chords in loops over links."""
+    if plan.backend != "native" or plan.members is not None or not loops(plan.program, constants, state):
+        return []
+    stage = plan.program.linked(state)
+    return [] if stage is None or stage.structure.multipliers else ["chords over links"]
 
 
 def named(tree: PyTree) -> list[PyTree]:

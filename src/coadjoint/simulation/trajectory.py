@@ -199,6 +199,7 @@ def _from_begun(
         begun = in_records(begun) if backend == "native" else begun
         chosen = _choose(program, constants, begun, backend, True)
         if chosen == "xla":
+            begun = program.method.begin_by_xla(program.skeleton, begun)
             return _scan(program, constants, begun, h, blocks, last)
         return _by_native_code(program, constants, begun, h, blocks, last)
 

@@ -12,11 +12,11 @@ import pytest
 
 from coadjoint.kernels.emit.link_check import require_links
 from coadjoint.kernels.emit.link_plan import plan_links
-from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.kernels.untraceable import NotLinked
+from coadjoint.methods.coupled_links import Joined
 
 DOWN = np.array([0.0, -9.81])
 H = 0.01
@@ -59,7 +59,7 @@ class Rods:
 
     @property
     def structure(self):
-        return Coupled(self.count, (2, 1), tuple((i, i + 1) for i in range(self.count - 1)))
+        return Joined(self.count, (2, 1), tuple((i, i + 1) for i in range(self.count - 1)))
 
     def shortened(self, count):
         return replace(self, count=count)

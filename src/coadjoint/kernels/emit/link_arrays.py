@@ -18,7 +18,10 @@ LINE = 8
 """Numbers of a line of the cache."""
 
 Roots = Callable[[LinkCode], list[Expr]]
-Write = Callable[[Emitter, list[Value], Value], None]
+Write = Callable[[Emitter, list[Value], Value, LinkCode], None]
+Places = list[tuple[Expr, str, int]]
+"""Expressions, each with an array and the number of a link there."""
+
 Lanes = dict[Emitter, Value]
 """A local variable for each emitter: of one link, and of several in SIMD lanes."""
 
@@ -26,18 +29,27 @@ Lanes = dict[Emitter, Value]
 def sizes(plan: LinkPlan) -> dict[str, int]:
     """How many numbers of a link each array holds.
 
-    s, n: the state and the next one. b: that at the node. f: that after the free step. z, y: the unknowns and the next
-    ones. x, q: `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r. w: W and y of the sweep. d: its solution.
+    s, n: the state and the next one. b: that at the node. z, y: the unknowns and the next ones. d: the solution of the
+    sweep. t: of chords the blocks, then their factors.
+    Of joints f: the state after the free step. x, q: `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r.
+    w: W and y of the sweep.
     """
     m, slots, inner = plan.joint, plan.state.links.shape[1], plan.codes[plan.reach]
-    found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "b": slots, "f": slots}
-    found |= {"z": len(plan.blocks), "y": len(plan.blocks), "x": len(inner.solved), "q": len(inner.joints)}
-    return found | {"t": 3 * m**2 + m, "w": m**2 + m, "d": m}
+    found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "b": slots}
+    found |= {"z": len(plan.blocks), "y": len(plan.blocks), "d": m}
+    if not plan.jointed:
+        return found | {"t": 3 * m**2}
+    return found | {"f": slots, "x": len(inner.solved), "q": len(inner.joints), "t": 3 * m**2 + m, "w": m**2 + m}
 
 
 def stride(plan: LinkPlan) -> int:
     """From one number of a link to the next: an odd number of lines, because powers of two collide in the cache."""
     return LINE * (-(-plan.count // LINE) | 1)
+
+
+def at(array: str, nodes: Iterable[Expr]) -> Places:
+    """Expressions at the first numbers of an array."""
+    return [(node, array, slot) for slot, node in enumerate(nodes)]
 
 
 class LinkArrays:
@@ -81,18 +93,18 @@ class LinkArrays:
 
     def in_row(self, row: Value, places: LinkPlaces, link: Value) -> list[Value]:
         """Pointers to the numbers of a link in a row, which are at a constant distance from link to link."""
-        first, distance = places.links[0], places.links[1] - places.links[0]
+        first, distance = places.lines
         pairs = zip(first.tolist(), distance.tolist(), strict=True)
         return [self.b.gep(row, [self.b.add(INT64(a), self.b.mul(link, INT64(d)))]) for a, d in pairs]
 
     def transposed(self, row: Value, places: LinkPlaces, array: str, reading: bool) -> None:
         """The numbers of all links from a row into an array, or back."""
-        if not places.links.size:
-            return
-        with self.over(INT64(0), INT64(self.plan.count)) as i:
-            for slot, there in enumerate(self.in_row(row, places, i)):
-                here = self.at(array, slot, i)
-                self.b.store(self.b.load(there if reading else here), here if reading else there)
+        for span in sorted(set(places.spans)):
+            with self.over(INT64(span[0]), INT64(span[1])) as i:
+                for slot, (there, own) in enumerate(zip(self.in_row(row, places, i), places.spans, strict=True)):
+                    if own == span:
+                        here = self.at(array, slot, i)
+                        self.b.store(self.b.load(there if reading else here), here if reading else there)
 
     def bind_all(self, node: Expr, value: Value) -> None:
         """The same number for all links."""
@@ -155,45 +167,56 @@ class LinkArrays:
                 if address is not None and address.link is not None:
                     there = self.b.add(link, INT64(address.link - code.link))
                     emit.bind(node, self.load(emit, address.array, address.slot, there))
-            write(emit, emit.values(found), link)
+            write(emit, emit.values(found), link, code)
 
     def fill(self, array: str, roots: Roots, watched: Lanes | None = None) -> None:
         """Store expressions of every link in an array; `watched` collects their sum."""
+        self.fill_both({array: roots}, watched)
 
-        def write(emit: Emitter, values: list[Value], link: Value) -> None:
-            for slot, value in enumerate(values):
+    def fill_both(self, roots: dict[str, Roots], watched: Lanes | None = None) -> None:
+        """The same of several arrays."""
+
+        def write(emit: Emitter, values: list[Value], link: Value, code: LinkCode) -> None:
+            slots = [(array, slot) for array, found in roots.items() for slot in range(len(found(code)))]
+            for (array, slot), value in zip(slots, values, strict=True):
                 self.store(emit, value, array, slot, link)
             if watched is not None:
                 self.add(emit, watched, values)
 
-        self.links(roots, write)
+        self.links(lambda code: [x for found in roots.values() for x in found(code)], write)
 
-    def swept(self) -> None:
-        """Block elimination of the rows in "t", from the first link to the last and back, into "d"."""
-        count, plan = INT64(self.plan.count), self.plan.sweep
-        self._carried(plan.rows, "t", plan.before, plan.forward, "w", (INT64(0), count, 1))
-        self._carried(plan.here, "w", plan.ahead, plan.backward, "d", (INT64(self.plan.count - 1), INT64(-1), -1))
-
-    def _carried(
-        self,
-        rows: list[Expr],
-        source: str,
-        before: list[Expr],
-        roots: list[Expr],
-        to: str,
-        links: tuple[Value, Value, int],
+    def carried(
+        self, given: Places, before: list[Expr], roots: Places, links: tuple[Value, Value, int], first: int = 0
     ) -> None:
-        """A loop whose results, of which the last are those of `before`, go on to the next link, from zero."""
+        """A loop over links, of which each gets results of the one before, from zero.
+
+        given: symbols and where their numbers are. roots: results and where they go, from number `first` on those for
+        `before` of the next link.
+        """
         b, one = self.b, self.one
-        carried = [one.variable(DOUBLE, DOUBLE(0.0)) for _ in before]
+        variables = [one.variable(DOUBLE, DOUBLE(0.0)) for _ in before]
         with self.over(*links) as i, one.scope():
-            for slot, node in enumerate(rows):
-                one.bind(node, self.load(one, source, slot, i))
-            for node, variable in zip(before, carried, strict=True):
-                one.bind(node, b.load(variable))
-            for slot, (value, variable) in enumerate(zip(one.values(roots), carried, strict=True)):
-                self.store(one, value, to, slot, i)
+            for node, array, slot in given:
+                if node.op == "symbol":
+                    one.bind(node, self.load(one, array, slot, i))
+            for node, variable in zip(before, variables, strict=True):
+                if node.op == "symbol":
+                    one.bind(node, b.load(variable))
+            values = one.values([node for node, _, _ in roots])
+            for value, (_, array, slot) in zip(values, roots, strict=True):
+                self.store(one, value, array, slot, i)
+            for value, variable in zip(values[first:], variables, strict=False):
                 b.store(value, variable)
+
+    @property
+    def forward(self) -> tuple[Value, Value, int]:
+        """From the first link to the last."""
+        return INT64(0), INT64(self.plan.count), 1
+
+    @property
+    def backward(self) -> tuple[Value, Value, int]:
+        """From the last link to the first."""
+        return INT64(self.plan.count - 1), INT64(-1), -1
 
     # Numbers of all links together.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from coadjoint.kernels.emit.link_symbols import unknowns_of
 from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.packing import layout, pack
-from coadjoint.kernels.program import LinkedStage
+from coadjoint.kernels.program import JointedStage, LinkedStage
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import NotLinked
 
@@ -23,6 +23,9 @@ APART = 1e-9
 
 LENGTH = 0.1
 """h of the comparison."""
+
+
+Pair = tuple[np.ndarray, np.ndarray]
 
 
 def require_links(plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
@@ -42,11 +45,11 @@ class _Check:
         random = np.random.default_rng(1834)
         self.unknowns = unknowns_of(stage)
         self.z = random.normal(size=self.unknowns.size)
-        self.multipliers = self.unknowns[:, plan.base :] - sum(stage.blocks[:-1])
+        self.multipliers = self.unknowns[:, plan.base :] - (sum(stage.blocks[:-1]) if plan.jointed else 0)
         self.impulse = random.normal(size=self.multipliers.size)
         p = pack(parameters)[1]
         self.arrays = {
-            "p": p[plan.parameters.links],
+            "p": plan.parameters.of(p),
             "z": self.z[self.unknowns],
             "d": self.impulse[self.multipliers],
         }
@@ -59,18 +62,13 @@ class _Check:
         self.shared["s"] = pack(state)[1][self.plan.state.shared]
 
     def _numbers(self, state: PyTree) -> np.ndarray:
-        return pack(state)[1][self.plan.state.links]
+        return self.plan.state.of(pack(state)[1])
 
     def differences(self) -> dict[str, float]:
         """The largest relative difference of each function."""
         p, stage, h = self.parameters, self.stage, np.float64(LENGTH)
         prepared, renewed = self._values("prepared"), evaluate(stage.prepare, p, self.state, h)
         self._begin(renewed)
-        free = evaluate(stage.free, p, self.state, h, self.z)
-        self.arrays["f"] = self._numbers(free)
-        moving = self._state(self._values("moving"), free)
-        after = evaluate(stage.ended, p, free, h, self.impulse)
-        by_velocities = evaluate(stage.momenta, p, after, moving)
         chart = float(evaluate(stage.chart, p, self.state, h, self.z))
         residual = evaluate(stage.residual, p, self.state, h, self.z)[self.unknowns]
         record = self._numbers(evaluate(stage.record, p, self.state, h, self.z))
@@ -78,14 +76,29 @@ class _Check:
             "an input": (prepared, self._numbers(renewed)),
             "the guess": (self._values("guess"), evaluate(stage.guess, p, self.state, h)[self.unknowns]),
             "the residual": (self._values("residual"), residual),
-            "the step": (self._values("free"), self.arrays["f"]),
-            "a momentum": (self._numbers(by_velocities), self._numbers(after)),
-            "the rate of a constraint": (self._values("rate"), evaluate(stage.rate, p, moving)[self.multipliers]),
-            "the state after the step": (self._values("after"), self._numbers(after)),
+            **(self._jointed(cast(JointedStage, stage)) if self.plan.jointed else self._advanced(stage)),
             "the record": (self._values("record"), record),
             "the chart": (np.max(self._values("chart"), axis=0)[None], np.array([[chart]])),
         }
         return {name: _apart(*pair) for name, pair in pairs.items()}
+
+    def _advanced(self, stage: LinkedStage) -> dict[str, Pair]:
+        after = evaluate(stage.advanced, self.parameters, self.state, np.float64(LENGTH), self.z)
+        return {"the state after the step": (self._values("after"), self._numbers(after))}
+
+    def _jointed(self, stage: JointedStage) -> dict[str, Pair]:
+        p, h = self.parameters, np.float64(LENGTH)
+        free = evaluate(stage.free, p, self.state, h, self.z)
+        self.arrays["f"] = self._numbers(free)
+        moving = self._state(self._values("moving"), free)
+        after = evaluate(stage.ended, p, free, h, self.impulse)
+        by_velocities = evaluate(stage.momenta, p, after, moving)
+        return {
+            "the step": (self._values("free"), self.arrays["f"]),
+            "a momentum": (self._numbers(by_velocities), self._numbers(after)),
+            "the rate of a constraint": (self._values("rate"), evaluate(stage.rate, p, moving)[self.multipliers]),
+            "the state after the step": (self._values("after"), self._numbers(after)),
+        }
 
     def _values(self, name: str) -> np.ndarray:
         """Expressions of all links, (N, k)."""
@@ -128,7 +141,8 @@ class _Check:
     def _state(self, numbers: np.ndarray, like: PyTree) -> Any:
         """The state with these numbers of links, and the others of another state."""
         row = pack(like)[1].copy()
-        row[self.plan.state.links] = numbers
+        there = self.plan.state.there
+        row[self.plan.state.links[there]] = numbers[there]
         return layout(like).unpack(row)
 
 

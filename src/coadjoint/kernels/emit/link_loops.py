@@ -1,24 +1,23 @@
-"""The LLVM function that steps a chain of joints by loops over its links.
+"""The LLVM function that steps a chain by loops over its links.
 
     void step(parameters, h, state, records, save_every, record_out, monitor_out, extrema, status, workspace)
 
 It is that of `kernels.emit.stepping` without lanes of members, monitors and extrema; `workspace` is memory for arrays.
-Its loop runs over the substeps of all steps.
-A Newton iteration is a loop for K⁻¹r, K⁻¹G and the contributions of links to S, one for the rows of S, block
-elimination from the first link to the last and back, and a loop for the increments (`link_elimination`).
+Its loop runs over the substeps of all steps, which are solved as in `link_newton`.
 """
 
 from __future__ import annotations
 
 from llvmlite import ir
 
-from coadjoint.kernels.emit.emitter import BIT, DOUBLE, INT64, Emitter, Value
+from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.link_arrays import LinkArrays, sizes, stride
+from coadjoint.kernels.emit.link_newton import ChordNewton, JointsNewton, unknowns
 from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
 from coadjoint.kernels.emit.stepping import NAME, POINTER
 from coadjoint.kernels.emit.substeps import constant_table
 from coadjoint.kernels.expressions.expression import Expr, reachable
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
+from coadjoint.kernels.program import Code
 
 
 def assemble(plan: LinkPlan, width: int, fractions: tuple[float, ...], everywhere: bool) -> str:
@@ -80,9 +79,9 @@ class _LinkFunction:
         self.steps, self.code, self.total, self.most, self.row, self.due, self.part, self.spent = (
             one.variable(INT64, INT64(0)) for _ in range(8)
         )
-        self.kinds = sorted(set(plan.blocks))
         self.sums, self.chart = self.arrays.variables(), self.arrays.variables()
-        self.sizes, self.scales = ({g: self.arrays.variables() for g in self.kinds} for _ in range(2))
+        iteration = JointsNewton if plan.jointed else ChordNewton
+        self.iteration = iteration(plan, self.arrays)
         loop, end = b.append_basic_block("step"), b.append_basic_block("end")
         b.cbranch(b.icmp_signed(">", number, INT64(0)), loop, end)
         b.position_at_end(loop)
@@ -151,96 +150,25 @@ class _LinkFunction:
         self._bind_shared()
         arrays.bind_all(self.plan.h, self.h)
         arrays.fill("z", lambda code: code.guess)
-        settled, count = self._newton()
+        settled, count = self.iteration.emit(self.h)
         arrays.set(self.sums, 0.0)
         arrays.set(self.chart, 0.0)
 
-        def judge(emit: Emitter, values: list[Value], link: Value) -> None:
+        def judge(emit: Emitter, values: list[Value], link: Value, code: LinkCode) -> None:
             *z, chart = values
             arrays.add(emit, self.sums, z)
             arrays.widen(emit, self.chart, [chart])
 
-        arrays.links(lambda code: [*self._unknowns(code), *code.chart], judge)
+        arrays.links(lambda code: [*unknowns(self.plan, code), *code.chart], judge)
         solved = arrays.finite(self.sums)
-        arrays.fill("f", lambda code: code.free)
-        arrays.fill("t", lambda code: code.closing)
-        arrays.swept()
+        if isinstance(self.iteration, JointsNewton):
+            arrays.fill("f", lambda code: code.free)
+            arrays.fill("t", lambda code: code.closing)
+            self.iteration.swept()
         arrays.fill("n", lambda code: code.after, self.sums)
         after = arrays.one.values(self.plan.after)
         arrays.add(arrays.one, self.sums, after)
         self._ended(settled, solved, count, after)
-
-    def _unknowns(self, code: LinkCode) -> list[Expr]:
-        """The symbols of z of a link."""
-        slots = {a.slot: node for node, a in self.plan.address.items() if a.array == "z" and a.link == code.link}
-        return [slots[k] for k in range(len(slots))]
-
-    def _newton(self) -> tuple[Value, Value]:
-        """Newton's iteration, which stops by `program.TOLERANCE`: whether it settled, and the iterations.
-
-        The equations are linear in the multipliers, whose matrix S has a condition of N²: they have settled where they
-        stall while the unknowns of the bodies have met their tolerance twice in turn.
-        """
-        b, one = self.b, self.arrays.one
-        count, together = one.variable(INT64, INT64(0)), one.variable(BIT, BIT(0))
-        settled, last = one.variable(BIT, BIT(0)), {g: one.variable(DOUBLE, DOUBLE(0.0)) for g in self.kinds}
-        floor = b.fdiv(DOUBLE(FLOOR), one.intrinsic("fabs", self.h))
-        again, end = b.append_basic_block("newton"), b.append_basic_block("solved")
-        b.branch(again)
-        b.position_at_end(again)
-        with self.arrays.scopes():
-            self._increment()
-        sizes, scales = ({g: self.arrays.largest(x) for g, x in part.items()} for part in (self.sizes, self.scales))
-
-        def small(size: Value, scale: Value) -> Value:
-            return b.fcmp_ordered("<=", size, b.fadd(b.fmul(DOUBLE(TOLERANCE), scale), floor))
-
-        now, bodies = BIT(1), sorted(set(self.plan.blocks[: self.plan.base]))
-        for g in bodies:
-            now = b.and_(now, small(sizes[g], self._most([scales[k] for k in bodies])))
-        near, fine = b.and_(b.load(together), now), BIT(1)
-        for g, size in sizes.items():
-            stalled = b.fcmp_ordered(">", size, b.fmul(DOUBLE(STALLED), b.load(last[g])))
-            fine = b.and_(fine, b.or_(small(size, scales[g]), b.and_(near, stalled)))
-            b.store(size, last[g])
-        b.store(now, together)
-        b.store(fine, settled)
-        done = b.add(b.load(count), INT64(1))
-        b.store(done, count)
-        b.cbranch(b.or_(fine, b.icmp_signed(">=", done, INT64(MAX_ITERATIONS))), end, again)
-        b.position_at_end(end)
-        return b.load(settled), b.load(count)
-
-    def _most(self, values: list[Value]) -> Value:
-        first, *others = values
-        for value in others:
-            first = self.b.select(self.b.fcmp_ordered(">", value, first), value, first)
-        return first
-
-    def _increment(self) -> None:
-        """One increment of all unknowns, and the sizes of both by kinds."""
-        arrays, width = self.arrays, len(self.plan.codes[self.plan.reach].solved)
-
-        def contributions(emit: Emitter, values: list[Value], link: Value) -> None:
-            for slot, value in enumerate(values):
-                arrays.store(emit, value, *(("x", slot) if slot < width else ("q", slot - width)), link)
-
-        arrays.links(lambda code: [*code.solved, *code.joints], contributions)
-        arrays.fill("t", lambda code: code.rows)
-        arrays.swept()
-        for places in (*self.sizes.values(), *self.scales.values()):
-            arrays.set(places, 0.0)
-
-        def moved(emit: Emitter, values: list[Value], link: Value) -> None:
-            half = len(values) // 2
-            for slot, (z, delta, kind) in enumerate(zip(values[:half], values[half:], self.plan.blocks, strict=True)):
-                new = self.b.fadd(z, delta)
-                arrays.store(emit, new, "y", slot, link)
-                arrays.widen(emit, self.sizes[kind], [delta])
-                arrays.widen(emit, self.scales[kind], [new])
-
-        arrays.links(lambda code: [*self._unknowns(code), *code.increment], moved)
-        arrays.copied("y", "z")
 
     def _ended(self, settled: Value, solved: Value, count: Value, after: list[Value]) -> None:
         """Keep a sound step, with its record if it is due; else note why it failed."""
@@ -289,14 +217,14 @@ class _LinkFunction:
     def _written(self) -> None:
         b, plan, arrays = self.b, self.plan, self.arrays
         with arrays.scopes():
-            size = plan.state.links.size + len(plan.state.shared)
-            row = b.gep(self.record_out, [b.mul(b.load(self.row), INT64(size))])
+            row = b.gep(self.record_out, [b.mul(b.load(self.row), INT64(plan.state.size))])
 
-            def write(emit: Emitter, values: list[Value], link: Value) -> None:
-                for value, place in zip(values, arrays.in_row(row, plan.state, link), strict=True):
-                    b.store(value, place)
+            def write(emit: Emitter, values: list[Value], link: Value, code: LinkCode) -> None:
+                places = arrays.in_row(row, plan.state, link)
+                for slot, value in zip(code.there, values, strict=True):
+                    b.store(value, places[slot])
 
-            arrays.links(lambda code: code.record, write, arrays.one)
+            arrays.links(lambda code: [code.record[slot] for slot in code.there], write, arrays.one)
             for value, k in zip(arrays.one.values(plan.record), plan.state.shared, strict=True):
                 b.store(value, self._place(row, k))
             b.store(b.add(b.load(self.row), INT64(1)), self.row)

@@ -47,6 +47,9 @@ WRITTEN = 270
 """Links times the square of a link's unknowns, up to which native code takes a chain of more than MAX_UNKNOWNS: 30
 links on SO(3), which compile in some ten seconds."""
 
+LOOPED = 100
+"""The same above which native code prefers loops over links, whose code does not grow with them: 11 links on SO(3)."""
+
 ALONE = 540
 """The same for links without pairs."""
 
@@ -127,7 +130,7 @@ class Coupled:
     @property
     def looped(self) -> bool:
         """Whether native code prefers loops over links, where it has them, to equations that it could write out."""
-        return False
+        return self.count * sum(self.sizes) ** 2 > LOOPED
 
     @property
     def layout(self) -> LinkOrder:

@@ -144,9 +144,9 @@ def strains(layout: RodLayout, poses: PyTree, p: PyTree, end: PyTree = None) -> 
 
 def elastic_energy(layout: RodLayout, poses: object, p: PyTree, end: PyTree = None) -> Array:
     """½ Σ l (ε − ε⁰)·ℂ(ε − ε⁰), J, one number."""
-    curvature = jnp.reshape(p.rest_curvature, (layout.elements, -1))
+    curvature = jnp.reshape(p.rest_curvature, (len(p.length), -1))
     tangent = straight(layout.planar)[curvature.shape[1] :]
-    rest = jnp.concatenate([curvature, jnp.broadcast_to(tangent, (layout.elements, len(tangent)))], axis=1)
+    rest = jnp.concatenate([curvature, jnp.broadcast_to(tangent, (len(curvature), len(tangent)))], axis=1)
     strain = strains(layout, poses, p, end) - rest
     return 0.5 * jnp.sum(p.length[:, None] * stiffness(p) * strain**2)
 

@@ -21,12 +21,12 @@ from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.lanes import of_lanes
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import native
 from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
 from coadjoint.kernels.run.ensemble import lanes
-from coadjoint.kernels.run.native import written
 from coadjoint.kernels.run.portable_code import exported_code, linked
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.kernels.untraceable import Untraceable
+from coadjoint.kernels.untraceable import NotLinked, Untraceable
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.members import Each, stacked
 from coadjoint.mechanics.restart_checks import going_on
@@ -222,7 +222,13 @@ class Stepper(Stepping):
         for place, number in face.compiled_in:
             values[place] = number
         given = self._program, self._watch, constants, begun, specialised(values), face.commanded
-        return native_engine(*given, width) if written(self._program) else linked_engine(*given)
+        if native.linked(self._program, begun) is not None:
+            try:
+                return linked_engine(*given)
+            except NotLinked:
+                if not native.written(self._program):
+                    raise
+        return native_engine(*given, width)
 
     def export_c(
         self,
