@@ -66,8 +66,8 @@ def digest_of_files(part: str = "") -> str:
 
 def _written(path: str) -> str:
     """A file's path in its package, which says nothing of where the package is installed."""
-    home = next(home for home in homes().values() if path.startswith(f"{home}{os.sep}"))
-    return os.path.relpath(path, home)
+    home = next(home for home in map(str, homes().values()) if path.startswith(home + os.sep))
+    return path[len(home) + 1 :]
 
 
 def edited() -> bool:

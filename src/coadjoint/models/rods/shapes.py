@@ -12,7 +12,8 @@ from coadjoint.arrays import PyTree
 from coadjoint.checks import float64
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
-from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.kernels.run.disk_cache import evaluated
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.members import Each, Quantity
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -86,7 +87,8 @@ def curve(rod: System, first: Any, strain: PyTree) -> PyTree:
     group: Any = rod.group
     p: PyTree = rod.parameters
 
-    moved = evaluate(jax.vmap(group.factor.exp), np.asarray(strain) * np.asarray(p.length)[:, None])
+    turns = np.asarray(strain) * np.asarray(p.length)[:, None]
+    moved = evaluated("curve", lambda turns: jax.vmap(group.factor.exp)(turns), turns)
     poses = [jax.tree.map(np.asarray, first)]
     # One after the other: each pose is that of the section before it times its own element's to the last digit.
     for R, x in zip(*moved, strict=True):
