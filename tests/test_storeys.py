@@ -10,60 +10,13 @@ import pytest
 from imports import circles, loaded, named, parsed
 
 STOREYS = (
-    *(
-        "arrays",
-        "errors",
-        "deprecation",
-        "log",
-        "collector",
-        "interrupts",
-        "disk",
-        "c_sources",
-        "memory",
-        "manifest",
-        "lazy",
-        "paths",
-        "portable",
-        "extensions",
-        "earlier_names",
-        "units",
-        "texts",
-        "overview",
-        "sealed",
-        "archives",
-        "csv_tables",
-        "roots",
-        "kernels",
-        "real_numbers",
-        "known_names",
-        "checks",
-        "losses",
-        "clocks",
-        "sections",
-        "groups",
-        "spaces",
-        "difference_maps",
-        "mechanics",
-        "methods",
-    ),
-    *(
-        "models",
-        "theory",
-        "plotting",
-        "simulation",
-        "stability",
-        "identification",
-        "control",
-        "estimation",
-        "report",
-        "audit",
-        "runs",
-        "sweeps",
-        "cli",
-        "extending",
-    ),
-    *("vehicles", "__main__"),
-)
+    "arrays", "errors", "deprecation", "log", "collector", "interrupts", "disk", "c_sources", "memory", "manifest",
+    "lazy", "paths", "portable", "extensions", "earlier_names", "units", "texts", "overview", "sealed", "archives",
+    "csv_tables", "roots", "kernels", "real_numbers", "known_names", "checks", "losses", "clocks", "sections",
+    "groups", "spaces", "difference_maps", "mechanics", "methods", "models", "theory", "plotting", "simulation",
+    "stability", "identification", "control", "estimation", "report", "audit", "runs", "sweeps", "cli", "extending",
+    "vehicles", "__main__",
+)  # fmt: skip
 """From the ground up."""
 PACKAGES_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "sensors", "model", "trim", "controllers", "files", "remus"),
@@ -72,20 +25,8 @@ PACKAGES_OF_VEHICLES = (
 )
 """From the ground up, too."""
 PACKAGES_OF_KERNELS = (
-    *(
-        "untraceable",
-        "float64",
-        "program",
-        "chunk",
-        "packing",
-        "lanes",
-        "expressions",
-        "trace",
-        "newton",
-        "emit",
-        "run",
-    ),
-)
+    "untraceable", "float64", "program", "chunk", "packing", "lanes", "expressions", "trace", "newton", "emit", "run",
+)  # fmt: skip
 
 FACES = {"coadjoint", "coadjoint.vehicles"}
 """What lists the public names of all that is behind it."""

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.models import rigid_body
 from coadjoint.models.paper_form import start
 from coadjoint.stability import integrals, steady_motion, step_modes
+from coadjoint.stability.multipliers import StepModes
 from coadjoint.stability.reduced import Reduced
 from coadjoint_vehicles.hydrodynamics import ellipsoid
 from coadjoint_vehicles.trim import SteadyFlight
@@ -55,6 +56,11 @@ def test_frequencies_under_steps_are_right_to_the_order_of_the_method(method, or
     assert np.log2(first / last) == pytest.approx(order, abs=0.2)
     # The midpoint rule damps roll less than the equations do; the left rectangle damps every mode less.
     assert off[0].excitation > 0.01
+
+
+def test_steps_excite_and_damp_by_the_largest_differences_of_the_rates():
+    modes = StepModes(0.1, np.array([-1 + 2j, 0.5j]), np.ones(2, complex), np.array([-1.2 + 3j, 0.1 + 0.5j]))
+    assert (modes.excitation, modes.damping) == pytest.approx((0.1, 0.2), abs=1e-15)
 
 
 def test_a_step_size_must_be_positive():

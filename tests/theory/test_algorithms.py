@@ -231,3 +231,23 @@ def test_the_change_of_the_quantity_is_by_the_slope_of_the_step_that_reads_the_p
     here: Any = "here"
     found = theory.kelvin_noether_poisson(l, before, here, np.array([1.0, -2.0]), 0.1)
     assert found == (0.0, -(source + 0.5 - 2 * source))
+
+
+def test_the_momenta_of_both_ends_of_a_step_of_a_point_are_those_of_the_chord():
+    """Λ = |s − n|²/2h + h a·s: π_k = (s − n)/h, π_{k+1} = Fᵀ((s − n)/h + ha), and μ_k of F, n, s and a."""
+    random, h = generator("chord"), 0.1
+    system = co.System(
+        co.SO3(), group_lagrangian=lambda F, n, s, a, h: 0.5 * (s - n) @ (s - n) / h + h * a @ s,
+        additional=co.Defining(), advected=co.Defining(),
+    )  # fmt: skip
+    F, (n, s, a) = co.attitude.zyx(0.3, -0.2, 0.5), random.normal(size=(3, 3))
+    link = theory.Link(F, n, s, a, theory.Instant())
+    left, right = evaluate(
+        lambda link: (theory.left_momenta(system, link, h), theory.right_momenta(system, link, h)), link
+    )
+    along_s = (s - n) / h + h * a
+    np.testing.assert_allclose(left.pi, (s - n) / h, rtol=1e-13)
+    np.testing.assert_allclose(right.pi, F.T @ along_s, rtol=1e-13)
+    turned = np.cross(a, h * s) + np.cross(n, (n - s) / h) + np.cross(s, along_s)
+    np.testing.assert_allclose(left.mu, -turned, atol=1e-13)
+    np.testing.assert_allclose(right.mu, 0.0, atol=1e-15)
