@@ -55,7 +55,6 @@ def by_hand(one, q, nu, *theta):
     return np.einsum("ik,kij,jk->k", e, np.linalg.inv(P), e)
 
 
-@pytest.mark.long
 def test_a_run_is_read_at_the_nodes_of_the_filter():
     run, one = simulated(), found(every=3)
     at = np.rint(one.t / (0.5 * H)).astype(int)

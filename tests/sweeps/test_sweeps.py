@@ -71,7 +71,6 @@ def test_a_member_of_a_grid_is_the_run_with_its_numbers(swept):
     np.testing.assert_allclose(member.mean_xi, alone.xi.mean("time"), rtol=1e-11)
 
 
-@pytest.mark.long
 def test_statistics_are_those_of_the_members(swept):
     values = swept.dataset.final_xi.values
     table = swept.statistics.final_xi
