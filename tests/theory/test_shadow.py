@@ -27,11 +27,11 @@ def test_a_harmonic_oscillator_keeps_its_shadow_energy_of_the_closed_form(method
         co.Translation(0), lambda xi, n, nu: 0.5 * nu @ nu - 0.5 * n @ n, additional=co.Trivial(1), name="oscillator"
     )
     h = 0.1
-    run = co.simulate(oscillator, oscillator.state(q=[1.0], qdot=[0.3]), dt=h, steps=40, method=method)
+    run = co.simulate(oscillator, oscillator.state(q=[1.0], qdot=[0.3]), dt=h, steps=13, method=method)
     found = shadow_energy(run, points=13)
     phi = sum(2 * np.arctan(0.5 * fraction * h) for _, fraction in method.stages)
     np.testing.assert_allclose(found.values, 0.5 * 1.09 * phi / h, rtol=1e-11)
-    np.testing.assert_allclose(found.t, h * np.arange(6, 35))
+    np.testing.assert_allclose(found.t, h * np.array([6, 7]), rtol=1e-14)
 
 
 @pytest.mark.long
