@@ -6,6 +6,8 @@ import subprocess
 import sys
 import warnings
 from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +18,7 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation.accuracy.local_error import InternalPlaces, PartsOfSteps, Ruler
 from coadjoint.simulation.accuracy.ruler import structure
+from coadjoint.simulation.accuracy.sample import Kept, with_steps_between
 from coadjoint.simulation.accuracy.verdict import SampledSteps
 
 J = np.array([1.0, 2.0, 3.0])
@@ -198,6 +201,29 @@ def test_what_a_file_measures_of_positions_is_what_a_stepper_measures(group, spa
     kept = plain(ruler, layout(state), system.places)
     assert np.allclose(kept.q(row), ruler.q(row)) and np.allclose(kept.q(row)[0], q)
     assert np.allclose(kept.turning(state.xi[None]), ruler.turning(state.xi[None]))
+
+
+@pytest.mark.parametrize(
+    ("every", "largest", "lengths"), [(200, [200], [50]), (30, [0, 200], [30, 20]), (200, [990], [10])]
+)
+def test_few_steps_are_taken_again_and_none_beyond_the_end(monkeypatch, every, largest, lengths):
+    """A twentieth of 1000 steps at most; the record before the largest change is kept."""
+    asked = []
+
+    def records(rows, h, length, members):
+        asked.append(length)
+        return np.where(np.arange(length) > 7, 1.0, 0.0)[None, :, None] + rows[:, None]
+
+    places = SimpleNamespace(xi=np.array([0]), nu=np.zeros(0, int), mu=np.zeros(0, int), pi=np.zeros(0, int))
+    model = SimpleNamespace(layout=SimpleNamespace(places=places), records=records)
+    monkeypatch.setattr("coadjoint.simulation.accuracy.sample.steps_of", lambda *_: model)
+    plan: Any = SimpleNamespace(steps=1000, save_every=every, backend="native", h=0.1)
+    state: Any = None
+    kept = Kept(np.array([0, 200, 990]), np.array([[5.0], [6.0], [7.0]]))
+    found = with_steps_between(kept, largest, plan, state)
+    assert asked == lengths
+    assert set(found.steps) == {0, 200, 990, *(step + 7 for step in largest)}
+    assert dict(zip(found.steps.tolist(), found.rows[:, 0], strict=True))[largest[0] + 7] in kept.rows[:, 0]
 
 
 def test_structure_constants_give_the_bracket():
