@@ -72,6 +72,7 @@ def test_an_ill_posed_problem_is_told_in_one_sentence(name):
         (lambda: Input((2, 2)), "must be \\(\\) or \\(m,\\)"),
         (lambda: Input((2,), lower=[0.0, 0.0, 0.0]), "have the shape \\(2,\\)"),
         (lambda: Input((), lower=1.0, upper=0.0), "Nothing lies between"),
+        (lambda: Input((2,), lower=[0.0, 2.0], upper=1.0), "Nothing lies between"),
         (lambda: Input((), lower=np.nan), "must be numbers"),
         (lambda: Input((), rate=0.0), "must be positive"),
         (lambda: Input((), guess="zero"), "must be numbers"),
