@@ -87,7 +87,7 @@ def test_a_run_on_q_alone_is_saved_streamed_stepped_and_told(tmp_path):
     run = co.simulate(PENDULUM, start, dt=H, steps=STEPS)
     saved = co.load(run.save(tmp_path / "run.nc"))
     assert "pendulum" in str(saved) and co.mechanics.casimirs(PENDULUM) == {}
-    with pytest.raises(co.errors.ArgumentError, match="events are not in the file"):
+    with pytest.raises(co.errors.ArgumentError, match="`events` is not in the file"):
         _ = saved.events
     streamed = co.simulate(PENDULUM, start, dt=H, steps=STEPS, store=tmp_path / "run")
     np.testing.assert_array_equal(streamed.dataset.q, run.dataset.q)
