@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -19,6 +20,7 @@ from coadjoint.audit.shipped import FOR_EVERY_METHOD, MAPS, SHIPPED, Shipped, au
 from coadjoint.audit.stepper import AuditStepper, coordinates, exact, uncertainty
 from coadjoint.audit.systems import PROBLEMS
 from coadjoint.cli import auditing
+from coadjoint.cli.commands import Audit
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -251,6 +253,12 @@ def test_the_command_fails_where_a_claim_does(monkeypatch, capsys):
     assert "Losing over Cayley on heavy top: symplectic is off by" in shown.err
     assert main(["audit", "--quick", "--system", "heavy top", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["passed"] is False
+
+
+def test_the_page_of_an_audit_has_the_command_line_that_made_it():
+    made = Audit(out=Path("there"), quick=True, method=("Midpoint", "Suzuki4"), system=("heavy top",))
+    assert made._written() == 'coadjoint audit --quick --method Midpoint Suzuki4 --system "heavy top" --out there'
+    assert Audit()._written() == "coadjoint audit"
 
 
 @pytest.mark.parametrize(("flag", "name"), [("--method", "Midpiont"), ("--system", "heavy tops")])
