@@ -37,6 +37,7 @@ LANGUAGE = {
     "derivative of solve": lambda a, b: jax.jacfwd(lambda x: jnp.linalg.solve(a, x * x))(b),
     "inverse": lambda a, b: jnp.linalg.inv(a),
     "determinant": lambda a, b: jnp.linalg.det(a),
+    "factors": lambda a, b: jax.lax.linalg.lu(a)[0] @ b,
     "gradient of a determinant": lambda a, b: jax.grad(jnp.linalg.det)(jnp.kron(a, a[:2, :2])),
     "Cholesky": lambda a, b: jnp.linalg.cholesky(a @ a.T),
     "matrix exponential": lambda a, b: jax.scipy.linalg.expm(a),
