@@ -93,6 +93,8 @@ class StepperBase(StepperWarnings):
     @property
     def failed(self) -> PyTree:
         """Whether a step failed."""
+        if not (codes := self._buffers.status[:, 1]).any():
+            return self._of_members(np.zeros(codes.size, bool))
         code = self.status
         return (code != 0) & (code != STOPPED)
 

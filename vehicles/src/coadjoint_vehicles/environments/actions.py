@@ -67,10 +67,12 @@ class Actions:
         total = np.add.reduce(given, None) if lead else sum(given.tolist())  # not finite where a number is not
         if not math.isfinite(total) and not np.all(np.isfinite(given)):
             raise ArgumentError("Argument `action` must be finite, but has a number that is not.")
-        a, (up, uneven) = np.minimum(np.maximum(given, -1.0), 1.0), self._scales
-        found = a * up
+        found, (up, uneven) = np.maximum(given, -1.0), self._scales
+        np.minimum(found, 1.0, out=found)
+        less = np.maximum(-found, 0.0) * uneven if len(uneven) else None
+        found *= up
         found += self.middle
-        return found + np.maximum(-a, 0.0) * uneven if len(uneven) else found
+        return found if less is None else found + less
 
     def __str__(self) -> str:
         """A line for each number: its place, command, unit and the meaning of −1, 0 and 1."""

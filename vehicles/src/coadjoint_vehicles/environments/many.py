@@ -39,8 +39,10 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": MODES[mode]}
         self.mode = MODES[mode]
-        self._periods = np.zeros(self.num_envs, np.int64)
-        self._over = np.ones(self.num_envs, bool)
+        self._now, self._first, self._earliest = 0, np.zeros(self.num_envs, np.int64), 0
+        """Periods so far, those before the episode of each member, and the least of these."""
+        self._over, self._resting = np.ones(self.num_envs, bool), False
+        """Whose episodes have ended and wait for a reset, and whether there are any."""
         self._begun = False
 
     def reset(self, *, seed: object = None, options: dict[str, PyTree] | None = None) -> tuple[np.ndarray, dict]:
@@ -63,7 +65,9 @@ class VehicleVectorEnv(Simulating, VectorEnv):
             self.episodes.begin_at(members, options["start"])
         else:
             self.episodes.begin(members)
-        self._periods[members], self._over[members], self._begun = 0, False, True
+        self._over[members], self._begun = False, True
+        self._resting = bool(self._over.any())
+        self._count_from_now(members)
         return self._seen(), {}
 
     def stable_baselines(self) -> Any:
@@ -108,8 +112,8 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         """
         if not self._begun:
             raise ArgumentError("No episode is under way: call reset() first.")
-        before = self._over
-        if self.mode is AutoresetMode.DISABLED and before.any():
+        before, again = self._over, self._resting
+        if self.mode is AutoresetMode.DISABLED and again:
             raise ArgumentError(
                 f"The episodes of {int(before.sum())} members have ended: call reset(options={{'reset_mask': …}}) "
                 "first."
@@ -117,24 +121,25 @@ class VehicleVectorEnv(Simulating, VectorEnv):
         simulated, width = self.simulated, self.simulated.width
         simulated.command(actions)
         simulated.step()
-        self._periods += 1
+        self._now += 1
         rows, failed = simulated.rows, self.stepper.failed
-        rewards, ended = rows[:, width].copy(), rows[:, width + 1 :] > 0.5
-        late = self._periods >= simulated.most
-        again, *over = (np.logical_or.reduce(which, None) for which in (before, failed, ended, late))
-        if not (again or any(over)):
-            return self._seen(), rewards, failed, late, {}
+        rewards, ends = rows[:, width].copy(), rows[:, width + 1 :]
+        due = self._now - self._earliest >= simulated.most
+        if not (again or due or ends.max(initial=0.0) > 0.5 or failed.any()):
+            return self._seen(), rewards, failed, np.zeros(self.num_envs, bool), {}
+        ended, late = ends > 0.5, self._now - self._first >= simulated.most
         rewards[failed] -= simulated.task.penalty
         terminated = failed | ended.any(axis=1)
         truncated = late & ~terminated
         if again:  # these members have just been reset: their last steps count for nothing
             rewards[before], terminated[before], truncated[before] = 0.0, False, False
         self._over = terminated | truncated
-        infos = self._infos(ended, failed & ~before) if self._over.any() else {}
+        self._resting = bool(self._over.any())
+        infos = self._infos(ended, failed & ~before) if self._resting else {}
         if self.mode is AutoresetMode.SAME_STEP:
             infos = self._final(infos)
             self._begin(self._over)
-            self._over = np.zeros(self.num_envs, bool)
+            self._over, self._resting = np.zeros(self.num_envs, bool), False
         else:
             self._begin(before)
         return self._seen(), rewards, terminated, truncated, infos
@@ -142,7 +147,12 @@ class VehicleVectorEnv(Simulating, VectorEnv):
     def _begin(self, which: np.ndarray) -> None:
         if which.any():
             self.episodes.begin(np.flatnonzero(which))
-            self._periods[which] = 0
+            self._count_from_now(which)
+
+    def _count_from_now(self, members: np.ndarray) -> None:
+        """Count the periods of the episodes of these members, by indices or truth values, from now on."""
+        self._first[members] = self._now
+        self._earliest = int(self._first.min())
 
     def _infos(self, ended: np.ndarray, failed: np.ndarray) -> dict[str, object]:
         """How episodes have ended: `end`, `is_success`, and `failure` of steps that failed."""
