@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.mechanics.quantities import meaning
 
 
 def height(state, p):
@@ -107,3 +110,18 @@ def test_functions_of_a_state_read_named_spaces():
     assert rate == pytest.approx(-0.1)  # (a × ω)₁ of μ = ω: a₂ω₃ − a₃ω₂
     with pytest.raises(LagrangianError, match=r"asks an array for `down`.*state\.named\.a\.down"):
         co.simulate(system.watching({"tilt": lambda s: s.a.down[2]}), start, dt=0.01, steps=3)
+
+
+@pytest.mark.parametrize("name", ["manakov_body", "sphere_vortices", "toda_lattice", "pseudo_rigid_body"])
+def test_meanings_of_quantities_name_no_place_in_memory(name):
+    """Two processes write the same file of the same run."""
+    meanings = [meaning(function) for _, function in co.models.catalogue[name].make().quantities]
+    assert meanings and all(text and " at 0x" not in text for text in meanings)
+
+
+def test_meanings_of_quantities_say_which_arguments_were_given():
+    def power_of(state, power):
+        """|ξ|ᵏ."""
+
+    assert meaning(partial(power_of, power=3)) == "|ξ|ᵏ, power = 3"
+    assert meaning(partial(power_of, power=np.ones(3))) == meaning(power_of) == "|ξ|ᵏ"

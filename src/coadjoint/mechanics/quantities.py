@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import checks
@@ -40,7 +41,15 @@ def value(system: ReducedFunctions, function: Callable[..., PyTree], state: Stat
 
 
 def meaning(function: Callable[..., object]) -> str | None:
-    """The description of a quantity in a dataset: its formula, or the first sentence of its docstring."""
-    if not inspect.isfunction(function):
-        return str(function)
+    """The description of a quantity in a dataset: its formula, or the first sentence of its docstring.
+
+    That of functions with some arguments given says which; it names no place in memory, which differs between runs.
+    """
+    if isinstance(function, partial):
+        given = [f"{name} = {x}" for name, x in function.keywords.items() if isinstance(x, (bool, int, float, str))]
+        said = meaning(function.func)
+        return f"{said}, {', '.join(given)}" if said and given else said
+    text = "" if inspect.isroutine(function) else str(function)
+    if text and " at 0x" not in text:
+        return text
     return function.__doc__.strip().split("\n")[0].rstrip(".") if function.__doc__ else None
