@@ -96,8 +96,8 @@ def dataset(run: Result) -> xarray.Dataset:
 
     derive, lead = derivation(run.plan.program), () if run.members is None else ("member",)
     if run.members is None:
-        records, derive = run.deferred_records, partial(derive, run.system.parameters)
-        found = variables(run.system, records, run.deferred_monitors, derive)
+        records, derive = run._deferred_records, partial(derive, run.system.parameters)
+        found = variables(run.system, records, run._deferred_monitors, derive)
     else:
         records = run.records
         found = member_variables(run.system, records, run.monitors, derive, members_of(records, 0))

@@ -293,11 +293,11 @@ class Result(Recording):
         """The saved states, every leaf with axes ([member,] node, …)."""
         self._require_records()
         if self.members is None:
-            return jax.tree.map(np.asarray, self.deferred_records)
+            return jax.tree.map(np.asarray, self._deferred_records)
         return jax.tree.map(self._joined, *self.memory.records)
 
     @cached_property
-    def deferred_records(self) -> State:
+    def _deferred_records(self) -> State:
         """`records` of a single run, each leaf joined when it is first read."""
         self._require_records()
         return jax.tree.map(self._joined_later, *self.memory.records)
@@ -315,11 +315,11 @@ class Result(Recording):
     def monitors(self) -> dict[str, np.ndarray]:
         """Every monitored scalar, of shape ([members,] nodes, …) each."""
         if self.members is None:
-            return {name: rows.values for name, rows in self.deferred_monitors.items()}
+            return {name: rows.values for name, rows in self._deferred_monitors.items()}
         return {name: self._joined(*parts) for name, parts in self._monitored().items()}
 
     @cached_property
-    def deferred_monitors(self) -> dict[str, Deferred]:
+    def _deferred_monitors(self) -> dict[str, Deferred]:
         """`monitors` of a single run, each joined when it is first read."""
         return {name: self._joined_later(*parts) for name, parts in self._monitored().items()}
 
