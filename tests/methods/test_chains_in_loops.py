@@ -21,7 +21,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import NotLinked
 from coadjoint.mechanics import reactions
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.methods import rattle
+from coadjoint.methods import coupled_links
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.rattle import Reactions
 from coadjoint.simulation import monitors
@@ -348,7 +348,7 @@ def test_loops_move_as_written_code(monkeypatch):
     system = bobs(13)
     start = leaning(system)
     written = co.simulate(system, start, dt=H, steps=40, **QUIET)
-    monkeypatch.setattr(rattle, "LOOPED", 0)
+    monkeypatch.setattr(coupled_links, "LOOPED", 0)
     monkeypatch.setattr(native, "_kernels", OrderedDict())
     looped = co.simulate(bobs(13), start, dt=H, steps=40, **QUIET)
     assert written.plan.backend == looped.plan.backend == "native"
