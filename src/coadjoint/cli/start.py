@@ -17,6 +17,7 @@ def run() -> int:
     """Run the command and return the exit status; see `coadjoint.cli.main.main`."""
     gc.set_threshold(SELDOM)
     found = _run()
+    gc.freeze()  # Python's last collections would search, for a tenth of the time, what ends with the process.
     exec("")  # Python ends by SIGINT, whatever the status, if the last text that it executed was interrupted.
     with suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # While Python ends, Ctrl-C would show a traceback.
