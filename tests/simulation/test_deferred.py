@@ -44,6 +44,10 @@ def test_deferred_variables_are_those_of_an_array_in_memory() -> None:
     for same in (found, pickle.loads(pickle.dumps(found)), copy.deepcopy(found), found.isel(time=slice(None))):
         assert same.identical(whole)
     assert str(found) == str(whole) and "..." not in str(found.mu[0])
+    before = run().records.mu.copy()
+    found["mu"] *= 1000.0
+    np.testing.assert_array_equal(found.xi, whole.xi)
+    np.testing.assert_array_equal(run().records.mu, before)
     found["mu"][0] = 7.0
     assert np.all(found.mu.values[0] == 7.0) and not np.any(whole.mu.values[0] == 7.0)
 

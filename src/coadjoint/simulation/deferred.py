@@ -91,14 +91,17 @@ def _adapter() -> Any:
     from xarray.core import indexing
 
     class InMemory(indexing.NumpyIndexingAdapter):
-        __slots__ = ("deferred",)
+        __slots__ = ("deferred", "own")
 
         def __init__(self, deferred: Deferred):
             self.deferred = deferred
+            self.own: np.ndarray | None = None
 
         @property
         def array(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
-            return self.deferred.values
+            if self.own is None:
+                self.own = np.array(self.deferred.values)  # a variable that is changed changes no record, and no other
+            return self.own
 
         @property
         def shape(self) -> tuple[int, ...]:
