@@ -45,9 +45,9 @@ def forget():
 def found_in(folder, starts=False):
     """The names of what is kept of systems, beside machine code, the key, and facts on groups, maps and spaces.
 
-    starts: with the numbers of states.
+    starts: with the numbers of states, and checks that an energy is a number.
     """
-    others = ("outside", "misfit", "bend", "rows", *(() if starts else ("start", "momenta")))
+    others = ("outside", "misfit", "bend", "rows", *(() if starts else ("start", "momenta", "numbers")))
     begins = {path.name: path.read_bytes()[32:48] for path in folder.glob("*.code")}
     aside = tuple(f'{{"{name}"'.encode() for name in others)
     return {name for name, text in begins.items() if text.startswith(b"{") and not text.startswith(aside)}

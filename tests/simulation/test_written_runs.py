@@ -108,7 +108,9 @@ def test_a_file_that_was_not_written_as_it_should_be_takes_no_name(run, tmp_path
         write(dataset.assign(xi=dataset.xi + 1e-12), path)
 
     monkeypatch.setattr(netcdf, "write", spoiled)
-    with pytest.raises(co.errors.FileError, match=r"could not be written .*: what was read again of `xi` is not what"):
+    with pytest.raises(
+        co.errors.FileError, match=r"could not be written .*: the values of `xi` in the file are not those"
+    ):
         run.save(tmp_path / "run.nc")
     assert not list(tmp_path.iterdir())
 
