@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.emit.link_check import require_links
 from coadjoint.kernels.emit.link_plan import plan_links
 from coadjoint.kernels.emit.plan import specialised
@@ -83,6 +84,46 @@ def test_a_spring_that_is_not_like_the_others_is_no_loop():
 
     with pytest.raises(NotLinked, match="not all alike"):
         planned(*bodies(12, odd, verify=False))
+
+
+def on_seven(strength):
+    """A torque on link 7 alone, of a strength (N, 3) or (1, 3)."""
+
+    def push(m, p):
+        there = (jnp.arange(len(m.xi)) == 7)[:, None]
+        return co.Force(torque=jnp.where(there, strength(m, p) * jnp.ones_like(m.xi), 0.0))
+
+    return {"forces": {"push": push}}
+
+
+@pytest.mark.parametrize(
+    "strength",
+    [
+        pytest.param(lambda m, p: jnp.where(m.t > 2.0, 1.0, 0.0), id="late"),
+        pytest.param(lambda m, p: -m.xi * jnp.maximum(0.0, jnp.abs(m.xi) - 4.0), id="fast", marks=pytest.mark.long),
+    ],
+)
+def test_a_force_on_one_link_is_seen_where_the_start_does_not_show_it(strength):
+    """A kernel serves any time, state and parameters."""
+    with pytest.raises(NotLinked, match="not all alike"):
+        planned(*bodies(12, verify=False, **on_seven(strength)))
+
+
+@pytest.mark.long
+def test_an_input_that_acts_on_one_link_later_moves_it():
+    system, start = bodies(12, **on_seven(lambda m, p: m.inputs.u * np.array([1.0, 0.5, 0.3])))
+    later, never = (co.Held([0.0, 0.5], [0.0, value]) for value in (1.0, 0.0))
+    runs = [co.simulate(system, start, dt=0.05, steps=40, inputs={"u": u}, **QUIET) for u in (later, never)]
+    assert np.max(np.abs(runs[0].final.xi - runs[1].final.xi).reshape(12, 3)[7]) > 0.1
+
+
+@pytest.mark.long
+def test_a_run_ends_where_links_turn_out_to_be_unlike():
+    """A push within a window of time that no comparison meets: observed steps do not solve the equations."""
+    system, start = bodies(12, **on_seven(lambda m, p: jnp.where((m.t > 1.0) & (m.t < 1.2), 1.0, 0.0)))
+    with pytest.raises(ArgumentError, match="does not solve the equations of all links"):
+        co.simulate(system, start, dt=0.05, steps=40, accuracy=False)
+    assert co.simulate(system, start, dt=0.05, steps=40, accuracy=False, backend="xla").good_steps == 40
 
 
 def rod(ends, elements=12, planar=True, **more):

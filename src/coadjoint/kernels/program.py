@@ -221,8 +221,8 @@ class LinkedStage(Protocol):
         """A state with the shapes of one of `count` links."""
         ...
 
-    def nearby(self, state: State, random: Any) -> State:
-        """A random state near another one."""
+    def nearby(self, state: State, random: Any, size: float, later: float) -> State:
+        """A random state near another one, `later` s after it; size: of the changes, relative to 1 plus the number."""
         ...
 
     def rows(self, state: State) -> tuple[PyTree, PyTree]:

@@ -31,9 +31,6 @@ from coadjoint.methods.rattle import Rattle, Reactions
 from coadjoint.methods.renewal import held
 from coadjoint.methods.step import Step
 
-RANDOM = 0.1
-"""The size of random numbers that are added to a state, relative to 1 plus the number."""
-
 
 @dataclass(frozen=True)
 class StepOfLinks:
@@ -152,19 +149,29 @@ class StepOfLinks:
         """The state with the unknowns z (unknowns,) of the step that starts at it."""
         return self.step.record(self._system(parameters), state, h, z)
 
-    def nearby(self, state: State, random: np.random.Generator) -> State:
-        """A random state with links near those of `state`, each at another place."""
+    def nearby(self, state: State, random: np.random.Generator, size: float, later: float) -> State:
+        """A random state with links near those of `state`, each at another place.
+
+        size: of random numbers that are added, relative to 1 plus the number. later: the time that passes, s.
+        """
 
         def moved(x: PyTree) -> np.ndarray:
             x = np.asarray(x)
-            return x + RANDOM * (1 + np.abs(x)) * random.normal(size=x.shape)
+            return x + size * (1 + np.abs(x)) * random.normal(size=x.shape)
 
         names = ("n", "mu", "pi", "xi", "nu")
         memory = self._memory(self.count, lambda size: random.normal(size=size))
-        eta = RANDOM * random.normal(size=self.group.dim)
+        eta = min(size, 1.0) * random.normal(size=self.group.dim)
         g, a = evaluate(self._turned, state.g, state.a, eta)
         driving = _each_driving(state, lambda leaf, own: moved(leaf), self.driving)
-        changes = {**driving, "internal_due": state.internal_due, "g": g, "a": a, "memory": memory}
+        changes = {
+            **driving,
+            "internal_due": state.internal_due,
+            "g": g,
+            "a": a,
+            "memory": memory,
+            "t": state.t + later,
+        }
         return state.replace(**{name: moved(getattr(state, name)) for name in names}, **changes)
 
     def _turned(self, g: PyTree, a: Array, eta: Array) -> tuple[PyTree, Array]:

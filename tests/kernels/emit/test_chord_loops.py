@@ -64,7 +64,7 @@ class Springs:
     def short_state(self, state, count):
         return Points(np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count - 1, 2)), np.zeros(()))
 
-    def nearby(self, state, random):
+    def nearby(self, state, random, size, later):
         return jax.tree.map(lambda leaf: leaf + random.normal(size=np.shape(leaf)), state)
 
     def rows(self, state):

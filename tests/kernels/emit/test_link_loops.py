@@ -73,7 +73,7 @@ class Rods:
     def short_state(self, state, count):
         return Points(*(np.zeros((count, 2)) for _ in range(2)), np.zeros(count), np.zeros(()))
 
-    def nearby(self, state, random):
+    def nearby(self, state, random, size, later):
         return jax.tree.map(lambda leaf: leaf + random.normal(size=leaf.shape), state)
 
     def rows(self, state):

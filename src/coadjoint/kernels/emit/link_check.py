@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
+import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
@@ -28,23 +29,57 @@ LENGTH = 0.1
 Pair = tuple[np.ndarray, np.ndarray]
 
 
+class Draw(NamedTuple):
+    """How far a comparison is from the given start.
+
+    size: of random changes of the state and its inputs. later: the largest time that passes, s. varied: whether
+    parameters have other values. As kernels serve other parameters, and a force on one link may set in late or above
+    some speed, the given start alone does not tell whether links are alike.
+    """
+
+    size: float
+    later: float
+    varied: bool
+
+
+DRAWS = (Draw(0.1, 0.0, False), Draw(1.0, 10.0, True), Draw(20.0, 1e3, True))
+"""The comparisons; in all but the first, numbers that are not finite on both sides count as equal."""
+
+
 def require_links(plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
-    """Raise NotLinked unless the expressions of links have the values of the stage at a random state."""
-    check = _Check(plan, stage, parameters, stage.nearby(state, np.random.default_rng(1788)))
-    apart = check.differences()
-    wrong = max(apart, key=lambda name: apart[name])
-    if not apart[wrong] <= APART:
-        raise NotLinked(f"its links are not all alike, {wrong} differs by {apart[wrong]:.1g} of its size")
+    """Raise NotLinked unless the expressions of links have the values of the stage at random states."""
+    random = np.random.default_rng(1788)
+    for i, draw in enumerate(DRAWS):
+        there = stage.nearby(state, random, draw.size, draw.later * random.uniform(0.5, 1.0))
+        numbers = _varied(parameters, random) if draw.varied else parameters
+        with np.errstate(all="ignore"):
+            apart = _Check(plan, stage, numbers, there, draw.size).differences(strict=i == 0)
+        wrong = max(apart, key=lambda name: apart[name])
+        if not apart[wrong] <= APART:
+            raise NotLinked(f"its links are not all alike, {wrong} differs by {apart[wrong]:.1g} of its size")
+
+
+def _varied(parameters: PyTree, random: np.random.Generator) -> PyTree:
+    """Other values of parameters, of the order of 1 where they are small; zeros and ones, which code contains, stay."""
+
+    def one(leaf: Any) -> np.ndarray:
+        x = np.asarray(leaf)
+        if x.dtype.kind != "f":
+            return x
+        size = np.where(np.abs(x) < 1e-3, 1.0, np.abs(x)) * random.uniform(0.5, 1.5, x.shape)
+        return np.where((x == 0.0) | (x == 1.0), x, np.sign(x) * size)
+
+    return jax.tree.map(one, parameters)
 
 
 class _Check:
     """Both sides of the comparison at one state."""
 
-    def __init__(self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
-        self.plan, self.stage, self.parameters = plan, stage, parameters
+    def __init__(self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree, size: float) -> None:
+        self.plan, self.stage, self.parameters, self.size = plan, stage, parameters, size
         random = np.random.default_rng(1834)
         self.unknowns = unknowns_of(stage)
-        self.z = random.normal(size=self.unknowns.size)
+        self.z = max(1.0, size) * random.normal(size=self.unknowns.size)
         self.multipliers = self.unknowns[:, plan.base :] - (sum(stage.blocks[:-1]) if plan.jointed else 0)
         self.impulse = random.normal(size=self.multipliers.size)
         p = pack(parameters)[1]
@@ -64,23 +99,29 @@ class _Check:
     def _numbers(self, state: PyTree) -> np.ndarray:
         return self.plan.state.of(pack(state)[1])
 
-    def differences(self) -> dict[str, float]:
-        """The largest relative difference of each function."""
+    def differences(self, strict: bool) -> dict[str, float]:
+        """The largest relative difference of each function; strict: infinite where numbers are not finite."""
         p, stage, h = self.parameters, self.stage, np.float64(LENGTH)
         prepared, renewed = self._values("prepared"), evaluate(stage.prepare, p, self.state, h)
-        self._begin(renewed)
+        guess = self._after(renewed, "guess"), evaluate(stage.guess, p, renewed, h)[self.unknowns]
+        # From here on with inputs that do not vanish.
+        self._begin(stage.nearby(renewed, np.random.default_rng(1889), self.size, 0.0))
         chart = float(evaluate(stage.chart, p, self.state, h, self.z))
         residual = evaluate(stage.residual, p, self.state, h, self.z)[self.unknowns]
         record = self._numbers(evaluate(stage.record, p, self.state, h, self.z))
         pairs = {
             "an input": (prepared, self._numbers(renewed)),
-            "the guess": (self._values("guess"), evaluate(stage.guess, p, self.state, h)[self.unknowns]),
+            "the guess": guess,
             "the residual": (self._values("residual"), residual),
             **(self._jointed(cast(JointedStage, stage)) if self.plan.jointed else self._advanced(stage)),
             "the record": (self._values("record"), record),
             "the chart": (np.max(self._values("chart"), axis=0)[None], np.array([[chart]])),
         }
-        return {name: _apart(*pair) for name, pair in pairs.items()}
+        return {name: _apart(one, other, strict) for name, (one, other) in pairs.items()}
+
+    def _after(self, state: PyTree, name: str) -> np.ndarray:
+        self._begin(state)
+        return self._values(name)
 
     def _advanced(self, stage: LinkedStage) -> dict[str, Pair]:
         after = evaluate(stage.advanced, self.parameters, self.state, np.float64(LENGTH), self.z)
@@ -146,8 +187,11 @@ class _Check:
         return layout(like).unpack(row)
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
+def _apart(one: np.ndarray, other: np.ndarray, strict: bool) -> float:
     """The largest difference of a column, relative to the largest number of it."""
+    there = np.isfinite(other)
+    if not strict and np.array_equal(there, np.isfinite(one)):
+        one, other = np.where(there, one, 0.0), np.where(there, other, 0.0)
     sizes = np.maximum(np.max(np.abs(other), axis=0), 1e-3 * np.max(np.abs(other), initial=1e-300))
     found = np.max(np.abs(one - other) / sizes)
     return float(found) if np.isfinite(found) else np.inf

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import Array, PyTree, Scalar
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.packing import flattened, layout, pack
 from coadjoint.kernels.program import Code, LinkedStage, Program
@@ -22,6 +23,9 @@ from coadjoint.kernels.trace.fork_safety import require_own_xla
 
 ROOM = 2**22
 """The most bytes of records between two observations, which stay in the cache of a processor."""
+
+UNSOLVED = 1e-6
+"""The largest residual of a step relative to its momentum that an iteration which has settled may leave."""
 
 MOST = 64
 """The most records that XLA observes in one call: more save no time."""
@@ -86,6 +90,7 @@ def _part(
     rows = np.concatenate([chunk.records.reshape(-1, read.size), pack(chunk.final)[1][None]])
     monitors, certificates, finite, nodes = _seen(program, parameters, state, rows, h, together)
     good = chunk.steps if np.all(finite) else int(np.argmin(finite))
+    _require_solved(certificates, good)
     if good < chunk.steps:
         chunk = replace(advance(good, substeps=True), code=Code.NOT_FINITE)
     rows, end = rows if nodes is None else nodes, good * parts
@@ -98,6 +103,17 @@ def _part(
         monitors={name: both[name] for name in monitors},
         extrema={name: (np.min(x, 0, initial=np.inf), np.max(x, 0, initial=-np.inf)) for name, x in both.items()},
     )
+
+
+def _require_solved(certificates: Mapping[str, Any], good: int) -> None:
+    """Raise ArgumentError where the equations of all links are not solved by those of links that are alike."""
+    residual = np.asarray(certificates.get("newton_residual", ()))[:good]
+    if np.any(residual > UNSOLVED):
+        raise ArgumentError(
+            f"Step {int(np.argmax(residual > UNSOLVED))} of a stretch does not solve the equations of all links, by "
+            f"{np.max(residual):.1g} of the momentum: a force or the Lagrangian acts on some links in a way that does "
+            'not show at the start. Use backend="xla".'
+        )
 
 
 def _seen(program: Program, parameters: PyTree, start: PyTree, rows: np.ndarray, h: Scalar, together: int) -> _Seen:
