@@ -125,3 +125,10 @@ def test_steps_and_tangents_by_xla_and_in_lanes_are_those_of_one_lane(method):
     np.testing.assert_allclose(other.course, many.course, atol=1e-12)
     exact, xla = (one.tangent(rows, h)[:, places][:, :, places] for one in (found, by_xla))
     np.testing.assert_allclose(xla, exact, atol=1e-12)
+
+
+def test_an_ensemble_that_fills_its_lanes_is_judged_without_any_parameter():
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi))
+    start = body.state(xi=co.each(np.linspace(0.1, 0.5, 48).reshape(16, 3)))
+    run = co.simulate(body, start, dt=0.1, steps=4, monitors=False, progress=False)
+    assert run.accuracy is not None

@@ -304,9 +304,11 @@ class StepModel:
 
 
 def _addresses(array: np.ndarray, count: int) -> Iterable[int]:
-    """Where each of `count` groups of an array begins; the first one for all, if there is no other."""
+    """Where each of `count` groups of an array begins; the first one for all, if there is no other, or no number."""
     begin = array.ctypes.data
-    return repeat(begin, count) if len(array) == 1 else range(begin, begin + array.nbytes, array.strides[0])
+    if len(array) == 1 or not array.size:
+        return repeat(begin, count)
+    return range(begin, begin + array.nbytes, array.strides[0])
 
 
 def implicit_slopes(J: np.ndarray, m: int) -> np.ndarray:
