@@ -146,6 +146,11 @@ def test_rods_in_loops_move_as_xla(ends):
 
 
 @pytest.mark.long
+def test_a_long_rod_is_in_loops_as_no_pair_of_its_sections_is_compared_near_a_half_turn():
+    assert planned(*rod("free", elements=199, planar=False)).count == 200
+
+
+@pytest.mark.long
 def test_a_rod_with_a_load_at_its_end_is_in_loops_too():
     system, start = rod("clamped", 16, load=(0.0, -1.0))
     runs = [co.simulate(system, start, dt=0.005, steps=40, backend=kind, **QUIET) for kind in ("native", "xla")]

@@ -16,7 +16,7 @@ ENERGIES = ("energy", "discrete_energy")
 
 
 def near_zero(size: np.ndarray | float, kinetic: np.ndarray | float) -> np.ndarray:
-    """Whether |E₀| is too small beside the largest kinetic energy to be the scale of changes; of any shape."""
+    """Whether |E₀| is too small, against the largest kinetic energy, to be the scale of changes; of any shape."""
     return np.asarray(kinetic) > 20.0 * np.asarray(size)
 
 

@@ -31,6 +31,9 @@ from coadjoint.methods.rattle import Rattle, Reactions
 from coadjoint.methods.renewal import held
 from coadjoint.methods.step import Step
 
+TURNED = 0.1
+"""The most, rad and m, by which links of a random state are moved: the logarithm of a turn near π loses digits."""
+
 
 @dataclass(frozen=True)
 class StepOfLinks:
@@ -161,7 +164,7 @@ class StepOfLinks:
 
         names = ("n", "mu", "pi", "xi", "nu")
         memory = self._memory(self.count, lambda size: random.normal(size=size))
-        eta = min(size, 1.0) * random.normal(size=self.group.dim)
+        eta = min(size, TURNED) * random.normal(size=self.group.dim)
         g, a = evaluate(self._turned, state.g, state.a, eta)
         driving = _each_driving(state, lambda leaf, own: moved(leaf), self.driving)
         changes = {

@@ -25,7 +25,7 @@ CHANGED = 0.01
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
     """|E(t)/E(0) − 1| over time: an error where no force acts, otherwise the change by forces; E(t) if it is large.
 
-    The change itself, |E(t) − E(0)|, where E(0) is near zero beside the largest kinetic energy
+    The change itself, |E(t) − E(0)|, where E(0) is near zero against the largest kinetic energy
     (`coadjoint.mechanics.energy_scale`).
 
     `definition`: "discrete" is E(t_k) = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;

@@ -173,6 +173,7 @@ def test_a_step_that_fails_leaves_the_state_and_says_why():
     p = np.ones(9)
     beyond = native.run(OneStage(Springs(9, reach=1.0)), p, bent(9), H, 3, 1, monitors=False)
     assert beyond.code is Code.BEYOND_CHART and beyond.steps == 0 and np.array_equal(beyond.final.x, bent(9).x)
+    assert native.run(OneStage(Springs(9)), p, bent(9), H, 3, 1, monitors=False).code is Code.CONVERGED
     broken = replace(bent(9), v=np.full((9, 2), np.inf))
     assert native.run(OneStage(Springs(9)), p, broken, H, 3, 1, monitors=False).code is Code.NOT_FINITE
 

@@ -23,7 +23,7 @@ APART = 1e-9
 """The largest difference of a number, relative to the largest of its kind: round-off."""
 
 LENGTH = 0.1
-"""h of the comparison."""
+"""h of the comparison, by less where velocities are large: links that turn by π lose digits."""
 
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -77,7 +77,7 @@ class _Check:
 
     def __init__(self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree, size: float) -> None:
         self.plan, self.stage, self.parameters, self.size = plan, stage, parameters, size
-        random = np.random.default_rng(1834)
+        random, self.h = np.random.default_rng(1834), np.float64(LENGTH / max(1.0, size))
         self.unknowns = unknowns_of(stage)
         self.z = max(1.0, size) * random.normal(size=self.unknowns.size)
         self.multipliers = self.unknowns[:, plan.base :] - (sum(stage.blocks[:-1]) if plan.jointed else 0)
@@ -101,7 +101,7 @@ class _Check:
 
     def differences(self, strict: bool) -> dict[str, float]:
         """The largest relative difference of each function; strict: infinite where numbers are not finite."""
-        p, stage, h = self.parameters, self.stage, np.float64(LENGTH)
+        p, stage, h = self.parameters, self.stage, self.h
         prepared, renewed = self._values("prepared"), evaluate(stage.prepare, p, self.state, h)
         guess = self._after(renewed, "guess"), evaluate(stage.guess, p, renewed, h)[self.unknowns]
         # From here on with inputs that do not vanish.
@@ -124,11 +124,11 @@ class _Check:
         return self._values(name)
 
     def _advanced(self, stage: LinkedStage) -> dict[str, Pair]:
-        after = evaluate(stage.advanced, self.parameters, self.state, np.float64(LENGTH), self.z)
+        after = evaluate(stage.advanced, self.parameters, self.state, self.h, self.z)
         return {"the state after the step": (self._values("after"), self._numbers(after))}
 
     def _jointed(self, stage: JointedStage) -> dict[str, Pair]:
-        p, h = self.parameters, np.float64(LENGTH)
+        p, h = self.parameters, self.h
         free = evaluate(stage.free, p, self.state, h, self.z)
         self.arrays["f"] = self._numbers(free)
         moving = self._state(self._values("moving"), free)
@@ -160,7 +160,7 @@ class _Check:
 
     def _value(self, node: Expr, args: list[Any], link: int, links: np.ndarray) -> Any:
         if node is self.plan.h:
-            return LENGTH
+            return self.h
         address = self.plan.address.get(node)
         if address is not None:
             if address.link is None:
