@@ -30,7 +30,7 @@ def largest_kinetic(*parts: State) -> np.ndarray:
 
 
 def paired(momenta: Array, velocities: Array) -> np.ndarray:
-    """⟨μ, ξ⟩ over the last axis; of less than eight components column after column, as NumPy is slow along rows."""
+    """⟨μ, ξ⟩ of rows (…, k), shape (…): of fewer than eight numbers by columns, as NumPy is slow along short rows."""
     if momenta.shape[-1] >= 8:
         return np.asarray(momenta * velocities).sum(axis=-1)
     total = np.zeros(momenta.shape[:-1])

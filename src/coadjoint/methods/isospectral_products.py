@@ -48,7 +48,7 @@ def _closed(A: Array, B: Array, X: Array) -> tuple[Array, Array]:
 
 
 def plain(P: ComplexMatrix, W: ComplexMatrix, hull: Un) -> tuple[Array, Array]:
-    """The coordinates (n²,) on U(n) of [P, W] = PW − (PW)† and of PWP, which is anti-Hermitian."""
+    """Coordinates on U(n), shape (n²,), of [P, W] = PW − (PW)† and of PWP, which is anti-Hermitian."""
     Z = product(P, W)
     X = sum_of_parts(Z, P)
     return 2 * hull.coordinates(Z), hull.coordinates(ComplexMatrix(X, X))
@@ -56,7 +56,7 @@ def plain(P: ComplexMatrix, W: ComplexMatrix, hull: Un) -> tuple[Array, Array]:
 
 @jax.custom_jvp
 def products(p: Array, w: Array) -> tuple[Array, Array]:
-    """The coordinates (n²,) of [P, W] and of PWP, n ≥ TILE, of P and W by theirs (n²,), in either precision.
+    """Coordinates, shape (n²,), of [P, W] and of PWP, n ≥ TILE, of P and W by theirs, in either precision.
 
     Z = PW = RA − JB + i(RB + JA) = (R + J)A − J(A + B) + i((R + J)A + R(A + B)ᵀ),   ZP as in `sum_of_parts`
     """

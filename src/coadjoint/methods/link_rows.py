@@ -37,7 +37,7 @@ def _by_links(space: Space, group: Power, view: PyTree) -> list[Array]:
 
 
 def placed_by_links(rows: Array, owners: list[int], count: int) -> Array:
-    """Rows (M, …) by the links that own them, (N, the most of a link, …)."""
+    """Rows (M, …) by the links that own them, shape (N, k, …) with k the most rows of a link."""
     of_link: list[list[int]] = [[] for _ in range(count)]
     for row, link in enumerate(owners):
         of_link[link].append(row)
