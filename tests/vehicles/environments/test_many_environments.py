@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from scripted import GOES, LATE, MIDDLE_ENDS, Scripted
 
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.environments import HoldStation, environment, vector_environment
@@ -166,3 +167,90 @@ def test_wrappers_of_gymnasium_count_returns_and_lengths(envs):
             break
     assert infos["episode"]["r"][0] == pytest.approx(total[0], rel=1e-9)
     assert many.observation_space.contains(many.step(given[0])[0])
+
+
+def seen_of(envs, script: Scripted) -> list[tuple]:
+    """Rewards, terminations and truncations of each period, as lists."""
+    return [tuple(part.tolist() for part in envs.step(None)[1:4]) for _ in script.script]
+
+
+def test_a_member_that_has_ended_begins_in_the_same_period_and_shows_its_last_row():
+    script = Scripted(GOES, MIDDLE_ENDS, LATE, failing={3: {2: "no step"}})
+    envs = script.envs("same_step")
+    with pytest.raises(ArgumentError, match=r"call reset\(\) first"):
+        envs.step(None)
+    np.testing.assert_array_equal(envs.reset()[0], [[-1, 1]] * 3)
+    seen, rewards, terminated, truncated, infos = envs.step("given")
+    np.testing.assert_array_equal(seen, [[1, 1], [2, 2], [3, 3]])
+    assert script.commands == ["given"] and rewards.tolist() == [0.1, 0.2, 0.3] and infos == {}
+    assert not terminated.any() and not truncated.any()
+    seen, rewards, terminated, truncated, infos = envs.step(None)
+    np.testing.assert_array_equal(seen, [[4, 4], [-1, 2], [6, 6]])
+    assert script.begun == [[0, 1, 2], [1]] and rewards.tolist() == [0.4, 0.5, 0.6]
+    assert terminated.tolist() == [False, True, False] and not truncated.any()
+    assert infos["final_obs"][1].tolist() == [5, 5] and infos["final_obs"][0] is None
+    assert infos["_final_obs"].tolist() == infos["_final_info"].tolist() == [False, True, False]
+    last = infos["final_info"]
+    assert last["end"].tolist() == [None, "arrived", None] and last["is_success"].tolist() == [False, True, False]
+    assert "failure" not in last and last["_end"].tolist() == last["_is_success"].tolist() == [False, True, False]
+    seen, rewards, terminated, truncated, infos = envs.step(None)
+    np.testing.assert_array_equal(seen, [[-1, 3], [8, 8], [-1, 3]])
+    assert rewards.tolist() == pytest.approx([0.7, 0.8, 0.9 - 10.0])
+    assert terminated.tolist() == [False, False, True] and truncated.tolist() == [True, False, False]
+    last = infos["final_info"]
+    assert last["end"].tolist() == ["time", None, "failure"] and not last["is_success"].any()
+    assert last["failure"].tolist() == [None, None, "no step"] and last["_failure"].tolist() == [False, False, True]
+
+
+def test_a_member_that_has_ended_begins_in_the_next_period_which_counts_for_nothing():
+    script = Scripted(MIDDLE_ENDS, [[1, 1, 0.1, 0, 0], [2, 2, 0.2, 1, 0], [3, 3, 0.3, 0, 1]], GOES, LATE, GOES)
+    envs = script.envs("next_step")
+    envs.reset()
+    assert seen_of(envs, script) == [
+        ([0.4, 0.5, 0.6], [False, True, False], [False] * 3),
+        ([0.1, 0.0, 0.3], [False, False, True], [False] * 3),
+        ([0.1, 0.2, 0.0], [False, False, False], [True, False, False]),
+        ([0.0, 0.8, 0.9], [False, False, True], [False] * 3),
+        ([0.1, 0.2, 0.0], [False, False, False], [False, True, False]),
+    ]
+    assert script.begun == [[0, 1, 2], [1], [2], [0], [2]]
+
+
+def test_without_autoreset_ended_members_are_those_of_a_mask():
+    script = Scripted(MIDDLE_ENDS, GOES)
+    envs = script.envs("disabled")
+    mask = np.array([False, True, False])
+    with pytest.raises(ArgumentError, match=r"The first reset\(\) is that of all members"):
+        envs.reset(options={"reset_mask": mask})
+    envs.reset()
+    envs.step(None)
+    with pytest.raises(ArgumentError, match="The episodes of 1 members have ended"):
+        envs.step(None)
+    for wrong in (mask.tolist(), mask.astype(float), mask[:2]):
+        with pytest.raises(ArgumentError, match=r"truth values of shape \(3,\), but is"):
+            envs.reset(options={"reset_mask": wrong})
+    np.testing.assert_array_equal(envs.reset(options={"reset_mask": mask, "start": 7.0})[0], [[4, 4], [7, 2], [6, 6]])
+    assert script.begun == [[0, 1, 2], [1]]
+    assert envs.step(None)[1].tolist() == [0.1, 0.2, 0.3]
+    with pytest.raises(ArgumentError, match="has no key `mask`"):
+        envs.reset(options={"mask": mask})
+
+
+@pytest.mark.parametrize(
+    ("seed", "expected"), [(7, [7, 8, 9]), ([4, None, 5], [4, None, 5]), (None, [None] * 3), (np.int64(2), [2, 3, 4])]
+)
+def test_members_have_seeds_one_after_the_other_or_those_of_a_list(seed, expected):
+    script = Scripted()
+    envs = script.envs("same_step", own_seed=20)
+    envs.reset(seed=seed)
+    for member, (own, (random, varying)) in enumerate(zip(expected, script.random, strict=True)):
+        assert own is None or random.uniform() == np.random.Generator(np.random.PCG64(own)).uniform()
+        assert varying.uniform() == np.random.default_rng([20 + member, 1]).uniform()
+    before = list(script.random)
+    envs.reset()
+    assert script.random == before
+    envs.reset(seed=[None, 3, None])
+    assert [new is old for new, old in zip(script.random, before, strict=True)] == [True, False, True]
+    for wrong, told in (([1, 2], "one for each of 3, but is 2"), ([1, 2, "a"], "seed"), (-1, "seed")):
+        with pytest.raises(ArgumentError, match=told):
+            envs.reset(seed=wrong)

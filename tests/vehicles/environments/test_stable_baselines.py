@@ -9,6 +9,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from scripted import GOES, LATE, MIDDLE_ENDS, Scripted
 
 from coadjoint.errors import ArgumentError
 from coadjoint_vehicles.environments import HoldStation, baselines, vector_environment
@@ -93,11 +94,47 @@ def test_a_copy_and_a_pickle_go_on_alike(envs, library):
             assert returns[0] == returns[1]
 
 
-def test_wrong_uses_raise(envs, library, monkeypatch):
-    adapter = envs[0].stable_baselines()
-    later = vector_environment("bluerov2_heavy_von_benzon", HoldStation(seconds=0.5), num_envs=1)
+@pytest.fixture
+def adapted(library):
+    """An adapter over a script: member 1 arrives in the second period, the others end in the third."""
+    script = Scripted(GOES, MIDDLE_ENDS, LATE, GOES, failing={3: {2: "no step"}})
+    return script, script.envs("same_step").stable_baselines()
+
+
+def test_infos_of_members_that_end_have_their_return_length_and_last_row(adapted):
+    script, adapter = adapted
+    adapter.seed(5)
+    begun = adapter.reset()
+    assert begun.tolist() == [[-1, 1]] * 3 and begun.dtype == adapter.observation_space.dtype == np.float32
+    assert script.random[1][0].uniform() == np.random.default_rng(6).uniform() and adapter._seeds == [None] * 3
+    seen, rewards, dones, infos = adapter.step("given")
+    assert script.commands == ["given"] and infos == [{}] * 3 and not dones.any()
+    assert seen.tolist() == [[1, 1], [2, 2], [3, 3]] and rewards == pytest.approx([0.1, 0.2, 0.3])
+    assert seen.dtype == rewards.dtype == np.float32
+    *_, dones, infos = adapter.step(None)
+    assert dones.tolist() == [False, True, False] and infos[0] == infos[2] == {}
+    episode = infos[1].pop("episode")
+    assert (episode["r"], episode["l"]) == (pytest.approx(0.7), 2) and 0 <= episode["t"] < 100
+    assert infos[1].pop("terminal_observation").tolist() == [5, 5]
+    assert infos[1] == {"end": "arrived", "is_success": True, "TimeLimit.truncated": False}
+    *_, dones, infos = adapter.step(None)
+    assert dones.tolist() == [True, False, True] and infos[1] == {}
+    assert infos[0]["TimeLimit.truncated"] and "failure" not in infos[0] and infos[0]["episode"]["l"] == 3
+    assert infos[2]["failure"] == "no step" and not infos[2]["TimeLimit.truncated"]
+    assert infos[2]["episode"]["r"] == pytest.approx(0.3 + 0.6 + 0.9 - 10.0)
+    assert adapter._returns == pytest.approx([0.0, 0.8, 0.0]) and adapter._lengths.tolist() == [0, 1, 0]
+    assert adapter.env_is_wrapped(int) == [False] * 3 and adapter.env_is_wrapped(type("Monitor", (), {}), 1) == [True]
+    assert adapter.get_attr("mode", [0, 2]) == [adapter.envs.mode] * 2 and adapter.get_attr("render_mode") == [None] * 3
+    made, (envs, state) = adapter.__reduce__()
+    assert made(envs, state)._returns is adapter._returns and made(envs, state)._lengths.tolist() == [0, 1, 0]
+    adapter.reset()
+    assert not adapter._returns.any() and not adapter._lengths.any()
+
+
+def test_wrong_uses_raise(adapted, monkeypatch):
+    _, adapter = adapted
     for make, told in (
-        (later.stable_baselines, 'autoreset="same_step"'),
+        (Scripted().envs("next_step").stable_baselines, 'autoreset="same_step"'),
         (lambda: adapter.set_attr("seconds", 3.0), "Members share `seconds`"),
         (lambda: adapter.env_method("render"), "Members have no `render`"),
     ):
@@ -106,4 +143,4 @@ def test_wrong_uses_raise(envs, library, monkeypatch):
     baselines._kind.cache_clear()
     monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
     with pytest.raises(ArgumentError, match='pip install "stable-baselines3"'):
-        envs[0].stable_baselines()
+        adapter.envs.stable_baselines()
