@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -197,5 +199,9 @@ def test_the_identity_of_runs_has_the_form_of_loops_without_joints(monkeypatch):
     form = configuration._loops_over_links
     assert form(by_loops, constants, state) and not form(by_xla, constants, state)
     assert native.linked(program, state) is not None
+    members = replace(by_loops, members=2)
+    assert native.written(program) and not form(members, constants, state)
+    monkeypatch.setattr(configuration, "written", lambda program: False)
+    assert form(members, constants, state) == form(by_loops, constants, state)
     monkeypatch.setattr(configuration, "loops", lambda *given: False)
     assert not form(by_loops, constants, state)

@@ -19,7 +19,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.program import NEWTON, Code
 from coadjoint.kernels.run import disk_cache, plans
-from coadjoint.kernels.run.native import loops
+from coadjoint.kernels.run.native import loops, written
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.manifest import DAMAGED
@@ -163,11 +163,12 @@ def fingerprint(
     one: the member of an ensemble for which its equations are traced. known: the traces made for the kernel.
     """
     constants, start = (plan.constants, state) if one is None else one
-    name = plans.name(plan.program, constants, start, "fingerprint", plan.watches, plan.constants.monitors)
+    form = _loops_over_links(plan, constants, start)
+    name = plans.name(plan.program, constants, start, "fingerprint", plan.watches, plan.constants.monitors, *form)
     traced = disk_cache.find(name)
     if traced is None:
         with tracing_once(known):
-            traced = _traced(plan, constants, start)
+            traced = _traced(plan, constants, start, form)
         disk_cache.keep(name, traced)
     directions = [event.direction for _, event in plan.events]
     return {
@@ -180,8 +181,8 @@ def fingerprint(
     }
 
 
-def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
-    """The digests of the equations, and of the monitors with their constants."""
+def _traced(plan: Plan, constants: Constants, state: State, form: list[str]) -> dict[str, str]:
+    """The digests of the equations with the form that native code gives them, and of the monitors with their constants."""
     program, h, whole = plan.program, np.float64(plan.h), np.float64(1.0)
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state, h))]
@@ -199,7 +200,7 @@ def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.watches else []
     order = {step: i for i, step in enumerate(different)}
     parts = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
-    stages = [program.substeps, *parts, *_loops_over_links(plan, constants, state)]
+    stages = [program.substeps, *parts, *form]
     return {
         "equations": digest(NEWTON, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
         "monitors": digest(
@@ -210,10 +211,13 @@ def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
 
 def _loops_over_links(plan: Plan, constants: Constants, state: State) -> list[str]:
     """The form of native code where it is not that of `NEWTON`: chords in loops over links."""
-    if plan.backend != "native" or plan.members is not None or not loops(plan.program, constants, state):
+    program = plan.program
+    if plan.backend != "native" or (plan.members is not None and written(program)):
         return []
-    stage = plan.program.linked(state)
-    return [] if stage is None or stage.structure.multipliers else ["chords over links"]
+    if plan.members is None and not loops(program, constants, state):
+        return []
+    stage = program.linked(state)
+    return [] if stage is None or stage.structure.multipliers else ["chords over links and their pairs"]
 
 
 def named(tree: PyTree) -> list[PyTree]:

@@ -43,6 +43,8 @@ class Springs:
     """Whether the first and the last point are joined, too."""
     reach: float = 0.0
     coupled: bool = True
+    dear: int = 0
+    """How many sines the force of a spring takes."""
 
     @property
     def blocks(self):
@@ -79,7 +81,10 @@ class Springs:
     def pull(self, x):
         """∂V."""
         e = jnp.diff(x, axis=0) * (1.0 if self.coupled else 0.0)
-        force = e * (1 + jnp.sum(e**2, axis=1, keepdims=True))
+        size = 1 + jnp.sum(e**2, axis=1, keepdims=True)
+        for _ in range(self.dear):
+            size = jnp.sin(size)
+        force = e * size
         found = jnp.pad(-force, [(0, 1), (0, 0)]) + jnp.pad(force, [(1, 0), (0, 0)]) + 0.1 * x**3
         return found.at[0].add(0.2 * (x[0] - x[-1])) if self.far else found
 
@@ -137,11 +142,15 @@ SLOW = pytest.mark.long
 
 
 @pytest.mark.parametrize(
-    ("count", "coupled"), [(21, True), pytest.param(6, True, marks=SLOW), pytest.param(21, False, marks=SLOW)]
+    ("count", "coupled", "dear"),
+    [(21, True, 20), *(pytest.param(*case, marks=SLOW) for case in ((6, True, 0), (6, True, 30), (21, False, 0)))],
 )
-def test_loops_take_the_steps_of_a_dense_newton_iteration(count, coupled):
-    """Lengths that are no multiple of the lanes, and blocks of which those at links next to it are zero."""
-    stage, p = Springs(count, coupled=coupled), np.linspace(1.0, 2.0, count)
+def test_loops_take_the_steps_of_a_dense_newton_iteration(count, coupled, dear):
+    """Lengths that are no multiple of the lanes, blocks of which those at links next to it are zero, and values of
+    pairs of links that are computed once."""
+    stage, p = Springs(count, coupled=coupled, dear=dear), np.linspace(1.0, 2.0, count)
+    plan = plan_links(stage, p, bent(count), (2,) * count)
+    assert len(plan.pairs) == (2 if dear else 0)
     found = native.run(OneStage(stage), p, bent(count), H, 4, 5, monitors=False)
     assert found.code is Code.CONVERGED and found.steps == 20 and found.iterations <= 4 * 20
     expected = by_hand(stage, p, bent(count), 20, H)

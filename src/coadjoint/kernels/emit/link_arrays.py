@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 
 import numpy as np
@@ -10,6 +10,7 @@ from llvmlite import ir
 
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.lanes import LaneEmitter
+from coadjoint.kernels.emit.link_pairs import Pairs
 from coadjoint.kernels.emit.link_plan import LinkCode, LinkPlan
 from coadjoint.kernels.emit.link_symbols import LinkPlaces
 from coadjoint.kernels.expressions.expression import Expr, reachable
@@ -19,6 +20,7 @@ LINE = 8
 
 Roots = Callable[[LinkCode], list[Expr]]
 Write = Callable[[Emitter, list[Value], Value, LinkCode], None]
+Known = Mapping[Expr, tuple[int, int]]
 Places = list[tuple[Expr, str, int]]
 """Expressions, each with an array and the number of a link there."""
 
@@ -30,7 +32,7 @@ def sizes(plan: LinkPlan) -> dict[str, int]:
     """How many numbers of a link each array holds.
 
     s, n: the state and the next one. b: that at the node. z, y: the unknowns and the next ones. d: the solution of the
-    sweep. t: of chords the blocks, then their factors.
+    sweep. t: of chords the blocks, then their factors. v: of it and the next link, `LinkPlan.pairs`.
     Of joints f: the state after the free step. x, q: `LinkCode.solved` and `LinkCode.joints`. t: rows L, D, U, r.
     w: W and y of the sweep.
     """
@@ -38,7 +40,8 @@ def sizes(plan: LinkPlan) -> dict[str, int]:
     found = {"p": plan.parameters.links.shape[1], "s": slots, "n": slots, "b": slots}
     found |= {"z": len(plan.blocks), "y": len(plan.blocks), "d": m}
     if not plan.jointed:
-        return found | {"t": 3 * m**2}
+        values = max((len(pairs.values) for pairs in plan.pairs.values()), default=0)
+        return found | {"t": 3 * m**2, "v": values}
     return found | {"f": slots, "x": len(inner.solved), "q": len(inner.joints), "t": 3 * m**2 + m, "w": m**2 + m}
 
 
@@ -143,47 +146,72 @@ class LinkArrays:
         b.cbranch(b.icmp_signed("<" if step > 0 else ">", following, end), body, after)
         b.position_at_end(after)
 
-    def links(self, roots: Roots, write: Write, emit: Emitter | None = None) -> None:
+    def links(self, roots: Roots, write: Write, emit: Emitter | None = None, pairs: Pairs | None = None) -> None:
         """The values of expressions of every link: of the first ones, of those between by lanes, and of the last ones.
 
-        The last lanes of those between may repeat links, from the same numbers: nothing is changed in place.
+        pairs: what they share. The last lanes of those between may repeat links, from the same numbers: nothing is
+        changed in place.
         """
         codes, reach, emit = self.plan.codes, self.plan.reach, emit or self.many
+        if pairs is not None:
+            self._pairs(pairs)
+        known = {} if pairs is None else pairs.known
         for link, code in enumerate(codes[:reach]):
-            self._link(self.one, code, roots, write, INT64(link))
+            self._link(self.one, code, roots, write, INT64(link), known.get(code.link, {}))
         end, inner = self.plan.count - reach, codes[reach]
-        final = INT64(end - emit.width)
-        with self.over(INT64(reach), INT64(end), emit.width) as i:
-            here = i if emit.width == 1 else self.b.select(self.b.icmp_signed("<", i, final), i, final)
-            self._link(emit, inner, roots, write, here)
+        with self._grouped(reach, end, emit) as here:
+            self._link(emit, inner, roots, write, here, known.get(inner.link, {}))
         for link, code in enumerate(codes[reach + 1 :], end):
-            self._link(self.one, code, roots, write, INT64(link))
+            self._link(self.one, code, roots, write, INT64(link), known.get(code.link, {}))
 
-    def _link(self, emit: Emitter, code: LinkCode, roots: Roots, write: Write, link: Value) -> None:
+    @contextmanager
+    def _grouped(self, begin: int, end: int, emit: Emitter) -> Iterator[Value]:
+        """A loop over the first links of groups by lanes, the last of which may repeat some of the one before."""
+        final = INT64(end - emit.width)
+        with self.over(INT64(begin), INT64(end), emit.width) as i:
+            yield i if emit.width == 1 else self.b.select(self.b.icmp_signed("<", i, final), i, final)
+
+    def _pairs(self, pairs: Pairs) -> None:
+        """Store the values of all pairs."""
+        emit = self.many
+        with self._grouped(0, self.plan.count - 1, emit) as here, emit.scope():
+            self._bind(emit, pairs.values, pairs.link, here, {})
+            for slot, value in enumerate(emit.values(pairs.values)):
+                self.store(emit, value, "v", slot, here)
+
+    def _link(self, emit: Emitter, code: LinkCode, roots: Roots, write: Write, link: Value, known: Known) -> None:
         found = roots(code)
         with emit.scope():
-            for node in reachable(found):
-                address = self.plan.address.get(node)
-                if address is not None and address.link is not None:
-                    there = self.b.add(link, INT64(address.link - code.link))
-                    emit.bind(node, self.load(emit, address.array, address.slot, there))
+            self._bind(emit, found, code.link, link, known)
             write(emit, emit.values(found), link, code)
 
-    def fill(self, array: str, roots: Roots, watched: Lanes | None = None) -> None:
-        """Store expressions of every link in an array; `watched` collects their sum."""
-        self.fill_both({array: roots}, watched)
+    def _bind(self, emit: Emitter, roots: list[Expr], own: int, link: Value, known: Known) -> None:
+        """The symbols in expressions of number `own` of the short chain, as those of a link, and values of pairs."""
+        for node in reachable(roots, lambda node: () if node in known else node.args):
+            address = self.plan.address.get(node)
+            if node in known:
+                slot, away = known[node]
+                emit.bind(node, self.load(emit, "v", slot, self.b.add(link, INT64(away))))
+            elif address is not None and address.link is not None:
+                there = self.b.add(link, INT64(address.link - own))
+                emit.bind(node, self.load(emit, address.array, address.slot, there))
 
-    def fill_both(self, roots: dict[str, Roots], watched: Lanes | None = None) -> None:
+    def fill(self, array: str, part: str, watched: Lanes | None = None) -> None:
+        """Store the expressions of a part of the code of every link in an array; `watched` collects their sum."""
+        self.fill_both({array: part}, watched)
+
+    def fill_both(self, parts: dict[str, str], watched: Lanes | None = None) -> None:
         """The same of several arrays."""
 
         def write(emit: Emitter, values: list[Value], link: Value, code: LinkCode) -> None:
-            slots = [(array, slot) for array, found in roots.items() for slot in range(len(found(code)))]
+            slots = [(array, slot) for array, part in parts.items() for slot in range(len(getattr(code, part)))]
             for (array, slot), value in zip(slots, values, strict=True):
                 self.store(emit, value, array, slot, link)
             if watched is not None:
                 self.add(emit, watched, values)
 
-        self.links(lambda code: [x for found in roots.values() for x in found(code)], write)
+        pairs = self.plan.pairs.get(tuple(parts.values()))
+        self.links(lambda code: [x for part in parts.values() for x in getattr(code, part)], write, pairs=pairs)
 
     def carried(
         self, given: Places, before: list[Expr], roots: Places, links: tuple[Value, Value, int], first: int = 0

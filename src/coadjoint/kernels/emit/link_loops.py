@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from llvmlite import ir
 
+from coadjoint.kernels.emit import FEW_PASSES
 from coadjoint.kernels.emit.emitter import DOUBLE, INT64, Emitter, Value
 from coadjoint.kernels.emit.link_arrays import LinkArrays, sizes, stride
 from coadjoint.kernels.emit.link_newton import ChordNewton, JointsNewton, unknowns
@@ -56,6 +57,8 @@ class _LinkFunction:
     def __init__(self, plan: LinkPlan, width: int, fractions: tuple[float, ...], everywhere: bool) -> None:
         self.plan, self.fractions, self.everywhere = plan, fractions, everywhere
         self.module = ir.Module(name="coadjoint")
+        if not plan.jointed:
+            self.module.add_named_metadata(FEW_PASSES, ["1"])
         kinds = [*[POINTER] * 3, INT64, INT64, *[POINTER] * 3, INT64.as_pointer(), POINTER]
         function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), name=NAME)
         for argument in function.args:
@@ -116,7 +119,7 @@ class _LinkFunction:
                 with arrays.scopes():
                     self._bind_shared()
                     arrays.bind_all(plan.h, self.full)
-                    arrays.fill("n", lambda code: code.prepared)
+                    arrays.fill("n", "prepared")
                     found = arrays.one.values(plan.prepared)
                 arrays.copied("n", "s")
                 for value, variable in zip(found, self.shared, strict=True):
@@ -149,7 +152,7 @@ class _LinkFunction:
         arrays, self.h = self.arrays, self._length()
         self._bind_shared()
         arrays.bind_all(self.plan.h, self.h)
-        arrays.fill("z", lambda code: code.guess)
+        arrays.fill("z", "guess")
         settled, count = self.iteration.emit(self.h)
         arrays.set(self.sums, 0.0)
         arrays.set(self.chart, 0.0)
@@ -162,10 +165,10 @@ class _LinkFunction:
         arrays.links(lambda code: [*unknowns(self.plan, code), *code.chart], judge)
         solved = arrays.finite(self.sums)
         if isinstance(self.iteration, JointsNewton):
-            arrays.fill("f", lambda code: code.free)
-            arrays.fill("t", lambda code: code.closing)
+            arrays.fill("f", "free")
+            arrays.fill("t", "closing")
             self.iteration.swept()
-        arrays.fill("n", lambda code: code.after, self.sums)
+        arrays.fill("n", "after", self.sums)
         after = arrays.one.values(self.plan.after)
         arrays.add(arrays.one, self.sums, after)
         self._ended(settled, solved, count, after)

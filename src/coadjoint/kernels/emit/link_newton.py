@@ -133,8 +133,8 @@ class JointsNewton(_Iteration):
     def _increment(self) -> _Measured:
         """One increment of all unknowns."""
         arrays = self.arrays
-        arrays.fill_both({"x": lambda code: code.solved, "q": lambda code: code.joints})
-        arrays.fill("t", lambda code: code.rows)
+        arrays.fill_both({"x": "solved", "q": "joints"})
+        arrays.fill("t", "rows")
         self.swept()
         found = self._moved({code.link: code.increment for code in self.plan.codes})
         arrays.copied("y", "z")
@@ -163,7 +163,7 @@ class ChordNewton(_Iteration):
         b.branch(newton)
         b.position_at_end(newton)
         with arrays.scopes():
-            arrays.fill_both({"t": lambda code: code.rows, "d": lambda code: code.residual})
+            arrays.fill_both({"t": "rows", "d": "residual"})
             self._factored()
             found = self._solved()
         self._settles(found, self._small(self._most(list(found.sizes.values())), self._scale(found)))
@@ -175,7 +175,7 @@ class ChordNewton(_Iteration):
         b.cbranch(b.load(chords), chord, newton)
         b.position_at_end(chord)
         with arrays.scopes():
-            arrays.fill("d", lambda code: code.residual)
+            arrays.fill("d", "residual")
             found = self._solved()
         self._taken(found, chords, (newton, chord, end))
         b.position_at_end(end)

@@ -14,6 +14,7 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.emit.link_blocks import Blocks, ChordSweep, chord_sweep
 from coadjoint.kernels.emit.link_elimination import BlockSweep, Schur, closing, sweep
+from coadjoint.kernels.emit.link_pairs import Pairs, pairs_of
 from coadjoint.kernels.emit.link_symbols import Address, LinkPlaces, ShortChain
 from coadjoint.kernels.expressions.collection import Collector
 from coadjoint.kernels.expressions.expression import Expr, reachable
@@ -66,7 +67,7 @@ class LinkPlan:
 
     driven: whether `prepare` changes a state. count: N. base: how many unknowns of a link are eliminated before the
     sweep over links, none but those of bodies with joints. blocks: of which kind each unknown is. state, parameters:
-    the places of their numbers in a row.
+    the places of their numbers in a row. pairs: what the expressions of these parts of `codes` share.
     """
 
     count: int
@@ -82,6 +83,7 @@ class LinkPlan:
     after: list[Expr]
     record: list[Expr]
     sweep: BlockSweep | ChordSweep
+    pairs: dict[tuple[str, ...], Pairs]
 
     @property
     def reach(self) -> int:
@@ -169,7 +171,20 @@ def _plan(chain: ShortChain) -> LinkPlan:
         after=after,
         record=chain.shared(record),
         sweep=swept,
+        pairs={} if chain.jointed or chain.reach > 1 else _pairs(chain, codes),
     )
+
+
+SHARING = (("rows", "residual"), ("residual",), ("after",))
+"""The parts of codes that are computed together, and whose values of pairs of links are."""
+
+
+def _pairs(chain: ShortChain, codes: list[LinkCode]) -> dict[tuple[str, ...], Pairs]:
+    found = {}
+    for parts in SHARING:
+        roots = {code.link: [x for part in parts for x in getattr(code, part)] for code in codes}
+        found[parts] = pairs_of(chain.graph, chain.address, roots, 2 * chain.reach)
+    return {parts: pairs for parts, pairs in found.items() if pairs is not None}
 
 
 Parts = dict[int, dict[str, list[Expr]]]
