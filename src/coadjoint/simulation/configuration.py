@@ -182,7 +182,7 @@ def fingerprint(
 
 
 def _traced(plan: Plan, constants: Constants, state: State, form: list[str]) -> dict[str, str]:
-    """The digests of the equations with the form that native code gives them, and of the monitors with their constants."""
+    """Digests of the equations, in the form that native code gives them, and of the monitors and their constants."""
     program, h, whole = plan.program, np.float64(plan.h), np.float64(1.0)
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state, h))]
