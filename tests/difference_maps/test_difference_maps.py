@@ -61,6 +61,51 @@ def test_a_map_starts_at_the_identity_and_inverts_with_its_argument(pair):
     assert defect <= ROUND_OFF * 10
 
 
+MATRICES = ("SO2", "SO3", "SE2", "SE3", "R3", "quaternions", "H2", "GLn2", "SO3_R3", "opposite")
+"""Groups on which Cayley's map is that of matrices, each with functions of its own."""
+
+
+def test_closed_forms_of_cayley_are_those_of_matrices():
+    """τ = (1 − ½ξ̂)⁻¹(1 + ½ξ̂), dτ_ξχ = (1 − ½ξ̂)⁻¹χ̂(1 + ½ξ̂)⁻¹, its inverse, and the dual of that; Gᵒᵖ by −ξ."""
+    tau, random = co.Cayley(), generator("closed forms")
+    given = {name: random.normal(scale=0.6, size=(3, GROUPS[name].dim)) for name in MATRICES}
+
+    def forms(name, xi, chi, mu):
+        group = GROUPS[name]
+        F, plain = tau.tau(group, xi), getattr(group, "group", group) if name == "opposite" else group
+        there = plain.hat(xi), plain.hat(chi), jax.vmap(plain.hat)(jnp.eye(plain.dim)), plain.matrix(F)
+        return there, tau.dtau(group, xi, chi), tau.dtau_inverse_dual(group, xi, mu), tau.inverse(group, F)
+
+    found = evaluate(lambda given: {name: forms(name, *three) for name, three in given.items()}, given)
+    for name, ((xi_hat, chi_hat, basis, F), moved, dual, back) in found.items():
+        xi, _, mu = given[name]
+        one, half = np.eye(len(xi_hat)), 0.5 * xi_hat
+        close(F, np.linalg.solve(one - half, one + half), 10)
+        half = -half if name == "opposite" else half
+        close(np.tensordot(moved, basis, 1), np.linalg.inv(one - half) @ chi_hat @ np.linalg.inv(one + half), 10)
+        for e, weight in zip(basis, dual, strict=True):
+            image = np.ravel((one - half) @ e @ (one + half))
+            parts = np.linalg.lstsq(basis.reshape(len(basis), -1).T, image, rcond=None)[0]
+            assert weight == pytest.approx(mu @ parts, abs=1e-12)
+        close(back, xi, 10)
+
+
+@pytest.mark.parametrize("name", ["SL2_dual"])
+def test_cayley_of_a_product_by_another_representation_moves_vectors_by_half(name):
+    """(F, ½(u + Fu)), whose tangent is that of its derivative, and the dual of its inverse undoes it."""
+    tau, group = co.Cayley(), GROUPS[name]
+    xi, chi, mu = 0.4 * generator("products", name).normal(size=(3, group.dim))
+
+    def forms(xi, chi, mu):
+        F, u = tau.tau(group.group, group.split(xi)[0]), group.split(xi)[1]
+        there = F, 0.5 * (u + group.representation.act(group.group, F, u))
+        moved, found = tau.dtau(group, xi, chi), tau.tau(group, xi)
+        closed = moved, found, tau.inverse(group, found), tau.dtau_inverse_dual(group, xi, mu) @ moved
+        return closed, (DifferenceMap._dtau(tau, group, xi, chi), there, xi, mu @ chi)
+
+    close(*evaluate(forms, xi, chi, mu))
+
+
 @pytest.mark.cases(16)
 def test_tangent_at_zero_is_the_identity(pair):
     tau, group, _, chi, _ = pair
