@@ -15,11 +15,9 @@ from coadjoint.errors import ArgumentError
 
 pytest.importorskip("casadi")
 
-from coadjoint.control.c_library import solver
-from coadjoint.control.given import with_previous
+from coadjoint.control import c_library
 from coadjoint.control.guess import Guesses
-from coadjoint.control.program import nonlinear_program
-from coadjoint.control.transcribe import transcribe
+from coadjoint.kernels.packing import layout
 
 BODY = co.System(
     co.SO3(),
@@ -51,12 +49,30 @@ def converged(controller, state, previous):
     return found.command["torque"]
 
 
-def test_the_solver_that_is_generated_finds_the_commands_of_the_controller(controller):
-    made = transcribe(with_previous(controller.problem))
-    program, nx = nonlinear_program(made, given=True), made.sizes[0]
-    x = made.graph.numbers(made.beginning.state)[made.live]
+def test_the_solver_that_is_generated_finds_the_commands_of_the_controller(controller, monkeypatch):
+    """Its texts have the sizes, places and names of the program."""
+    kept = {}
+
+    def keep(name):
+        made = getattr(c_library, name)
+        monkeypatch.setattr(c_library, name, lambda *given, **more: kept.setdefault(name, made(*given, **more)))
+
+    keep("transcribe"), keep("nonlinear_program"), keep("solver")
+    texts = c_library.sources(controller.problem, "control", 30, {"t": "s", "torque": "N m"})
+    made, program, (code, function) = kept["transcribe"], kept["nonlinear_program"], kept["solver"]
+    assert texts["control_solver.c"] == code and list(texts) == ["control.h", "control.c", "control_solver.c"]
+    assert "Controller of " in texts["control.h"] and ", 6 steps of 0.1 s" in texts["control.h"]
+    for line in (
+        "CONTROL_STATE_MU_0 = 9", "CONTROL_GIVEN_PREVIOUS_TORQUE = 0", "#define CONTROL_STEPS 6",
+        "     0..2       torque                               3        N m",
+    ):  # fmt: skip
+        assert line in texts["control.h"]
+    (places,) = re.findall(r"control_places\[13\] = \{([^}]*)\}", texts["control.h"] + texts["control.c"])
+    state = made.beginning.state
+    packed = made.graph.numbers(layout(state).unpack(np.arange(layout(state).size)))[made.live]
+    assert [int(one) for one in places.split(",")] == packed.tolist()
+    x = made.graph.numbers(state)[made.live]
     guess, zeros = Guesses(made).variables(made.problem, None, x), np.zeros(program.g.numel())
-    _, function = solver(program, nx, "control", 30)
     w, _, _, residuals = function(x, made.given, guess, 0.0 * guess, zeros)
     assert np.max(residuals.full()) < 1e-9
     found = made.split(w.full().ravel()).u[0]

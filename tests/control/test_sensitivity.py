@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import coadjoint as co
 from coadjoint.control import End, Input, Problem
+from coadjoint.control.sensitivity import _require
+from coadjoint.errors import ArgumentError
 
 J = np.diag([1.0, 2.0, 3.0])
 XI = np.array([0.1, -0.1, 0.2])
@@ -39,6 +43,53 @@ def quotients(changed, optimum):
     ahead, behind = (changed(sign * STEP).solve(guess=optimum.run, tolerance=1e-11) for sign in (1, -1))
     of_torques = (ahead.inputs["torque"] - behind.inputs["torque"]) / (2 * STEP)
     return (ahead.cost - behind.cost) / (2 * STEP), of_torques
+
+
+def test_of_two_steps_from_rest_to_rest_all_is_in_proportion_to_mass_and_way():
+    """u ∝ m (1 − g₀), J ∝ u²; the states change with g₀ alone, from 1 at the start to 0 at the end."""
+    cart = co.System(
+        co.Translation(1),
+        lambda xi, p: 0.5 * p.mass * xi @ xi,
+        parameters={"mass": 2.0},
+        forces=lambda motion, p: co.Force(torque=motion.inputs.push),
+    )
+    optimum = Problem(
+        cart, cart.state(g=[0.0]), dt=0.5, steps=2, inputs={"push": Input((1,))}, accuracy=False,
+        cost=lambda m, p: 0.5 * m.inputs.push @ m.inputs.push, end=End(g=[1.0], xi=[0.0]),
+    ).solve(tolerance=1e-11)  # fmt: skip
+    by_mass, by_start = optimum.sensitivity("mass"), optimum.sensitivity(start="g")
+    assert by_mass.cost["mass"] == pytest.approx(optimum.cost, rel=1e-8)  # 2 J/m
+    np.testing.assert_allclose(by_mass.inputs["push"]["mass"], optimum.inputs["push"] / 2.0, rtol=1e-7)
+    assert by_start.cost["start g"] == pytest.approx([-2.0 * optimum.cost], rel=1e-8)
+    np.testing.assert_allclose(by_start.inputs["push"]["start g"][..., 0], -optimum.inputs["push"], rtol=1e-7)
+    (place,) = (k for k, name in enumerate(by_start.names) if name.startswith("g"))
+    np.testing.assert_allclose(by_start.states["start g"][:, place, 0], [1.0, 0.5, 0.0], atol=1e-8)
+    np.testing.assert_allclose(by_mass.states["mass"][:, place], 0.0, atol=1e-8)
+    assert by_mass.duration["mass"] == 0.0 and by_mass.duration["mass"].shape == ()
+    assert f"{'mass':<18}dJ/dθ " in str(by_mass) and by_mass.parameters == {}
+
+
+@pytest.mark.parametrize(
+    ("names", "start", "told"),
+    [
+        (("mass",), ("g",), "ask for them one after the other"),
+        ((), (), "Name the data"),
+        (("chosen",), (), "`chosen` is optimised with the motion"),
+        ((), ("place",), "place"),
+        ((), "g", "start"),
+    ],
+)
+def test_what_an_optimum_is_not_a_function_of_is_told(names, start, told):
+    parameters = co.Parameters(mass=1.0, chosen=2.0)
+    problem = SimpleNamespace(
+        system=SimpleNamespace(parameters=parameters, name="cart"), parameters={"chosen": None}, free_start={},
+        start=SimpleNamespace(from_velocities=True),
+    )  # fmt: skip
+    with pytest.raises(ArgumentError, match=told):
+        _require(problem, names, start)
+    problem.free_start = {"g": 1.0}
+    with pytest.raises(ArgumentError, match="The start is optimised"):
+        _require(problem, (), ("g",))
 
 
 @pytest.mark.long
