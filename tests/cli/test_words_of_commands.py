@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from rich.table import Table
 
 from coadjoint.cli import comparing, results_folder, terminal, viewing
 from coadjoint.errors import ArgumentError, FileError
@@ -278,3 +279,77 @@ def test_a_narrow_terminal_breaks_neither_numbers_nor_names_in_front_of_texts(mo
     terminal.table(("meaning", "value"), [(words, "12345.6789012345"), ("short", "-1")])
     found = capsys.readouterr().out
     assert "hydrodynamic_center_of_pressure" in found and "12345.6789012345" in found
+
+
+def columns_of(monkeypatch, heads, rows) -> list[tuple]:
+    """Style, wrapping and least width of each column of a table on a terminal."""
+    made = []
+    monkeypatch.setattr(terminal.sys.stdout, "isatty", lambda: True)
+    add = Table.add_column
+
+    def kept(self, name, **more):
+        made.append((more["style"], more["no_wrap"], more["min_width"]))
+        return add(self, name, **more)
+
+    monkeypatch.setattr(Table, "add_column", kept)
+    terminal.table(heads, rows)
+    return made
+
+
+def test_numbers_and_names_in_front_of_texts_are_unbroken_and_names_next_to_numbers_have_a_least_width(monkeypatch):
+    words = columns_of(monkeypatch, ("key", "meaning"), [("a", "of it")])
+    assert words == [("bold", True, None), (None, False, None)]
+    numbers = columns_of(monkeypatch, ("key", "value", "unit"), [("a", "-12.5", "m"), ("b", "3", "s")])
+    assert numbers == [("bold", False, terminal.NAME), (None, True, 5), (None, False, None)]
+    assert columns_of(monkeypatch, ("count", "of"), [("1", "a")])[0] == ("bold", True, len("count"))
+
+
+# identify
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ({}, {"settle": 2.0, "segment": "auto"}),
+        ({"actual": ("rudder", "screw")}, {"settle": 0.0, "segment": "auto"}),
+        ({"settle": 3.5, "segment": 0.0}, {"settle": 3.5, "segment": None}),
+        ({"settle": 0.0, "segment": 20.0, "actual": ("rudder",)}, {"settle": 0.0, "segment": 20.0}),
+    ],
+)
+def test_a_log_is_settled_where_its_actuators_are_not_measured(asked, expected, monkeypatch, capsys, tmp_path):
+    given: dict[str, Any] = {}
+    parts = [SimpleNamespace(name=name) for name in ("rudder", "screw", "brake")]
+    found = SimpleNamespace(plot=lambda: "figure")
+
+    def identified(system, log, **more):
+        given.update(more, system=system, log=log)
+        return found
+
+    start = lambda actuators: ("start", actuators)  # noqa: E731
+    craft = SimpleNamespace(vehicle=SimpleNamespace(commanded=parts), system="system", start=start)
+    log = SimpleNamespace(first={"rudder": 0.5, "screw": 0.0}.get, actual=asked.pop("actual", ("rudder",)))
+    read: list[Any] = []
+    monkeypatch.setattr("coadjoint.identification.identify", identified)
+    monkeypatch.setattr("coadjoint.identification.merged", lambda logs: log)
+    monkeypatch.setattr("coadjoint_vehicles.files.registry.load_vehicle", str)
+    monkeypatch.setattr("coadjoint_vehicles.logs.read_log", lambda path, **more: read.append((path, more)))
+    monkeypatch.setattr("coadjoint_vehicles.model.craft.Craft", lambda vehicle: craft)
+    monkeypatch.setattr("coadjoint.plotting.style.save", lambda figure, path, dpi: path)
+    monkeypatch.setattr(identify, "_summary", lambda found: {"dt": 0.5})
+    command = identify.Identify("boat", (Path("a.csv"),), ("hull",), topics=("/imu",), noise=("u=0.5",), **asked)
+    assert command() == 0
+    assert {name: given[name] for name in expected} == expected and given["noise"] == {"u": 0.5}
+    assert given["start"] == ("start", {"rudder": 0.5, "screw": 0.0}) and given["parameters"] == ("hull",)
+    assert read == [
+        (Path("a.csv"), {"axes": None, "ignore": (), "jumps": "refuse", "unsorted": "refuse", "topics": ("/imu",)})
+    ]
+    assert "namespace" in capsys.readouterr().out
+    for json_, out in ((True, ""), (False, f"Figure: {tmp_path / 'a.png'}.")):
+        identify.Identify("boat", (Path("a.csv"),), ("hull",), json=json_, out=tmp_path / "a.png")()
+        assert (
+            (json.loads(shown) == {"dt": 0.5})
+            if not out and (shown := capsys.readouterr().out)
+            else out in capsys.readouterr().out
+        )
+    with pytest.raises(ArgumentError, match="Which log"):
+        identify.Identify("boat", (), ("hull",))()

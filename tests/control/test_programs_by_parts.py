@@ -13,7 +13,17 @@ from coadjoint.control import built, c_library, free_duration, joints, objective
 from coadjoint.control.conditions import _active
 from coadjoint.control.given import _fits
 from coadjoint.control.guess import Guesses
-from coadjoint.control.optimum import SADDLE, STATIONARY, UNSTABLE, Optimum, guesses_line, soft_lines
+from coadjoint.control.optimum import (
+    SADDLE,
+    STATIONARY,
+    UNSTABLE,
+    Optimum,
+    _residuals,
+    difference,
+    guesses_line,
+    soft_lines,
+    violation,
+)
 from coadjoint.control.phased_optimum import PhasedOptimum
 from coadjoint.control.quadratic import Hpipm
 from coadjoint.control.resolution import JudgedMotions
@@ -257,6 +267,39 @@ def test_cases_are_shared_out_over_threads_and_come_back_in_their_order():
     for threads, places in ((1, [0] * 5), (2, [0, 1, 0, 1, 0]), (3, [0, 1, 2, 0, 1])):
         found = built.BuiltProgram.solved_each(cast(Any, made), cast(Any, range(5)), cast(Any, None), threads)
         assert found == list(zip(range(5), places, strict=True))
+
+
+# residuals
+
+
+def test_a_run_differs_from_the_optimum_by_its_worst_number_either_way():
+    rows = np.array([[1.0, 5.0, 2.0], [3.0, 5.0, 4.0]])
+    made: Any = SimpleNamespace(graph=SimpleNamespace(numbers=lambda records: rows), live=[0, 2])
+    parts: Any = SimpleNamespace(x=np.array([[1.0, 2.5], [3.25, 4.0]]))
+    assert difference(made, cast(Any, SimpleNamespace(records=None)), parts) == 0.5
+    parts.x[1, 0] = 2.0
+    assert difference(made, cast(Any, SimpleNamespace(records=None)), parts) == 1.0
+    bounds: Any = SimpleNamespace(limits=(np.array([0.0, 1.0]), np.array([2.0, 3.0])))
+    assert [violation(bounds, np.array(g)) for g in ([1, 2], [-0.5, 2], [1, 3.25])] == [0.0, 0.5, 0.25]
+
+
+@pytest.mark.parametrize("space", [None, "a space"])
+def test_residuals_are_weighed_differences_at_the_measured_nodes_and_the_last_input_goes_on(space):
+    """off = x + 10 u − y at nodes 0 and 2 of two steps, with a weight of 0 where nothing was measured."""
+    x, u, p, h, y = (ca.SX.sym(name) for name in "xuphy")
+    function = ca.Function("m", [x, u, p, h, y], [ca.vertcat(x + 10 * u - y, p * h - y)])
+    data = {"m": (np.array([0, 2]), np.array([[1.0, 2.0]]), np.array([[2.0, 4.0], [0.0, 0.5]]), None)}
+    measured = {"m": SimpleNamespace(values=np.zeros((2, 2)), space=space)}
+    held: Any = SimpleNamespace(begin=0, end=0, shape=())
+    made: Any = SimpleNamespace(
+        data=data, inputs=[("u", held)], numbers=lambda parameters: np.array([3.0]), problem=SimpleNamespace(measured=measured),
+        functions=SimpleNamespace(measured={"m": function}),
+    )  # fmt: skip
+    parts: Any = SimpleNamespace(u=np.array([[0.1], [0.3]]), x=np.array([[1.0], [2.0], [4.0]]), parameters=None, h=0.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("coadjoint.control.optimum.at_end", lambda inputs: [0])
+        found = _residuals(made, parts)["m"]
+    np.testing.assert_allclose(found, [[2 * (1.0 + 1.0 - 1.0), np.nan], [4 * (4.0 + 3.0 - 2.0), 0.5 * (1.5 - 2.0)]])
 
 
 # texts

@@ -27,6 +27,8 @@ def test_errors_count_along_the_directions_in_which_a_covariance_is_not_singular
     found, rank = filtered._within(e, P)
     np.testing.assert_allclose(found, np.einsum("ki,kij,kj->k", e, np.linalg.pinv(P, rcond=1e-8, hermitian=True), e))
     assert rank == 2
+    pairs, _ = filtered._within(e.reshape(2, 2, 3), P.reshape(2, 2, 3, 3))
+    np.testing.assert_array_equal(pairs, found.reshape(2, 2))
     P[2] += np.eye(3)
     with pytest.raises(ArgumentError):
         filtered._within(e, P)

@@ -12,6 +12,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify
 from coadjoint.identification.diagnostics import gaps, missed
+from coadjoint.identification.log_checks import implausible
 from coadjoint.identification.sampling import samples, steps_between
 
 T = np.arange(5.0)
@@ -164,3 +165,18 @@ def test_steps_over_a_gap_are_those_of_the_grid_and_no_more_than_a_thousand():
     np.testing.assert_allclose(lengths, [0.1] * 110 + [0.199] * 1000)
     np.testing.assert_allclose(begins, np.cumsum([0.0, *lengths[:-1]]))
     np.testing.assert_allclose(means, 1.0)
+
+
+@pytest.mark.parametrize(("beyond", "told"), [(1, False), (2, True)])
+@pytest.mark.parametrize("angle", [3.2, -3.2])
+def test_a_pitch_beyond_half_a_turn_in_more_than_a_hundredth_of_samples_is_in_degrees(beyond, told, angle):
+    pitch = np.concatenate([np.full(100 - beyond, 0.5), np.full(beyond, angle), [np.nan]])
+    said = implausible(np.arange(101.0), {"pitch": pitch}, {"pitch": "1"})
+    assert any("goes beyond 3.14 rad" in one for one in said) == told
+    assert not any("goes beyond" in one for one in implausible(np.arange(101.0), {"u": pitch}, {"u": "m/s"}))
+
+
+@pytest.mark.parametrize(("depth", "told"), [(-3.0, False), (-3.1, True)])
+def test_a_depth_of_more_than_3_m_above_the_surface_is_a_height(depth, told):
+    said = implausible(np.arange(3.0), {"depth": np.array([depth, depth, 50.0])}, {"depth": "m"})
+    assert any("above the surface" in one for one in said) == told

@@ -73,7 +73,7 @@ def test_rows_of_a_table_that_say_nothing_new_are_left_out():
     assert inputs._kept(2 * time, np.stack([line, -line], 1), "linear", 0.0).tolist() == [0, 2, 5]
     assert inputs._kept(time[:2], line[:2], "linear", 0.0).tolist() == [0, 1]
     assert inputs._kept(time[:3], line[:3], "linear", 0.0).tolist() == [0, 2]
-    assert inputs._kept(10 + time, time**2, "linear", 2.5).tolist() == [0, 3, 5]
+    assert inputs._kept(11 + time, time**2, "linear", 2.5).tolist() == [0, 3, 5]
 
 
 def test_a_log_of_east_north_up_has_those_axes_and_the_angles_of_them():
@@ -157,7 +157,12 @@ def test_a_payload_that_is_dropped_takes_the_momentum_of_its_place_once(monkeypa
     own = SimpleNamespace(mass=3.0, position=np.array([0.5, 0.0, 1.0]))
     part = payload.Payload(name="weight", mass=3.0, position=(0.5, 0.0, 1.0))
     before = np.array([9.0, 9.0, 9.0])
-    for dropped, command, expected in ((0.0, 0.5, (1.0, None)), (0.0, 0.4, (0.0, before)), (1.0, 1.0, (1.0, before))):
+    for dropped, command, expected in (
+        (0.0, 0.5, (1.0, None)),
+        (0.0, 0.4, (0.0, before)),
+        (1.0, 1.0, (1.0, before)),
+        (0.5, 1.0, (0.5, before)),
+    ):
         actual = SimpleNamespace(dropped=dropped, momentum=before)
         found = part.follow(cast(Any, actual), command, 0.1, cast(Any, own), cast(Any, passing))
         lost = 3.0 * turn @ (passing.velocity + np.cross(passing.omega, own.position))
@@ -214,6 +219,8 @@ def test_a_picture_has_track_depth_and_an_arrow_along_the_nose(monkeypatch):
     for line, angle in ((arrow, -0.5), (nose, -0.2 - np.pi / 2)):
         tip = line._marker.get_user_transform().transform([0.0, 1.0])
         np.testing.assert_allclose(tip, [-np.sin(angle), np.cos(angle)], atol=1e-12)
+        shape = line._marker.get_path().vertices
+        np.testing.assert_allclose(shape / shape[0, 1] * 1.3, [(0, 1.3), (-0.5, -0.9), (0, -0.55), (0.5, -0.9)])
     assert above.get_xlim() == pytest.approx((6 - 7.2, 6 + 7.2)) and above.get_ylim() == pytest.approx(
         (2.5 - 7.2, 2.5 + 7.2)
     )
