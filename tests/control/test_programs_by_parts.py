@@ -292,8 +292,8 @@ def test_residuals_are_weighed_differences_at_the_measured_nodes_and_the_last_in
     measured = {"m": SimpleNamespace(values=np.zeros((2, 2)), space=space)}
     held: Any = SimpleNamespace(begin=0, end=0, shape=())
     made: Any = SimpleNamespace(
-        data=data, inputs=[("u", held)], numbers=lambda parameters: np.array([3.0]), problem=SimpleNamespace(measured=measured),
-        functions=SimpleNamespace(measured={"m": function}),
+        data=data, inputs=[("u", held)], numbers=lambda parameters: np.array([3.0]),
+        problem=SimpleNamespace(measured=measured), functions=SimpleNamespace(measured={"m": function}),
     )  # fmt: skip
     parts: Any = SimpleNamespace(u=np.array([[0.1], [0.3]]), x=np.array([[1.0], [2.0], [4.0]]), parameters=None, h=0.5)
     with pytest.MonkeyPatch.context() as patch:
