@@ -150,12 +150,6 @@ def test_bounds_rates_and_paths_hold_at_every_node():
     assert np.max(push - [1.0, 0.5]) < 1e-7 and np.min(push) > -1 - 1e-7
     assert np.max(np.abs(np.diff(push, axis=0))) / 0.1 < 2.0 + 1e-6
     assert g[-1] == pytest.approx([2.0, 0.0], abs=1e-7)
-    free = Problem(
-        system, system.state(g=[0.0, 0.0]), dt=0.1, duration=4.0, inputs={"push": Input((2,))},
-        cost=lambda motion: motion.inputs.push @ motion.inputs.push, end=End(g=[2.0, 0.0], xi=[0.0, 0.0]),
-    ).solve()  # fmt: skip
-    assert free.cost < optimum.cost
-    assert np.min(np.hypot(*(np.asarray(free.run.records.g) - centre).T)) < radius - 0.1
 
 
 def thrust(motion, p):

@@ -34,9 +34,7 @@ def followed(dt, **more):
     return error / filter.deviations["g[2]"], [str(one.message) for one in said]
 
 
-@pytest.mark.parametrize(
-    "dt", [pytest.param(0.01, marks=pytest.mark.long), 0.05, pytest.param(0.1, marks=pytest.mark.long), 0.3]
-)
+@pytest.mark.parametrize("dt", [*(pytest.param(dt, marks=pytest.mark.long) for dt in (0.01, 0.05, 0.1)), 0.3])
 def test_predictions_that_leave_the_claimed_deviations_warn_once_with_a_dt_that_would_do(dt):
     error, said = followed(dt)
     assert error > 3 and len(said) == 1 and f"dt = {dt:g} does not resolve this motion" in said[0]

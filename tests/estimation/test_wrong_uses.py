@@ -219,9 +219,8 @@ def test_a_compass_in_degrees_is_told_and_one_in_radians_that_is_wrapped_or_coun
         filter.run({"yaw": (t, both)}, dt=0.5)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for values in (heading % (2 * np.pi), (heading + np.pi) % (2 * np.pi) - np.pi, heading):
-            run_of_one = Filter(process(), start(), **more)
-            run_of_one.run({"yaw": (t, values), "place": (t, both[:, 0])}, dt=0.5)
+        wrapped = np.stack([heading % (2 * np.pi), (heading + np.pi) % (2 * np.pi) - np.pi, heading], axis=1)
+        Filter(process(), start(), **more, members=3).run({"yaw": (t, wrapped[..., None])}, dt=0.5)
 
 
 def test_a_covariance_is_symmetric_and_has_no_negative_variance():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -176,7 +178,83 @@ def test_an_energy_budget_shows_what_is_stored_what_was_put_in_and_the_gap():
     assert under > 1.5 * max(over)  # a single force covers what is stored
 
 
+@pytest.mark.parametrize(("change", "itself"), [(0.0099, False), (0.0101, True)])
+@pytest.mark.parametrize("driven", [True, False])
+def test_an_energy_that_forces_change_by_more_than_a_hundredth_of_its_largest_value_is_drawn_itself(
+    change, itself, driven
+):
+    energy = 8.0 - 8.0 * change * np.linspace(0, 1, NODES)
+    budget_ = {} if driven else {"energy_budget": None}
+    run = dataset(NODES, energy=energy, xi=None, nu=None, **budget_)
+    other = dataset(NODES, energy=energy, xi=None, nu=None, **budget_)
+    other.energy.attrs["units"] = "kJ"
+    axes = Plots(run).energy(other).axes[0]
+    shown = itself and driven
+    assert axes.get_yscale() == ("linear" if shown else "log")
+    expected = "energy $E(t)$ (J)" if shown else f"energy {'change' if driven else 'error'} $|E(t)/E(0) - 1|$"
+    assert axes.get_ylabel() == expected
+    first = curves(axes)[0][:, 1]
+    np.testing.assert_allclose(first, energy if shown else 1.0 - energy[1:] / 8.0)
+    assert len(curves(axes)) == 2
+
+
+@pytest.mark.parametrize(("definition", "method", "name"), [
+    (None, "LeftRectangle(Cayley())", "discrete_energy"), (None, "Midpoint(Cayley())", "energy"),
+    ("legendre", "LeftRectangle(Cayley())", "energy"), ("discrete", "Midpoint(Cayley())", "discrete_energy"),
+])  # fmt: skip
+def test_the_left_rectangle_has_its_discrete_energy_unless_another_is_asked_for(definition, method, name):
+    run = dataset(
+        NODES, energy=2.0 + np.arange(NODES) / 1e3, discrete_energy=2.0 + np.arange(NODES) / 1e4, method=method
+    )
+    axes = Plots(run).energy(definition=definition).axes[0]
+    assert curves(axes)[0][:, 1] == pytest.approx(run[name].values[1:] / 2.0 - 1.0)
+    other = {"energy": "discrete_energy", "discrete_energy": "energy"}[name]
+    Plots(run.drop_vars(other)).energy(definition=definition)
+    with pytest.raises(ArgumentError, match="No energy was recorded") if definition else nullcontext():
+        Plots(run.drop_vars(name)).energy(definition=definition)
+
+
+# Inputs.
+
+
+def test_the_numbers_of_an_input_have_a_colour_and_an_index_each_and_bounds_are_lines():
+    run = dataset(NODES, inputs_jets=np.stack([np.arange(NODES), -np.arange(NODES)], axis=1), inputs_heading=None)
+    run.inputs_jets.attrs["units"] = "N"
+    figure = Plots(run).inputs(bounds={"jets": ([-9.0, -20.0], [30.0, np.inf])})
+    depth, jets = figure.axes
+    assert [axes.get_ylabel() for axes in figure.axes] == ["depth (m)", "jets (N)"]
+    first, second, *bounds = jets.get_lines()
+    assert [line.get_color() for line in (first, second)] == list(COLOURS[:2])
+    assert first.get_drawstyle() == "steps-post" and np.array_equal(second.get_ydata(), run.inputs_jets.values[:, 1])
+    assert [line.get_ydata()[0] for line in bounds] == [-20.0, -9.0, 30.0]
+    legend = jets.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["1", "2"]
+    assert [line.get_color() for line in legend.get_lines()] == list(COLOURS[:2]) and depth.get_legend() is None
+    linear = Plots(run).inputs(bounds={"jets": SimpleNamespace(lower=-1.0, upper=1.0, course="linear")}).axes[1]
+    assert linear.get_lines()[0].get_drawstyle() == "default"
+    for wrong, told in (
+        (([1.0], [0.0, 2.0, 3.0]), "must give `jets`"),
+        ((1.0, 0.0), "must not exceed"),
+        (3.0, "must give"),
+    ):
+        with pytest.raises(ArgumentError, match=told):
+            Plots(run).inputs(bounds={"jets": wrong})
+
+
 # Attitudes.
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "right"), [(-100, 101, True), (-60, 139, False), (-249, 249, True), (-250, 251, False)]
+)
+def test_angles_over_most_of_a_turn_have_marks_at_right_angles(low, high, right):
+    (run,) = runs(dataset(5, euler_angles=np.zeros((5, 3)), inputs_heading=None))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.axes.Axes.get_ylim", lambda self: (low, high))
+        figure = attitude([run], unwrap=True)
+    for axes in figure.axes:
+        marks = axes.yaxis.get_major_locator().tick_values(-100.0, 100.0)
+        assert (90.0 in marks and 0.0 in marks and len(set(np.diff(marks))) == 1 and 90.0 in np.diff(marks)) == right
 
 
 def test_an_attitude_is_in_degrees_and_breaks_where_it_jumps():

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+import made_runs
 from coadjoint.cli.comparing import show
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
@@ -144,3 +145,15 @@ def test_the_command_compares_folders_and_draws_both(coarse, tmp_path, monkeypat
     said = capsys.readouterr()
     assert "The folder fine.nc cannot be made" in said.err
     assert said.out == ""
+
+
+def test_variables_of_another_shape_are_of_another_system_and_ensembles_are_not_compared():
+    """Also where the last of several numbers could be repeated over the others."""
+    one, other = made_runs.dataset(11, pi=np.zeros((11, 1))), made_runs.dataset(11)
+    with pytest.raises(ArgumentError, match=r"Variable `pi` has shape \(1,\) in a, but \(3,\) in b"):
+        compare(one, other, ("a", "b"))
+    assert compare(other, other).units["q"] == "m"
+    with pytest.raises(ArgumentError, match="b holds an ensemble"):
+        compare(other, other.expand_dims("member"), ("a", "b"))
+    with pytest.raises(ArgumentError, match="have no state in common"):
+        compare(other[["energy"]], other)
