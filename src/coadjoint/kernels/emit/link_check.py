@@ -16,7 +16,7 @@ from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.program import JointedStage, LinkedStage
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import Tabulated, tabulate
 from coadjoint.kernels.untraceable import NotLinked
 
 APART = 1e-9
@@ -48,12 +48,12 @@ DRAWS = (Draw(0.1, 0.0, False), Draw(1.0, 10.0, True), Draw(20.0, 1e3, True))
 
 def require_links(plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree) -> None:
     """Raise NotLinked unless the expressions of links have the values of the stage at random states."""
-    random = np.random.default_rng(1788)
+    random, functions = np.random.default_rng(1788), dict[str, Tabulated]()
     for i, draw in enumerate(DRAWS):
         there = stage.nearby(state, random, draw.size, draw.later * random.uniform(0.5, 1.0))
         numbers = _varied(parameters, random) if draw.varied else parameters
         with np.errstate(all="ignore"):
-            apart = _Check(plan, stage, numbers, there, draw.size).differences(strict=i == 0)
+            apart = _Check(plan, stage, numbers, there, draw.size, functions).differences(strict=i == 0)
         wrong = max(apart, key=lambda name: apart[name])
         if not apart[wrong] <= APART:
             raise NotLinked(f"its links are not all alike, {wrong} differs by {apart[wrong]:.1g} of its size")
@@ -73,9 +73,13 @@ def _varied(parameters: PyTree, random: np.random.Generator) -> PyTree:
 
 
 class _Check:
-    """Both sides of the comparison at one state."""
+    """Both sides of the comparison at one state; functions: those of the stage that have been traced, by their names."""
 
-    def __init__(self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree, size: float) -> None:
+    def __init__(
+        self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree, size: float,
+        functions: dict[str, Tabulated],
+    ) -> None:  # fmt: skip
+        self.functions = functions
         self.plan, self.stage, self.parameters, self.size = plan, stage, parameters, size
         random, self.h = np.random.default_rng(1834), np.float64(LENGTH / max(1.0, size))
         self.unknowns = unknowns_of(stage)
@@ -99,16 +103,22 @@ class _Check:
     def _numbers(self, state: PyTree) -> np.ndarray:
         return self.plan.state.of(pack(state)[1])
 
+    def _of_stage(self, name: str, *args: object) -> PyTree:
+        """A function of the stage at these values, traced once for all comparisons."""
+        if name not in self.functions:
+            self.functions[name] = tabulate(getattr(self.stage, name), *args)
+        return self.functions[name](*args)
+
     def differences(self, strict: bool) -> dict[str, float]:
         """The largest relative difference of each function; strict: infinite where numbers are not finite."""
         p, stage, h = self.parameters, self.stage, self.h
-        prepared, renewed = self._values("prepared"), evaluate(stage.prepare, p, self.state, h)
-        guess = self._after(renewed, "guess"), evaluate(stage.guess, p, renewed, h)[self.unknowns]
+        prepared, renewed = self._values("prepared"), self._of_stage("prepare", p, self.state, h)
+        guess = self._after(renewed, "guess"), self._of_stage("guess", p, renewed, h)[self.unknowns]
         # From here on with inputs that do not vanish.
         self._begin(stage.nearby(renewed, np.random.default_rng(1889), self.size, 0.0))
-        chart = float(evaluate(stage.chart, p, self.state, h, self.z))
-        residual = evaluate(stage.residual, p, self.state, h, self.z)[self.unknowns]
-        record = self._numbers(evaluate(stage.record, p, self.state, h, self.z))
+        chart = float(self._of_stage("chart", p, self.state, h, self.z))
+        residual = self._of_stage("residual", p, self.state, h, self.z)[self.unknowns]
+        record = self._numbers(self._of_stage("record", p, self.state, h, self.z))
         pairs = {
             "an input": (prepared, self._numbers(renewed)),
             "the guess": guess,
@@ -124,20 +134,20 @@ class _Check:
         return self._values(name)
 
     def _advanced(self, stage: LinkedStage) -> dict[str, Pair]:
-        after = evaluate(stage.advanced, self.parameters, self.state, self.h, self.z)
+        after = self._of_stage("advanced", self.parameters, self.state, self.h, self.z)
         return {"the state after the step": (self._values("after"), self._numbers(after))}
 
     def _jointed(self, stage: JointedStage) -> dict[str, Pair]:
         p, h = self.parameters, self.h
-        free = evaluate(stage.free, p, self.state, h, self.z)
+        free = self._of_stage("free", p, self.state, h, self.z)
         self.arrays["f"] = self._numbers(free)
         moving = self._state(self._values("moving"), free)
-        after = evaluate(stage.ended, p, free, h, self.impulse)
-        by_velocities = evaluate(stage.momenta, p, after, moving)
+        after = self._of_stage("ended", p, free, h, self.impulse)
+        by_velocities = self._of_stage("momenta", p, after, moving)
         return {
             "the step": (self._values("free"), self.arrays["f"]),
             "a momentum": (self._numbers(by_velocities), self._numbers(after)),
-            "the rate of a constraint": (self._values("rate"), evaluate(stage.rate, p, moving)[self.multipliers]),
+            "the rate of a constraint": (self._values("rate"), self._of_stage("rate", p, moving)[self.multipliers]),
             "the state after the step": (self._values("after"), self._numbers(after)),
         }
 

@@ -36,26 +36,23 @@ class Pairs(NamedTuple):
 
 def pairs_of(graph: Graph, address: Mapping[Expr, Address], codes: Codes, inner: int) -> Pairs | None:
     """The values of pairs in these codes, of which that at `inner` is of all inner links; None if they gain nothing."""
-    symbols = {place: node for node, place in address.items()}
-
-    def moved(roots: list[Expr], by: int) -> list[Expr]:
-        """The expressions of links further on; KeyError if one of them has not such a number."""
-        own = {x: address[x] for x in reachable(roots) if x in address}
-        mapping = {x: symbols[a._replace(link=a.link + by)] for x, a in own.items() if a.link is not None}
-        with graph.rewriting():
-            return substitute(graph, roots, mapping)
-
-    try:
-        values = _common(address, codes[inner], moved(codes[inner], 1))
-        known = {}
-        for c in codes:
-            pairs = {by: moved(values, by - inner) for by in (c - 1, c) if by in range(max(codes))}
-            known[c] = {x: (k, by - c) for by, nodes in pairs.items() for k, x in enumerate(nodes)}
-    except KeyError:
-        return None
+    values = _common(address, codes[inner], _moved(graph, address, 1, codes[inner]))
+    shifted = {
+        by: _moved(graph, address, by - inner, values) for by in range(max(codes)) if {by, by + 1} & codes.keys()
+    }
+    known = {c: {x: (k, by - c) for by in (c - 1, c) for k, x in enumerate(shifted.get(by, ()))} for c in codes}
     rest, pair = _operations(codes[inner], known[inner]), _operations(values)
     worth = rest + pair + 3 * len(values) < WORTH * _operations(codes[inner])
     return Pairs(inner, values, known) if worth else None
+
+
+def _moved(graph: Graph, address: Mapping[Expr, Address], by: int, roots: list[Expr]) -> list[Expr]:
+    """The expressions of links further on; a number that one of them has not is unknown."""
+    symbols = {place: node for node, place in address.items()}
+    own = {node: place for node, place in address.items() if place.link is not None}
+    further = {x: symbols.get(a._replace(link=a.link + by)) or graph.unknown() for x, a in own.items()}
+    with graph.rewriting():
+        return substitute(graph, roots, further) if by else roots
 
 
 def _common(address: Mapping[Expr, Address], one: list[Expr], other: list[Expr]) -> list[Expr]:
