@@ -73,7 +73,7 @@ def _varied(parameters: PyTree, random: np.random.Generator) -> PyTree:
 
 
 class _Check:
-    """Both sides of the comparison at one state; functions: those of the stage that have been traced, by their names."""
+    """Both sides of the comparison at one state; functions: those of the stage that are traced, by their names."""
 
     def __init__(
         self, plan: LinkPlan, stage: LinkedStage, parameters: PyTree, state: PyTree, size: float,

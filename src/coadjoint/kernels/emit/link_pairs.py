@@ -49,8 +49,11 @@ def pairs_of(graph: Graph, address: Mapping[Expr, Address], codes: Codes, inner:
 def _moved(graph: Graph, address: Mapping[Expr, Address], by: int, roots: list[Expr]) -> list[Expr]:
     """The expressions of links further on; a number that one of them has not is unknown."""
     symbols = {place: node for node, place in address.items()}
-    own = {node: place for node, place in address.items() if place.link is not None}
-    further = {x: symbols.get(a._replace(link=a.link + by)) or graph.unknown() for x, a in own.items()}
+    further = {
+        node: symbols.get(Address(array, slot, link + by)) or graph.unknown()
+        for node, (array, slot, link) in address.items()
+        if link is not None
+    }
     with graph.rewriting():
         return substitute(graph, roots, further) if by else roots
 
