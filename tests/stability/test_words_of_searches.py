@@ -5,12 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.spaces.named import named
 from coadjoint.stability.analysis import Stability
-from coadjoint.stability.spectrum import Linearisation, Mode
-from coadjoint.stability.steady import Search
+from coadjoint.stability.integrals import _is_integral
+from coadjoint.stability.second_variation import _flows
+from coadjoint.stability.spectrum import Linearisation, Mode, velocity_names
+from coadjoint.stability.steady import Search, _held, _replaced, _solve
 
 
 def search(names: tuple[str, ...] = ("speed",)) -> Any:
@@ -108,3 +114,96 @@ def test_a_spectrum_is_as_far_from_a_hamiltonian_one_as_its_worst_eigenvalue_fro
 
     assert defect() == 0.0 and defect(2.0, -2.0, 3j, -3j) == 0.0
     assert defect(2.0, -2.0, 4j, -3j) == pytest.approx(0.25) and defect(0.5, -1.0) == pytest.approx(0.5)
+
+
+def test_a_summary_holds_the_motion_its_modes_and_both_verdicts():
+    parts = {"xi": [1.0], "n": [2.0], "nu": [3.0], "a": [4.0]}
+    found = known(1, zero_modes=2, **{key: np.array(value) for key, value in parts.items()})
+    cast(Any, found.motion).residual = 1e-12
+    cast(Any, found.linear).modes = (mode(0.1 + 1j * np.pi, 1, yaw=1.0),)
+    summary = found.summary()
+    assert {key: summary[key] for key in parts} == parts and summary["free"] == {"rudder": 0.25}
+    assert (summary["residual"], summary["zero_modes"]) == (1e-12, 2)
+    assert (summary["spectral"], summary["verdict"]) == ("unstable", "unstable")
+    (one,) = summary["modes"]
+    assert (one["name"], one["real"], one["imaginary"], one["shares"]) == ("yaw", 0.1, np.pi, {"yaw": 1.0})
+    assert one["damping_ratio"] == pytest.approx(-0.1 / np.hypot(0.1, np.pi))
+
+
+@pytest.mark.parametrize(
+    ("group", "space", "names"),
+    [
+        (co.SE3(), co.Trivial(0), ["roll", "pitch", "yaw", "surge", "sway", "heave"]),
+        (co.SO3(), co.Defining(), ["roll", "pitch", "yaw", "surge", "sway", "heave"]),
+        (co.SO3(), co.Trivial(2), ["roll", "pitch", "yaw", "ν1", "ν2"]),
+        (co.SE2(), co.Trivial(1), ["ξ1", "ξ2", "ξ3", "ν1"]),
+    ],
+)
+def test_velocities_are_called_by_the_names_of_a_body_in_space(group, space, names):
+    system: Any = SimpleNamespace(group=group, additional=space)
+    assert velocity_names(system) == names
+
+
+def phased(*around: float) -> Any:
+    """ẏ = (0, μ, 0, 0), of which the change of a is ignorable, around motions with these momenta."""
+    states = [
+        co.State(
+            t=0.0,
+            g=None,
+            n=np.array([1.0]),
+            a=np.array([2.0]),
+            mu=np.array([mu]),
+            pi=np.array([0.5]),
+            xi=np.zeros(1),
+            nu=np.zeros(1),
+            places=None,
+        )
+        for mu in around
+    ]
+    return SimpleNamespace(
+        scales=SimpleNamespace(y=np.array([1.0, 2.0, 1.0, 1.0])), around=states, ignorable=np.array([[0, 0, 0, 1.0]]).T,
+        phase=lambda s: (jnp.concatenate([s.mu, s.n, s.pi, s.a]), jnp.stack([0.0, s.mu[0], 0.0, 0.0])),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("function", "kept"),
+    [
+        (lambda s: s.mu[0] * s.pi[0], True), (lambda s: s.n[0], False), (lambda s: s.a[0], False),
+        (lambda s: 3.0 + 0 * s.mu[0], False),
+    ],
+)  # fmt: skip
+def test_an_integral_changes_neither_along_the_motion_nor_along_what_is_ignorable(function, kept):
+    assert _is_integral(phased(0.3, -2.0), function) is kept
+    if not kept:
+        assert _is_integral(phased(0.0), lambda s: s.n[0])
+
+
+def test_flows_of_symmetries_that_move_nothing_are_left_out():
+    linear: Any = SimpleNamespace(rows=np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 0.0]]), matrix=np.eye(2))
+    reduced: Any = SimpleNamespace(symmetries=(1, 2), flows=lambda s: jnp.array([[1.0, 5.0, 1.0], [2.0, 0.0, -1.0]]))
+    assert _flows(reduced, cast(Any, 0.0), linear).tolist() == [[3.0], [5.0]]
+    reduced.symmetries = ()
+    assert _flows(reduced, cast(Any, 0.0), linear).shape == (2, 0)
+
+
+def test_what_may_change_is_named_by_its_path():
+    state: Any = SimpleNamespace(
+        internal=named({"battery": {"position": 1.0, "mass": 2.0}}), inputs=named({"rudder": 3.0})
+    )
+    assert _held(state, "rudder") == ("inputs", 3.0) and _held(state, "battery.position") == ("internal", 1.0)
+    changed = _replaced(state.internal, "battery.position", 7.0)
+    assert (changed.battery.position, changed.battery.mass) == (7.0, 2.0)
+    for wrong in ("battery", "battery.wing", "thrust"):
+        with pytest.raises(ArgumentError, match=f"but has '{wrong}'; there is: battery, rudder"):
+            _held(state, wrong)
+
+
+def test_a_search_goes_on_by_least_squares_where_newtons_iteration_stalls():
+    """Newton's steps from 0.1 stall at the minimum of x³ − 2x + 2, as it has no zero beyond −1.77 near there."""
+
+    def both(w):
+        return w**3 - 2 * w + 2.0, np.diag(3 * w**2 - 2)
+
+    assert _solve(both, np.array([-3.0])) == pytest.approx([-1.7692923542386314])
+    assert abs(both(_solve(both, np.array([0.9])))[0][0]) > 0.5

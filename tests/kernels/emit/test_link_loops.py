@@ -9,11 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from llvmlite import ir
 
+from coadjoint.kernels.emit import link_check
+from coadjoint.kernels.emit.link_arrays import LinkArrays, sizes, stride
 from coadjoint.kernels.emit.link_check import require_links
 from coadjoint.kernels.emit.link_plan import plan_links
 from coadjoint.kernels.program import Code
-from coadjoint.kernels.run import native
+from coadjoint.kernels.run import linked_members, native
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.kernels.untraceable import NotLinked
 from coadjoint.methods.coupled_links import Joined
@@ -196,3 +199,102 @@ UNLIKE = [(Rods(9, odd=6), "not all alike"), (Rods(9, springs=True), "more than 
 def test_links_that_are_not_alike_or_act_on_each_other_are_no_loop(stage, words):
     with pytest.raises(NotLinked, match=words):
         require_links(plan_links(stage, np.ones(9), level(9), (2,) * 9), stage, np.ones(9), level(9))
+
+
+def arrays_of(count: int, reach: int, width: int):
+    """Loops over links with an empty function around them, and its text."""
+    codes = [SimpleNamespace(solved=[0] * 5, joints=[0] * 3)] * (2 * reach + 1)
+    places = SimpleNamespace(links=np.zeros((count, 4)))
+    plan = SimpleNamespace(
+        count=count, reach=reach, codes=codes, joint=2, state=places, parameters=places, blocks=[0] * 3, jointed=True
+    )
+    module = ir.Module()
+    number = ir.DoubleType().as_pointer()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [number]), "f")
+    b = ir.IRBuilder(function.append_basic_block())
+    return LinkArrays(plan, module, b, function.args[0], width), plan, module
+
+
+@pytest.mark.parametrize(
+    ("count", "reach", "width", "widths"),
+    [(12, 1, 1, [1]), (9, 1, 8, [1]), (10, 1, 8, [1, 8]), (11, 2, 8, [1]), (12, 2, 8, [1, 8])],
+)
+def test_lanes_are_used_where_the_inner_links_fill_them(count, reach, width, widths):
+    found = arrays_of(count, reach, width)[0]
+    assert [emit.width for emit in found.emitters] == widths and found.many.width == widths[-1]
+
+
+def test_arrays_stand_one_after_the_other_and_are_copied_whole():
+    found, plan, module = arrays_of(9, 1, 1)
+    assert [stride(SimpleNamespace(count=n)) for n in (8, 9, 16, 17, 24, 25)] == [8, 24, 24, 24, 24, 40]
+    assert sizes(plan) == {
+        "p": 4, "s": 4, "n": 4, "b": 4, "z": 3, "y": 3, "d": 2, "f": 4, "x": 5, "q": 3, "t": 14, "w": 6
+    }  # fmt: skip
+    ends = np.cumsum([0, *sizes(plan).values()]) * 24
+    assert [place.constant for place in found.place.values()] == ends[:-1].tolist()
+    found.copied("y", "z")
+    (copy,) = (line for line in str(module).splitlines() if "call void @" in line and "memcpy" in line)
+    assert f"i64 {3 * 24 * 8}, i1" in copy
+
+
+def test_parameters_of_other_members_differ_but_for_zeros_ones_and_numbers_that_count():
+    given = np.array([0.0, 1.0, -2.0, 1e-4, 5.0]), np.array([0, 3])
+    floats, counts = link_check._varied(given, np.random.default_rng(2))
+    assert floats[:2].tolist() == [0.0, 1.0] and counts is given[1]
+    for old, new in zip((2.0, 1.0, 5.0), np.abs(floats[2:]), strict=True):
+        assert 0.5 * old <= new <= 1.5 * old and new != old
+    assert np.sign(floats).tolist() == [0.0, 1.0, -1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("one", "strict", "apart"),
+    [
+        ([[2.0, 1.0], [100.0, 1.0]], True, 0.0), ([[2.0, 1.0], [100.0, 1.5]], True, 0.5),
+        ([[2.0, 1.0], [101.0, 1.0]], True, 0.01), ([[np.nan, 1.0], [100.0, 1.0]], True, np.inf),
+        ([[np.nan, 1.0], [100.0, 1.0]], False, np.inf),
+    ],
+)  # fmt: skip
+def test_columns_differ_relative_to_their_largest_number(one, strict, apart):
+    assert link_check._apart(np.array(one), np.array([[2.0, 1.0], [100.0, 1.0]]), strict) == pytest.approx(apart)
+    there = np.array([[np.inf, 1.0], [100.0, 1.0]])
+    with np.errstate(invalid="ignore"):
+        assert link_check._apart(there, there, False) == 0.0 and link_check._apart(there, there, True) == np.inf
+
+
+def test_a_small_column_is_compared_with_the_largest_of_all():
+    other = np.array([[1e-6, 1.0]])
+    assert link_check._apart(np.add(other, [[1e-4, 0.0]]), other, True) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("count", "changes", "words"),
+    [
+        (4, {}, "a chain of 4 links is too short"),
+        (9, {"prepare": lambda p, s, h: replace(s, t=s.t + s.x[0, 0])}, "the time or an input of all links depends"),
+        (9, {"guess": lambda p, s, h: jnp.concatenate([jnp.ravel(s.v + s.v[::-1]), s.strength])}, "beyond its neigh"),
+        (9, {"rows": lambda s: ([s.x[:-1], s.v, s.strength], [s.t])}, "other sizes than a number of each link"),
+        (9, {"rows": lambda s: ([s.x, s.v], [s.t])}, "numbers of the state belong to no link"),
+    ],
+)
+def test_what_no_loop_takes_is_said(count, changes, words):
+    stage = Rods(count)
+    kind = type("Changed", (Rods,), {name: staticmethod(function) for name, function in changes.items()})
+    stage = kind(count)
+    with pytest.raises(NotLinked, match=words):
+        plan_links(stage, np.ones(count), level(count), (2,) * count)
+
+
+def test_members_run_one_by_one_with_their_own_parameters_and_states(monkeypatch):
+    seen = []
+
+    def run(program, p, s, h, records, every, monitors, pattern):
+        seen.append((p.tolist(), s.tolist(), pattern))
+        return p, s, h, records, every, monitors
+
+    monkeypatch.setattr(native, "run", run)
+    monkeypatch.setattr(linked_members, "_gathered", lambda chunks, records: (chunks, records))
+    p, s = np.array([[0.0, 2.0, 1.0], [0.0, 3.0, 1.0]]), np.array([5.0, 6.0])
+    chunks, records = linked_members.run_ensemble("program", p, s, 0.1, 7, 3, False, axes=(True, False))
+    assert records == 7 and [chunk[0].tolist() for chunk in chunks] == p.tolist()
+    assert all(chunk[1].tolist() == [5.0, 6.0] and chunk[2:] == (0.1, 7, 3, False) for chunk in chunks)
+    assert {pattern for _, _, pattern in seen} == {(0, 2, 1)}
