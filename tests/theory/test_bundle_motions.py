@@ -71,6 +71,25 @@ def test_the_lift_of_a_loop_through_both_poles_turns_by_half_its_solid_angle():
     assert abs(angle(turned) - np.pi / 4) <= 1e-15
 
 
+def test_a_state_that_is_carried_is_the_same_covector_of_the_bundle():
+    """⟨μ, ξ⟩ + ⟨π, v⟩ of a velocity of P, whose fibre part through the other section is ξ − θ̇ of χ = R(θ)."""
+    x, v = np.array([0.6, 0.0, 0.8]), np.array([0.4, 0.9, -0.3])
+    mu, pi, xi, g = (
+        np.array([0.7]),
+        np.array([0.4, -0.5, -0.3]),
+        1.3,
+        np.asarray(evaluate(co.SO2().exp, np.array([0.9]))),
+    )
+    state = co.State(t=0.0, g=g, n=x, nu=v, xi=np.array([xi]), a=np.zeros(0), mu=mu, pi=pi, places=None)
+    found = evaluate(lambda s: HOPF.carried(0, 1, s), state)
+    ends = [angle(HOPF.transition(0, 1, y / np.linalg.norm(y))) for y in (x - 1e-6 * v, x + 1e-6 * v)]
+    turning = (ends[1] - ends[0]) / 2e-6
+    before, after = mu[0] * xi + pi @ v, found.mu[0] * (xi - turning) + found.pi @ v
+    assert after == pytest.approx(before, abs=1e-9) and abs(turning) > 0.1 and abs(found.pi @ x) < 1e-15
+    np.testing.assert_allclose(HOPF.point(1, found.g, x), HOPF.point(0, g, x), atol=1e-14)
+    assert found.xi.tolist() == [xi] and found.nu.tolist() == v.tolist()
+
+
 @cache
 def cyclotron(margin: float, charge: float = 0.9, dt: float = 0.05, steps: int = 160):
     lagrangian = monopole(MASS, FIBRE)
