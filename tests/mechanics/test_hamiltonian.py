@@ -235,6 +235,7 @@ def test_one_of_lagrangian_and_hamiltonian():
         co.System(co.SO3(), lambda xi: xi @ xi, hamiltonian=lambda mu: mu @ mu)
 
 
+@pytest.mark.long
 def test_a_hamiltonian_driven_by_inputs_moves_as_its_lagrangian():
     """The Legendre transform carries the whole system as a tree, its inputs included: ℋ = ½μ·μ/J + u μ₁."""
 

@@ -84,6 +84,7 @@ def test_momenta_without_velocities_are_told_not_computed_with():
         continuous.reference(system, beyond, [0.1])
 
 
+@pytest.mark.long
 def test_a_run_whose_node_velocities_are_not_found_says_that_its_energy_is_not_known(monkeypatch):
     monkeypatch.setattr(inverse_legendre, "TRIPS", 0)
     system = quartic(0.0101)

@@ -89,6 +89,7 @@ def test_rules_have_their_orders_on_the_sphere(problem, rule):
     assert np.log2(coarse / fine) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.long
 def test_spherical_pendulum_alone_follows_its_equation():
     """The pendulum does not feel its carrier: q̈ = g e_z − (g e_z·q + |q̇|²) q, integrated by scipy."""
     exact = end_of(pendulum, co.Suzuki4(co.Midpoint()), 400)

@@ -110,6 +110,7 @@ MODELS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.usefixtures("optimised")
 @pytest.mark.parametrize("name", MODELS)

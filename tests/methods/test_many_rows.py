@@ -57,6 +57,7 @@ def hung(system):
     return system.state(q=np.cumsum(np.stack([np.cos(angles), np.sin(angles)], axis=1), axis=0).ravel())
 
 
+@pytest.mark.long
 def test_a_string_of_rods_one_of_them_redundant_moves_in_native_code_as_by_dense_matrices():
     system = string()
     start = hung(system)

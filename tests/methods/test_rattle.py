@@ -95,6 +95,7 @@ def test_native_code_and_xla_agree_to_round_off():
         assert np.abs(one - other).max() < 1e-14 * max(1, np.abs(one).max())
 
 
+@pytest.mark.long
 def test_records_of_native_code_solve_the_equations_that_xla_compiles():
     system = pinned()
     run = co.simulate(system, start(system), dt=0.01, steps=3, **QUIET)
@@ -130,6 +131,7 @@ def test_the_projection_onto_constraints_is_the_nearest_state_in_the_kinetic_met
     assert np.cross(held.xi, -PIN) == pytest.approx(held.nu, abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_run_that_continues_from_its_end_equals_an_undivided_one():
     system = pinned()
     whole = co.simulate(system, start(system), dt=0.01, steps=40, **QUIET)

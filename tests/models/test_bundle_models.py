@@ -88,6 +88,7 @@ def test_a_cat_of_kane_and_schers_proportions_turns_over_with_a_bend_of_59_degre
     assert np.max(np.abs(turned - np.diag([1.0, -1.0, -1.0]))) <= 1e-11
 
 
+@pytest.mark.long
 def test_the_momentum_of_the_cat_is_that_of_its_two_bodies_in_space():
     """∂ℓ/∂ξ in the space frame is Σ RJω + r × mṙ over both bodies about the common mass centre."""
     values = {

@@ -40,6 +40,7 @@ def test_two_vortices_turn_by_arcsin_of_h_times_their_rate():
     assert run.relative_change("angular_impulse") < 1e-13
 
 
+@pytest.mark.long
 def test_a_pair_of_opposite_circulations_goes_straight_on():
     d, h = 0.5, 0.1
     r, run = moved([1.5, -1.5], [[0.0, 0.5 * d], [0.0, -0.5 * d]], h, 20)

@@ -108,6 +108,7 @@ def exact_errors(run):
     return errors.local, relative(doubling.compare(begun, fine, whole), sizes)[0]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "case",

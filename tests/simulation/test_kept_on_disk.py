@@ -274,6 +274,7 @@ def test_a_group_of_somebody_else_is_not_kept(cache):
     assert not found_in(cache, starts=True)
 
 
+@pytest.mark.long
 def test_a_vehicle_with_other_numbers_gets_gains_of_its_own(cache):
     vehicle = load_vehicle("remus_100")
     first = Attitude().fitted(vehicle).parameters()

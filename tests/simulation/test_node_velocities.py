@@ -96,6 +96,7 @@ def test_the_gradient_of_a_final_kinetic_energy_is_that_of_runs():
     assert abs(value - by_run(1.0)) < 1e-12 and abs(slope - differences) < 1e-7
 
 
+@pytest.mark.long
 def test_states_between_nodes_and_at_events_have_the_velocities_of_their_momenta():
     run = simulated(events={"level": lambda state: state.xi[0] - 0.3})
     found = run.events["level"]

@@ -78,6 +78,7 @@ def test_members_have_seeds_of_their_own():
         single.reset(seed="now")
 
 
+@pytest.mark.long
 def test_the_random_currents_of_a_sea_have_different_seeds():
     gusts: dict[str, Any] = {name: GaussMarkovCurrent((0.1, 0.1, 0.0), 9.0, seed=k) for k, name in enumerate("ab")}
     sea = Sea(tide=TidalCurrent(["M2"], [[0.5, 0.0, 0.0]]), **gusts)

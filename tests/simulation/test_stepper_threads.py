@@ -43,6 +43,7 @@ def at_once(call) -> list:
         return list(pool.map(begin, range(THREADS)))
 
 
+@pytest.mark.long
 def test_eight_threads_step_clones_of_their_own_to_the_same_bits(many):
     spins = np.random.default_rng(SEED).normal(size=(200, many.face.count))
     many.reset()

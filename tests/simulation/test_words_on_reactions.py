@@ -21,6 +21,7 @@ def run(system, xi=(1.0, 0.5, 0.0), **more):
     return co.simulate(system, system.state(xi=np.array(xi)), dt=0.05, steps=10, accuracy=False, **more)
 
 
+@pytest.mark.long
 def test_the_energy_of_a_workless_constraint_is_conserved_and_its_momentum_changed_by_it():
     made = run(suslov())
     short, long = (dict(rows(text)) for text in (str(made.certificate), made.certificate.long()))

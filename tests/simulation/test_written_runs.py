@@ -145,6 +145,7 @@ def test_what_a_user_compresses_is_written_by_xarray(run, tmp_path):
         assert opened["xi"].compression == "gzip"
 
 
+@pytest.mark.long
 def test_a_file_in_a_folder_of_results_is_compared_with_its_manifest(tmp_path):
     from coadjoint.manifest import Manifest
 

@@ -225,6 +225,7 @@ def calls(world, kind, given):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SO3 on a sphere"])
 def test_actions_and_their_variations_agree_on_driven_systems(world):
