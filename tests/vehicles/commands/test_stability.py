@@ -189,22 +189,6 @@ def test_it_prints_trim_modes_and_verdict(capsys):
 
 
 @pytest.mark.long
-@pytest.mark.cases(1)
-@pytest.mark.parametrize(
-    ("arguments", "motion"),
-    [
-        (["--climb", "10"], "straight, climbing at 10.00°"),
-        (["--climb", "-10"], "straight, diving at 10.00°"),
-        (["--rudder", "5"], "turning to starboard"),
-        (["--rudder", "-5"], "turning to port"),
-    ],
-)
-def test_it_says_which_way_the_motion_goes(arguments, motion, capsys):
-    assert main(["stability", "remus_100", *arguments]) == 0
-    assert motion in capsys.readouterr().out
-
-
-@pytest.mark.long
 def test_several_speeds_make_a_table_and_a_figure_and_json_has_it_all(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["stability", "remus_100", "--speed", "1:2:0.5", "--out", "growth.png"]) == 0

@@ -99,23 +99,6 @@ def test_members_begin_anew_at_their_next_step(single, envs):
 
 
 @pytest.mark.long
-def test_without_autoreset_a_mask_says_who_begins_anew():
-    many = vector_environment(NAME, TASK, num_envs=COUNT, autoreset="disabled")
-    assert many.metadata["autoreset_mode"] == AutoresetMode.DISABLED
-    many.reset(seed=3)
-    for action in actions(60):
-        before, _, terminations, truncations, _ = many.step(action)
-        over = terminations | truncations
-        if over.any():
-            break
-    with pytest.raises(ArgumentError, match="members have ended"):
-        many.step(action)
-    seen, _ = many.reset(options={"reset_mask": over})
-    assert np.array_equal(seen[~over], before[~over]) and not np.any(np.all(seen[over] == before[over], axis=1))
-    many.step(action)
-
-
-@pytest.mark.long
 def test_the_same_seed_gives_the_same_bits_and_later_episodes_are_others(envs):
     many, given = envs["same_step"], actions(30)
 

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from coadjoint.errors import ArgumentError
-from coadjoint_vehicles.environments import CrossCurrent, Dock, FollowPath, environment
+from coadjoint_vehicles.environments import CrossCurrent, FollowPath, environment
 from coadjoint_vehicles.environments.task import End
 from coadjoint_vehicles.water import UniformWater
 
@@ -26,60 +26,6 @@ def where(env) -> tuple[np.ndarray, np.ndarray]:
 
 def effort(env, row: np.ndarray) -> float:
     return 0.05 * float(np.mean(row[env.fields["actuators"]] ** 2))
-
-
-def rewarded(env, formula, start: dict, size: int, count: int = 15) -> None:
-    """The rewards of an episode are those of a formula of (q, R, row)."""
-    env.reset(seed=0)
-    env.reset(options={"start": start})
-    for action in np.random.default_rng(1).uniform(-1, 1, (count, size)):
-        row, reward, terminated, *_ = env.step(action)
-        assert not terminated
-        assert reward == pytest.approx(formula(*where(env), row) - effort(env, row), rel=1e-9, abs=1e-9)
-
-
-@pytest.fixture(scope="module")
-def dock():
-    return environment(NAME, Dock(heading=0.7))
-
-
-@pytest.mark.long
-def test_docking_is_rewarded_near_slow_and_aligned(dock):
-    def formula(q, R, row):
-        e, ahead = np.linalg.norm(q - [0, 0, 5.0]), np.array([np.cos(0.7), np.sin(0.7), 0.0])
-        askew = 0.5 * (1 - R[:, 0] @ ahead) + 0.5 * (1 - R[2, 2])
-        speed = np.linalg.norm(row[dock.fields["ground_velocity"]])
-        return -e / 3.0 - 0.5 * askew - max(0.0, speed - 0.2 - 0.5 * e) / 0.2
-
-    rewarded(dock, formula, {"position": (-1.0, -0.5, 4.7), **MOVING}, 8)
-    rewarded(dock, formula, {"position": (-0.3, -0.2, 5.2), **MOVING, "velocity": (-1.5, 0.0, 0.5)}, 8, 3)
-
-
-@pytest.mark.long
-def test_a_dock_is_entered_slowly_or_struck(dock):
-    still = {"euler_zyx": (0.7, 0.0, 0.0)}
-    for start, end, success in (
-        ({"position": (0.05, 0.1, 5.0), **still}, "docked", True),
-        ({"position": (0.05, 0.1, 5.0), **still, "speed": 1.0}, "struck", False),
-        ({"position": (0.0, 0.0, 0.001), **still, "velocity": (0, 0, -0.5)}, "surface", False),
-        ({"position": (9.0, 0.0, 5.0), **still, "speed": 1.0}, "far", False),
-    ):
-        dock.reset(seed=0)
-        dock.reset(options={"start": start})
-        _, reward, terminated, truncated, info = dock.step(np.zeros(8))
-        assert terminated and not truncated and info == {"end": end, "is_success": success}
-        assert (reward > 40) == success and (reward < -40) == (not success)
-
-
-@pytest.mark.long
-def test_an_episode_begins_behind_the_dock(dock):
-    dock.reset(seed=0)
-    for _ in range(20):
-        dock.reset()
-        q, R = where(dock)
-        behind = [0, 0, 5.0] - 3.0 * np.array([np.cos(0.7), np.sin(0.7), 0.0])
-        assert np.all(np.abs(q - behind) <= 1.5)
-        assert R[2, 2] == pytest.approx(1.0) and abs(np.arctan2(R[1, 0], R[0, 0]) - 0.7) <= 0.5
 
 
 @pytest.mark.long
@@ -109,18 +55,6 @@ def test_following_a_path_is_rewarded_along_its_nearest_leg():
 @pytest.fixture(scope="module")
 def crossing():
     return environment(NAME, CrossCurrent(place=(6.0, 8.0, 5.0)))
-
-
-@pytest.mark.long
-def test_crossing_is_rewarded_along_the_line(crossing):
-    along = np.array([0.6, 0.8, 0.0])
-
-    def formula(q, R, row):
-        off = q - [0, 0, 5.0]
-        made_good = R @ row[crossing.fields["ground_velocity"]] @ along
-        return min(made_good, 0.5) / 0.5 - np.linalg.norm(off - (off @ along) * along) / 5.0
-
-    rewarded(crossing, formula, {"position": (1.0, 0.0, 4.5), **MOVING}, 8)
 
 
 @pytest.mark.long
