@@ -262,6 +262,60 @@ def test_no_turn_and_a_full_one_have_no_other_way_round(angle, monkeypatch):
     assert Guesses.other_way(cast(Any, made), cast(Any, curved), np.zeros(3)) is None
 
 
+@pytest.mark.parametrize("angle", [1.0, 4.0])
+def test_the_other_way_round_is_the_rest_of_a_turn_back(angle, monkeypatch):
+    """Also of turns beyond half a turn, as where a goal is written as such."""
+    monkeypatch.setattr("coadjoint.control.guess.named", lambda problem, guess: "interpolate")
+    monkeypatch.setattr("coadjoint.control.guess.goal_place", lambda problem: ("goal", None))
+    monkeypatch.setattr("coadjoint.control.guess.evaluate", lambda function, *given: np.eye(3))
+    system = SimpleNamespace(group=SimpleNamespace(matrix=None), additional=SimpleNamespace(dim=lambda group: 0))
+    problem: Any = SimpleNamespace(system=system, start=SimpleNamespace(g=None))
+    made: Any = SimpleNamespace(
+        _turned=lambda problem: np.array([0.0, 0.6, 0.8]) * angle, _interpolated=lambda problem, back: back,
+        _transcription=SimpleNamespace(split=lambda w: SimpleNamespace(x=["first"])),
+        of_motion=lambda *given: given[1:],
+    )  # fmt: skip
+    back, known, first = Guesses.other_way(made, problem, np.zeros(3))
+    np.testing.assert_allclose(back, np.array([0.0, -0.6, -0.8]) * (2 * np.pi - angle))
+    assert known == {} and first == "first"
+
+
+class Found(NamedTuple):
+    cost: float
+    solver: str
+    misses: bool = False
+
+
+@pytest.mark.parametrize(
+    ("optima", "solver"),
+    [
+        ([Found(2.0, "a")], "a"),
+        ([Found(4.0, "a", True), Found(3.0, "b")], "b, from another guess"),
+        ([Found(2.0, "a", True), Found(3.0, "b")], "a"),
+        ([OptimumError("no"), Found(3.0, "b")], "b, from another guess"),
+        ([OptimumError("no")], None),
+    ],
+)
+def test_of_a_free_duration_the_optimum_says_whether_another_guess_led_to_it(optima, solver, monkeypatch):
+    monkeypatch.setattr(built, "Optimum", Found)
+    monkeypatch.setattr(built, "replace", lambda one, **changes: one._replace(**changes))
+    monkeypatch.setattr(built, "misses_end", lambda violated: violated)
+    monkeypatch.setattr(Found, "violated", property(lambda self: self.misses), raising=False)
+    left = iter(optima)
+    transcription = SimpleNamespace(split=lambda w: SimpleNamespace(x=["x"]), problem=None)
+    case = SimpleNamespace(transcription=transcription, guess="w", _replace=lambda guess: guess)
+    made: Any = SimpleNamespace(
+        _attempt=lambda case, settings, place: next(left),
+        _guesses=SimpleNamespace(others=lambda problem, guess, x: ["w"] * (len(optima) - 1)),
+    )
+    if solver is None:
+        with pytest.raises(OptimumError, match=r"no Another start of the solver"):
+            built.BuiltProgram._of_free_duration(made, cast(Any, case), cast(Any, None))
+    else:
+        found = cast(Any, built.BuiltProgram._of_free_duration(made, cast(Any, case), cast(Any, None)))
+        assert found.solver == solver
+
+
 def test_cases_are_shared_out_over_threads_and_come_back_in_their_order():
     made = SimpleNamespace(_attempt=lambda case, settings, place: (case, place))
     for threads, places in ((1, [0] * 5), (2, [0, 1, 0, 1, 0]), (3, [0, 1, 2, 0, 1])):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint_vehicles.environments import HoldStation, environment, vector_environment
+from coadjoint_vehicles.environments import HoldStation, actions, environment, vector_environment
 from coadjoint_vehicles.environments.actions import Actions
 
 NAME = "bluerov2_heavy_von_benzon"
@@ -142,6 +144,8 @@ def test_a_reward_that_is_not_finite_is_named(env):
 def test_without_gymnasium_the_library_is_whole_and_an_environment_says_what_to_install():
     script = f"""
 import sys
+from types import SimpleNamespace
+from typing import Any
 sys.modules["gymnasium"] = None
 import coadjoint as co
 assert co.vehicles.names()
@@ -152,3 +156,48 @@ except co.errors.ArgumentError as error:
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert 'pip install "coadjoint-vehicles[learn]"' in done.stdout
+
+
+# actions by themselves
+
+
+def test_an_actuator_that_starts_outside_of_its_travel_has_its_middle_at_0():
+    parts = {
+        "fin": ((-0.5, 0.25), 0.0, "rad"), "screw": ((10.0, 30.0), 0.0, "rev/s"), "tank": ((-3.0, -1.0), 0.0, "m"),
+    }  # fmt: skip
+    commanded = [
+        SimpleNamespace(
+            name=name,
+            title=f"`{name}",
+            command=SimpleNamespace(shape=(), start=start, unit=unit),
+            travel=lambda own: own,
+        )
+        for name, (_, start, unit) in parts.items()
+    ]
+    craft: Any = SimpleNamespace(
+        vehicle=SimpleNamespace(name="boat", commanded=commanded),
+        parameters=SimpleNamespace(**{name: ends for name, (ends, *_) in parts.items()}),
+    )
+    made = actions.actuator_actions(craft)
+    assert (made.low.tolist(), made.middle.tolist(), made.high.tolist()) == (
+        [-0.5, 10, -3],
+        [0, 20, -2],
+        [0.25, 30, -1],
+    )
+    assert str(made).splitlines()[1] == "1: screw (rev/s) at −1, 0, 1: 10, 20, 30"
+    craft.parameters.fin = None
+    with pytest.raises(ArgumentError, match="of boat has no limit"):
+        actions.actuator_actions(craft)
+    craft.vehicle.commanded = []
+    with pytest.raises(ArgumentError, match="has no actuators"):
+        actions.actuator_actions(craft)
+
+
+def test_set_points_are_scaled_between_their_bounds():
+    low, middle, high = actions._bounds({"depth": "m", "speed": "m/s"}, {"depth": (2.0, 5.0), "speed": (-1.0, 3.0)})
+    assert (low.tolist(), middle.tolist(), high.tolist()) == ([2, -1], [3.5, 1], [5, 3])
+    for bounds, told in (({}, "no bounds to scale"), ({"depth": (5.0, 2.0)}, "the lower one first"),
+                         ({"depth": "deep"}, "two numbers"), ({"depth": (2.0, 2.0)}, "two numbers"),
+                         ({"depth": (0.0, np.inf)}, "two numbers")):  # fmt: skip
+        with pytest.raises(ArgumentError, match=told):
+            actions._bounds({"depth": "m"}, bounds)
