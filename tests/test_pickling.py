@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from typing import Any
 
@@ -17,6 +18,7 @@ import coadjoint as co
 import coadjoint_vehicles as vehicles
 import pickled
 from coadjoint.errors import ArgumentError
+from coadjoint.portable import Remade
 
 WAYS: dict[str, Callable[[Any], Any]] = {
     "pickle": lambda one: pickle.loads(pickle.dumps(one)),
@@ -188,3 +190,22 @@ def test_a_filter_goes_on_to_the_bit_on_the_other_side():
     for one in others[1:]:
         np.testing.assert_array_equal(one.rows, filter.rows)
         np.testing.assert_array_equal(one.P, filter.P)
+
+
+class Made(Remade):
+    """A list that grows, and an argument by name."""
+
+    STANDING = ("grown",)
+
+    def __init__(self, function, more=1):
+        self.function, self.more, self.grown, self.lost = function, more, [], 0
+
+
+def test_what_holds_machine_code_is_made_again_from_its_arguments_with_its_current_state():
+    first = Made(math.sqrt, more=5)
+    first.grown, first.lost = [1, 2], 3
+    again = pickle.loads(pickle.dumps(first))
+    assert (again.function, again.more, again.grown, again.lost) == (math.sqrt, 5, [1, 2], 0)
+    for held in (lambda x: x, partial(lambda x: x, 1), [{"f": lambda x: x}]):
+        with pytest.raises(ArgumentError, match=r"A Made holds .*<lambda>"):
+            pickle.dumps(Made(held))

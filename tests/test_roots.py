@@ -35,3 +35,9 @@ def test_equal_signs_and_nan_are_refused():
         brent(lambda x: x * x + 1, -1.0, 1.0)
     with pytest.raises(ValueError, match="No zero"):
         brent(lambda x: x if abs(x) == 1 else float("nan"), -1.0, 1.0)
+    with pytest.raises(ValueError, match="must be a number at a = 0 and b = 1"):
+        brent(lambda x: float("nan") if x else -1.0, 0.0, 1.0)
+
+
+def test_an_end_that_is_a_zero_is_the_zero():
+    assert brent(lambda x: x - 2, 2.0, 5.0) == 2.0 and brent(lambda x: x - 5, 2.0, 5.0) == 5.0

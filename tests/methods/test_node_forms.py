@@ -57,3 +57,7 @@ def test_node_form_is_the_derivative_of_the_discrete_lagrangian(world, tau, rule
 @pytest.mark.parametrize(("world", "tau", "rule"), [case for case in all_cases() if case[2] != "pair"])
 def test_every_node_form_is_the_derivative_of_its_discrete_lagrangian(world, tau, rule):
     _check(world, tau, rule)
+
+
+def test_the_middle_node_of_simpsons_rule_is_off_the_chord_on_a_sphere():
+    _check("SO3 on a sphere", "cayley", "simpson")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import subprocess
 import sys
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ import pytest
 import coadjoint as co
 from coadjoint import models
 from coadjoint.extensions import import_string
-from coadjoint.models import CatalogueEntry, catalogue
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.models import CatalogueEntry, catalogue, manakov, pseudo_rigid, rotor, spherical_pendulum
 
 ENTRIES = list(catalogue.values())
 
@@ -116,3 +118,20 @@ def test_a_name_that_does_not_exist_is_answered_by_the_nearest(call, says):
 def test_defaults_cannot_be_changed_in_place():
     with pytest.raises(TypeError):
         catalogue["heavy_top"].parameters["mass"] = 1.0  # type: ignore[index]
+
+
+def test_watched_momenta_are_those_of_their_equations():
+    state: Any = SimpleNamespace(
+        mu=np.array([1.0, 2.0, -2.0]), a=np.array([0, 0, 1.0]), n=np.eye(3)[0], pi=np.eye(3)[1]
+    )
+    assert rotor.momentum_squared(state) == 9.0 and spherical_pendulum.pendulum_momentum(state) == 1.0
+    assert pseudo_rigid._along(state, way=np.array([3.0, 1.0, 1.0])) == 3.0
+
+
+@pytest.mark.parametrize(("power", "of_z", "expected"), [(2, 0, -2 * 9.0), (2, 1, 0.0), (2, 2, 1 + 16 + 81.0)])
+def test_integrals_of_a_body_in_n_dimensions_are_coefficients_of_powers(power, of_z, expected):
+    """tr(M + zJ²)² = tr M² + 2z tr MJ² + z² tr J⁴, of which tr MJ² = 0."""
+    p: Any = SimpleNamespace(moments=np.array([1.0, 2.0, 3.0]))
+    mu = np.array([1.0, 2.0, -2.0])
+    found = evaluate(lambda mu: manakov.integral(cast(Any, SimpleNamespace(mu=mu)), p, power=power, of_z=of_z), mu)
+    assert found == pytest.approx(expected, abs=1e-12)

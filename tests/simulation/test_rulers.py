@@ -77,23 +77,24 @@ def gained(monkeypatch, energies: dict[int, float], count: int = 14, block: int 
     """The warnings of an ensemble in which these members gain energy; member 3 has no number at the last node."""
     rows = np.tile(np.arange(3.0), (count, 1)) + 10 * np.arange(count)[:, None]
     rows[3, 2] = np.nan
-    extrema = {"work": (rows[:, 0] - 1, rows[:, 0] + 5)}
+    extrema = {"work": (rows[:, 0] - 1, rows[:, 0] + 5), "energy": (rows[:, 0], rows[:, 1])}
 
     def gain(system, p, watched):
         member = int(p["mass"])
         kept = 2 if member == 3 else 3
         assert watched.rows["work"].tolist() == rows[member, :kept].tolist() and len(watched.times) == kept
-        assert watched.extrema == {"work": (10.0 * member - 1, 10.0 * member + 5)}
+        assert watched.extrema["work"] == (10.0 * member - 1, 10.0 * member + 5)
+        assert watched.rows["energy"].tolist() == [1.0] * kept
         return energy_budget._Gain("brake", energies[member], None) if member in energies else None
 
-    monkeypatch.setattr(energy_budget, "_asked", lambda ensemble: ["work"])
+    monkeypatch.setattr(energy_budget, "_asked", lambda ensemble: ["work", "energy"])
     monkeypatch.setattr(energy_budget, "_gain", gain)
     monkeypatch.setattr(energy_budget, "_told", lambda system, gain: f"{gain.names} put in {gain.energy:g} J")
     monkeypatch.setattr(energy_budget, "BLOCK", block)
     ensemble: Any = SimpleNamespace(
         members=count, node_times=lambda: np.arange(3.0), extrema=extrema,
         system=SimpleNamespace(parameters={"mass": co.each(np.arange(float(count)))}),
-        rows_of=lambda names, part: {"work": rows[part]},
+        rows_of=lambda names, part: {"work": rows[part], "energy": np.ones_like(rows[part])},
     )  # fmt: skip
     return energy_budget.members_driven(ensemble)
 

@@ -144,3 +144,13 @@ def test_a_derivative_is_the_slope(op):
         step = 1e-6
         ends = [float(value(root, at | {name: at[name] + s * step})) for s in (1, -1)]
         assert float(value(slope, at)) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-7, abs=1e-8)
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_the_derivative_of_a_choice_is_that_of_what_was_chosen(chosen):
+    g = Graph()
+    x, y = symbols = [g.symbol("x"), g.symbol("y")]
+    root = g.select(g.symbol("c"), g.mul(x, g.mul(y, y)), g.add(x, g.mul(g.constant(3.0), y)))
+    found = backward(g, {root: g.constant(2.0)}, symbols)
+    slopes = [float(value(one, NUMBERS | {"c": chosen})) for one in found]
+    assert slopes == pytest.approx([2 * 1.69, 2 * 2 * 0.7 * -1.3] if chosen else [2.0, 6.0])
