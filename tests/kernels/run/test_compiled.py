@@ -6,10 +6,11 @@ import jax.numpy as jnp
 import pytest
 
 from coadjoint.kernels.newton.coupled import Coupled
+from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.run import compiled
 
-LINKS, BODY = Coupled(3, (3,), ((0, 1), (1, 2))), Dense()
+LINKS, FIELDS, BODY = Coupled(3, (3,), ((0, 1), (1, 2))), [FixedPoint(rows=(k, 1)) for k in (1, 2)], Dense()
 
 
 def program(*structures):
@@ -23,10 +24,10 @@ class Counted:
         self.stages = program(*structures).stages
 
 
-def test_steps_of_links_alone_have_options(monkeypatch):
+def test_steps_of_links_and_of_one_field_alone_have_options(monkeypatch):
     monkeypatch.setattr(compiled, "_known", lambda: True)
-    assert compiled._options(program(BODY)) == ()
-    assert compiled._options(program(BODY, LINKS)) == compiled.MANY_SMALL
+    assert compiled._options(program(BODY)) == compiled._options(program(FIELDS[1])) == ()
+    assert compiled._options(program(BODY, LINKS)) == compiled._options(program(FIELDS[0])) == compiled.MANY_SMALL
 
 
 @pytest.fixture

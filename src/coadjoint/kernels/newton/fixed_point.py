@@ -94,7 +94,11 @@ class FixedPoint:
     finds: bool = False
     native = False
     limit = f"{MOST} iterations of a fixed point"
-    many_small = False
+
+    @property
+    def many_small(self) -> bool:
+        """Of one field, whose results the options of XLA leave as they are to the last bit; of more they do not."""
+        return self.rows[0] == 1
 
     @property
     def words(self) -> str:

@@ -27,8 +27,9 @@ from coadjoint.kernels.run.xla_function import PREFIX, ready
 from coadjoint.kernels.trace.library import edited
 
 MANY_SMALL = (("xla_cpu_use_fusion_emitters", False),)
-"""Options for steps of links: XLA writes each of their some 400 small loops itself, in place of going through MLIR,
-which takes two thirds of the time to compile and as long to run. JAX 0.12 has no such option."""
+"""Options for steps of links, and of one field by iterations of a fixed point: XLA writes each of their some 400 small
+loops itself, in place of going through MLIR, which takes two thirds of the time to compile and as long to run. JAX 0.12
+has no such option."""
 
 LAPACK = "lapack_"
 """Functions outside of an executable that another process has at its disposal when JAX has loaded LAPACK; the others
